@@ -7,10 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .analysis.answer.result import Result
     from .analysis.covariance import Covariance
     from .analysis.observability.check import Check
     from .analysis.posterior.posterior import Draws
-    from .analysis.result import Result
     from .analysis.solution import Solution
     from .face.analysed import Analysed, analyse
     from .face.compared import ComparedRuns, compare
@@ -76,7 +76,7 @@ _HOME = {
     "OptimalPlan": "face.planned",
     "Plan": "model.files.plan",
     "Probe": "model.files.arguments",
-    "Result": "analysis.result",
+    "Result": "analysis.answer.result",
     "RigFault": "model.errors",
     "Robot": "model.kinematics.robot",
     "Run": "model.files.run",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
 from ..model.likelihood.problem import Problem, rms_length
+from .answer.findings import findings
+from .answer.result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
 from .diagnostics.diagnosis import diagnose
@@ -24,9 +26,8 @@ from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
-from .findings import findings
+from .ladder import solve_run
 from .observability.geometry import geometry_result
-from .optima import undecided_names
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     NOTHING_KNOWN,
@@ -37,9 +38,7 @@ from .posterior.posterior import (
     sample_posterior,
 )
 from .repeatability.prior_free import offsets_without_prior
-from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
-from .solution import ParameterTable, Solution, require_noise_data
-from .solved import solved
+from .solution import ParameterTable, Solution, require_noise_data, undecided_names
 from .status import known, versions
 
 Sampling = Literal["always", "where needed", "never"]
@@ -56,40 +55,53 @@ class Analysis(Solution):
     result: Result
     draws: Draws | None
 
+    @classmethod
+    def of(
+        cls,
+        run: Run,
+        *,
+        seed: int = 0,
+        ess: float = 1000.0,
+        robust: Loss | None = None,
+        held_out: Sequence[str] = (),
+        sampling: Sampling = "always",
+        fit: LikelihoodFit | None = None,
+        progress: Progress | None = None,
+    ) -> Self:
+        """Everything that can be said of a recorded run: fits, identifiability, posterior, verdict.
 
-def analyse(
-    run: Run,
-    *,
-    seed: int = 0,
-    ess: float = 1000.0,
-    robust: Loss | None = None,
-    held_out: Sequence[str] = (),
-    sampling: Sampling = "always",
-    fit: LikelihoodFit | None = None,
-    progress: Progress | None = None,
-) -> Analysis:
-    """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
-
-    `ess` is the effective sample size asked of every parameter; `robust` asks for a fit with that loss
-    besides the others, `held_out` for a fit without the targets of these names (* and ? as in file names)
-    and a look at how it does there. The posterior is sampled `always`, `never`, or `where needed`: where the
-    profile likelihood shows that the curvature at the mode does not describe it. `fit` is `fit_likelihood`'s
-    of this run if it is there already. `progress` gets the stage and its share.
-    """
-    if not 0 < ess <= MOST_ESS:
-        raise BadInput(
-            "the effective sample size cannot be used",
-            found=f"{ess:g}",
-            allowed=f"a number above 0, up to {MOST_ESS:g}",
-            argument="ess",
-        )
-    with one_blas_thread():
-        try:
-            return _analyse(
-                run, seed, ess, robust, held_out, sampling, fit, progress or (lambda stage, share: None)
+        `ess` is the effective sample size that every parameter must have; `robust` adds a fit with that loss,
+        `held_out` a fit without the targets of these names (* and ? as in file names) and a look at how it
+        does there. The posterior is sampled `always`, `never`, or `where needed`: where the profile
+        likelihood shows that the curvature at the mode does not describe it. `fit` is `fit_likelihood`'s of
+        this run if it is there already. `progress` gets the stage and its share.
+        """
+        if not 0 < ess <= MOST_ESS:
+            raise BadInput(
+                "the effective sample size cannot be used",
+                found=f"{ess:g}",
+                allowed=f"a number above 0, up to {MOST_ESS:g}",
+                argument="ess",
             )
-        except BadInput as error:
-            raise error.at(run.path, run.header_line) from error
+        with one_blas_thread():
+            try:
+                report = progress or (lambda stage, share: None)
+                solution, result, draws = _analyse(run, seed, ess, robust, held_out, sampling, fit, report)
+            except BadInput as error:
+                raise error.at(run.path, run.header_line) from error
+        return cls(
+            fit=solution.fit,
+            identified=solution.identified,
+            effective=solution.effective,
+            ladder=solution.ladder,
+            factors=solution.factors,
+            run=run,
+            result=result,
+            draws=draws,
+        )
+
+
+analyse = Analysis.of
 
 
 def _analyse(
@@ -100,22 +112,24 @@ def _analyse(
     held_out: Sequence[str],
     sampling: Sampling,
     fit: LikelihoodFit | None,
-    tell: Progress,
-) -> Analysis:
+    report: Progress,
+) -> tuple[Solution, Result, Draws | None]:
     run.require_analysable()
     problem = Problem.from_run(run) if fit is None else fit.problem
     require_noise_data(problem)
-    tell("fit", 0.0)
-    # What was asked for in vain is said before the long part.
-    unseen = hold_out(problem, held_out, seed) if held_out else None
-    found = solved(problem, run.header, seed=seed, fit=fit, progress=lambda share: tell("fit", 0.7 * share))
-    tell("fit", 0.7)
+    report("fit", 0.0)
+    # A name that is none of a target is refused before the long part.
+    held_out_fit = hold_out(problem, held_out, seed) if held_out else None
+    solution = solve_run(
+        problem, run.header, seed=seed, fit=fit, progress=lambda share: report("fit", 0.7 * share)
+    )
+    assert solution.effective is not None
+    report("fit", 0.7)
     midpoint = fit_midpoint(problem.with_geometry(NOMINAL))
-    tell("fit", 1.0)
-    tell("identifiability", 0.0)
-    solution = found.solution
+    report("fit", 1.0)
+    report("identifiability", 0.0)
     problem = solution.problem
-    tell("identifiability", 1.0)
+    report("identifiability", 1.0)
     posterior, draws, between = UNSAMPLED, None, None
     if solution.converged and not solution.known:
         # All of the posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
@@ -124,17 +138,17 @@ def _analyse(
         if sampling != "always":
             posterior, between = _omitted(solution)
         if posterior.omitted is None or (sampling == "where needed" and not posterior.omitted.enough):
-            tell("posterior", 0.0)
+            report("posterior", 0.0)
             posterior, draws = sample_posterior(
-                solution, seed=seed, ess=ess, progress=lambda share: tell("posterior", share)
+                solution, seed=seed, ess=ess, progress=lambda share: report("posterior", share)
             )
-            tell("posterior", 1.0)
-    tell("diagnostics", 0.0)
+            report("posterior", 1.0)
+    report("diagnostics", 0.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
-    tell("diagnostics", 0.3)
-    placed = placement_result(solution, found.effective, solution.link_columns)
-    tell("diagnostics", 0.6)
+    report("diagnostics", 0.3)
+    placed = placement_result(solution, solution.effective, solution.link_columns)
+    report("diagnostics", 0.6)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -148,8 +162,8 @@ def _analyse(
             solution.fit.covariance,
             solution.status,
             weight=solution.fit.weight,
-            ladder=found.ladder,
-            factors=found.factors,
+            ladder=solution.ladder,
+            factors=solution.factors,
         ),
         posterior=posterior,
         shots=shots,
@@ -158,25 +172,25 @@ def _analyse(
         accuracy=accuracy(solution),
         budget=budget(solution, posterior),
         robust=robust,
-        hold_out=unseen,
+        hold_out=held_out_fit,
         placements=placed,
         scene=scene(solution),
         misfit=solution.misfit,
-        findings=findings(solution, posterior, shots, robust, unseen, placed.steps, run.warnings),
+        findings=findings(solution, posterior, shots, robust, held_out_fit, placed.steps, run.warnings),
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
         without_prior=offsets_without_prior(solution),
     )
-    tell("diagnostics", 1.0)
-    return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)
+    report("diagnostics", 1.0)
+    return solution, result, draws
 
 
 def _omitted(solution: Solution) -> tuple[PosteriorSummary, tuple[Intervals, ...]]:
     """A posterior without draws, with what says whether it needs them, and the intervals without them."""
-    found = intervals(solution, UNSAMPLED)
-    poor = tuple(row.name for row in found if row.differ)
+    rows = intervals(solution, UNSAMPLED)
+    poor = tuple(row.name for row in rows if row.differ)
     tested = not solution.problem.noise.separate
-    return replace(UNSAMPLED, omitted=Omitted(poor, tested)), found
+    return replace(UNSAMPLED, omitted=Omitted(poor, tested)), rows
 
 
 def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:
@@ -227,22 +241,22 @@ def _midpoint(fit: MidpointFit) -> MidpointSummary:
 def _distances(solution: Solution) -> tuple[DistanceResult, ...]:
     """Each stated distance next to what the fit makes of it, with the std of that."""
     problem, fit, rows = solution.problem, solution.fit, []
-    undecided = undecided_names(solution.identified.facts.null_space)
+    undecided = undecided_names(solution.null_space)
     parameters, targets = problem.parameters, problem.split(fit.x).targets
-    for stated in problem.distances:
-        between = targets[stated.second] - targets[stated.first]
+    for distance in problem.distances:
+        between = targets[distance.second] - targets[distance.first]
         length = float(np.linalg.norm(between))
         along = np.zeros(len(parameters))
-        along[parameters.block("target", stated.second)] = between / length
-        along[parameters.block("target", stated.first)] = -between / length
+        along[parameters.block("target", distance.second)] = between / length
+        along[parameters.block("target", distance.first)] = -between / length
         ends = [parameters.names[i] for i in np.flatnonzero(along)]
         determined = solution.converged and not set(ends) & set(undecided)
         by_free = (along * parameters.prior_std)[parameters.free]
         rows.append(
             DistanceResult(
-                between=(problem.targets[stated.first], problem.targets[stated.second]),
-                mm=stated.mm,
-                sigma_mm=stated.sigma,
+                between=(problem.targets[distance.first], problem.targets[distance.second]),
+                mm=distance.mm,
+                sigma_mm=distance.sigma,
                 estimate=length if determined else None,
                 std=float(np.sqrt(by_free @ fit.covariance @ by_free)) if determined else None,
             )

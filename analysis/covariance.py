@@ -1,20 +1,58 @@
-"""A covariance with names: of what the data determine, and of nothing else; the offsets without any prior."""
+"""Numbers with names: rows of an answer, covariances of what the data determine and of nothing else."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
 from ..model.arrays import Matrix
-from ..model.errors import BadInput
-from .rows import frame
+from ..model.errors import BadInput, missing_extra
+from ..model.files.reading import did_you_mean
 from .status import Status, UnsoundResult, require_no_more_than
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+class Named(Protocol):
+    """What a row has at least."""
+
+    @property
+    def name(self) -> str: ...
+
+
+Row = TypeVar("Row", bound=Named)
+
+
+class Rows(tuple[Row, ...]):
+    """Rows with names, in their order."""
+
+    __slots__ = ()
+
+    def named(self, name: str) -> Row:
+        """The row of this name; BadInput where there is none."""
+        for row in self:
+            if row.name == name:
+                return row
+        names = [row.name for row in self]
+        raise BadInput(
+            "no parameter has this name",
+            found=name,
+            allowed=", ".join(names),
+            remedy=did_you_mean(str(name), names),
+        )
+
+
+def frame(data: Any, **how: Any) -> pd.DataFrame:
+    """`pandas.DataFrame(data, **how)`; BadInput says how to install pandas where it is missing."""
+    try:
+        import pandas as pd
+    except ImportError:
+        raise missing_extra("a DataFrame", "notebook", needed="pandas") from None
+    return pd.DataFrame(data, **how)
 
 
 @dataclass(frozen=True, eq=False)

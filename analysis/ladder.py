@@ -1,4 +1,4 @@
-"""The model ladder: nominal geometry, link geometry, gravity deflection, first harmonics; which rungs hold.
+"""A run solved, and its model ladder: nominal geometry, link geometry, gravity deflection, first harmonics.
 
 A rung of which the header leaves the choice open (`auto`) is kept only if targets that were held out are
 predicted better, and the evidence rises. The evidence of a model is its marginal likelihood by Laplace's
@@ -8,7 +8,8 @@ formula (MacKay 1992): the log-posterior at the mode with half the log-determina
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,18 +18,53 @@ from ..model.likelihood.density import Density
 from ..model.likelihood.geometry import NOMINAL, Geometry
 from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
-from .estimation.tolerance_factors import Factors, with_factors
-from .observability.geometry import Rung, RungName
+from .estimation.tolerance_factors import Factors, with_factors, with_open_factors
+from .observability.geometry import Rung, RungName, link_columns
 from .placements import placements
+from .recordings.recordings import Effective, effective
+from .solution import Solution, judge, too_few_for_noise
 
 
-@dataclass(frozen=True, eq=False)
-class Climbed:
-    """The fit of the highest rung that holds; `ladder` has all that were tried."""
+def solve_run(
+    problem: Problem,
+    header: Header,
+    *,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    fit: LikelihoodFit | None = None,
+) -> Solution:
+    """A run solved as its header asks: the model that the ladder keeps, measurements at their effective
+    number. `progress` gets the share that is done, `fit` is that of `problem` if there is one.
 
-    fit: LikelihoodFit
-    ladder: tuple[Rung, ...]
-    factors: Factors | None
+    BadInput where a noise scale is to be estimated and no degree of freedom is left.
+    """
+    fit, ladder, factors = climb_ladder(problem, header, seed, progress or (lambda share: None), fit)
+    number = effective(fit, link_columns(fit.problem, fit.x))
+    solution = _weighted(fit, number, ladder, factors)
+    if problem.noise.estimated and solution.dof < 1:  # as few as correlated measurements count for
+        raise too_few_for_noise(solution.problem)
+    return solution
+
+
+def _weighted(
+    fit: LikelihoodFit, number: Effective, ladder: tuple[Rung, ...], factors: Factors | None
+) -> Solution:
+    """The fit judged with its measurements at their effective number, as neighbouring ones that are
+    correlated ask; the uncertainty of estimated `factors` of the tolerances stays in.
+
+    Not where nominal geometry does not describe the measurements, or nothing would be left to judge a misfit
+    by: the errors of the model are then what is correlated, and no number is validated.
+    """
+    judged, problem = partial(judge, effective=number, ladder=ladder, factors=factors), fit.problem
+    if number.divisor == 1:
+        return judged(fit)
+    weighted = problem.weighted(np.full(problem.shots, 1 / number.divisor))
+    if len(problem.tolerated) == 0 or weighted.data_size <= int(problem.parameters.free.sum()):
+        unweighted = judged(fit)
+        if unweighted.misfit is not None:
+            return unweighted
+    again = replace(fit_from(weighted, fit.x), others=fit.others)
+    return judged(again if factors is None else with_open_factors(again, factors))
 
 
 def climb_ladder(
@@ -37,12 +73,13 @@ def climb_ladder(
     seed: int,
     progress: Callable[[float], None],
     fit: LikelihoodFit | None = None,
-) -> Climbed:
-    """Fit what the header states of the geometry; without that key nominal geometry, without a ladder.
+) -> tuple[LikelihoodFit, tuple[Rung, ...], Factors | None]:
+    """The fit of the highest rung that holds, all rungs that were tried, and by what the data multiply the
+    tolerances (None where they are known). Without the key `geometry` nominal geometry, without a ladder.
     `progress` gets the share that is done; `fit` is that of `problem` if it is there already."""
-    stated, whole = header.geometry, problem.geometry
-    if stated is None:
-        return Climbed(fit_likelihood(problem, seed=seed) if fit is None else fit, (), None)
+    declared, whole = header.geometry, problem.geometry
+    if declared is None:
+        return (fit_likelihood(problem, seed=seed) if fit is None else fit), (), None
     links = whole.without("gravity").without("harmonics")
     nominal = fit_likelihood(problem.with_geometry(NOMINAL), starts=0, seed=seed)
     fit = fit_likelihood(problem.with_geometry(links), seed=seed)
@@ -50,28 +87,27 @@ def climb_ladder(
     kept, best = links, rungs[-1]
     tries: list[tuple[RungName, bool, Geometry]] = []
     if whole.gravity is not None:
-        tries.append(("gravity", stated.gravity is True, Geometry(gravity=whole.gravity)))
+        tries.append(("gravity", declared.gravity is True, Geometry(gravity=whole.gravity)))
     if whole.harmonics:
-        tries.append(("harmonics", stated.harmonics is True, Geometry(harmonics=whole.harmonics)))
-    for k, (name, asked, more) in enumerate(tries):
+        tries.append(("harmonics", declared.harmonics is True, Geometry(harmonics=whole.harmonics)))
+    for k, (name, required, more) in enumerate(tries):
         progress((k + 1) / (len(tries) + 1))
         tried = from_near(problem.with_geometry(kept.joined(more)), fit)
-        own = _rung(name, tried, kept=False)
-        own = replace(own, kept=asked or _better(own, best))
-        rungs.append(own)
-        if own.kept:
-            kept, best, fit = tried.problem.geometry, own, tried
+        rung = _rung(name, tried, kept=False)
+        rung = replace(rung, kept=required or _better(rung, best))
+        rungs.append(rung)
+        if rung.kept:
+            kept, best, fit = tried.problem.geometry, rung, tried
     factors = None
-    if stated.scale == "estimated" and fit.converged:
+    if declared.scale == "estimated" and fit.converged:
         fit, factors = with_factors(fit)
-    return Climbed(fit, tuple(rungs), factors)
+    return fit, tuple(rungs), factors
 
 
-def _better(own: Rung, best: Rung) -> bool:
-    predicted = (own.held_out_rms_mm, best.held_out_rms_mm)
-    if predicted[0] is None or predicted[1] is None:
+def _better(rung: Rung, best: Rung) -> bool:
+    if rung.held_out_rms_mm is None or best.held_out_rms_mm is None:
         return False
-    return predicted[0] < predicted[1] and own.log_evidence > best.log_evidence
+    return rung.held_out_rms_mm < best.held_out_rms_mm and rung.log_evidence > best.log_evidence
 
 
 def _rung(name: RungName, fit: LikelihoodFit, *, kept: bool) -> Rung:
@@ -120,15 +156,15 @@ def held_out_rms(fit: LikelihoodFit) -> float | None:
     squares = 0.0
     for group in groups:
         rows = (group.rows[:, None] * d + np.arange(d)).ravel()
-        own = parameters.targets(set(group.targets))[free]
+        its_targets = parameters.targets(set(group.targets))[free]
         theirs, left = jacobian[rows], residual[rows]
         # The targets of this placement have nothing but their own measurements: they are left as they are.
-        rest = ~own
+        rest = ~its_targets
         information = (total - theirs.T @ theirs)[np.ix_(rest, rest)]
         step = -np.linalg.solve(information, (missing - theirs.T @ left)[rest])
         left = left + theirs[:, rest] @ step
-        columns = theirs[:, own]
+        columns = theirs[:, its_targets]
         left = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
-        miss = whitened.factor[group.rows] @ left.reshape(-1, d, 1) / np.sqrt(fit.weight)
-        squares += float((miss**2).sum())
+        residual_mm = whitened.factor[group.rows] @ left.reshape(-1, d, 1) / np.sqrt(fit.weight)
+        squares += float((residual_mm**2).sum())
     return float(np.sqrt(squares / problem.shots))

@@ -15,7 +15,7 @@ cannot vanish into a noise that is estimated from the very residuals that it cau
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -124,6 +124,15 @@ class Misfit:
             raise UnsoundResult("a misfit by no criterion")
 
 
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values adjusted for being the least of so many (Holm, Scand. J. Statist. 6, 1979)."""
+    raised, adjusted = 0.0, [0.0] * len(p_values)
+    for k, i in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        raised = max(raised, min(1.0, (len(p_values) - k) * p_values[i]))
+        adjusted[i] = raised
+    return adjusted
+
+
 def misfit_of(fit: LikelihoodFit, identified: Identified) -> Misfit | None:
     """What speaks against the model at a converged fit; None where nothing does."""
     criteria: tuple[Criterion, ...] = (
@@ -197,8 +206,8 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     Analysis, 2003, section 4.3).
     """
     problem, whitened = fit.problem, fit.whitened
-    places = placements(problem)
-    if len(places) < 2:
+    groups = placements(problem)
+    if len(groups) < 2:
         return
     free, d = problem.parameters.free, problem.tool.residual_size
     residual, jacobian, numbers = whitened.residual, whitened.jacobian, float(problem.measured_size)
@@ -211,13 +220,13 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     basis = _range_of(jacobian[:, free])
     rest = residual - basis @ (basis.T @ residual)
     by_offsets = jacobian[:, free & problem.parameters.group("offset")]
-    own = []
-    for place in places:
-        rows = (place.rows[:, None] * d + np.arange(d)).ravel()
+    by_group = []
+    for group in groups:
+        rows = (group.rows[:, None] * d + np.arange(d)).ravel()
         columns = np.zeros_like(by_offsets)
         columns[rows] = by_offsets[rows]
-        own.append(columns - basis @ (basis.T @ columns))
-    explains = _range_of(np.hstack(own))
+        by_group.append(columns - basis @ (basis.T @ columns))
+    explains = _range_of(np.hstack(by_group))
     rank = explains.shape[1]
     dof = round(numbers) - basis.shape[1] - rank
     if rank == 0 or dof <= 0:
@@ -227,9 +236,9 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     ratio = drop / rank / within
     p_value = float(scipy.special.fdtrc(rank, dof, ratio))
     if p_value < LACK_OF_FIT and ratio > DISAGREES**2:
-        by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in own]
-        most = places[int(np.argmax(by_one))].name
-        names = tuple(place.name for place in places)
+        by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in by_group]
+        most = groups[int(np.argmax(by_one))].name
+        names = tuple(group.name for group in groups)
         yield PlacementsDisagree(names, most, float(np.sqrt(ratio)), rank, dof, p_value, _geometry(problem))
 
 

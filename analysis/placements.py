@@ -43,10 +43,10 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
     ]
     return tuple(
         Placement(
-            own if own and short.count(own) == 1 else ", ".join(names),
+            shared if shared and short.count(shared) == 1 else ", ".join(names),
             names,
             np.flatnonzero(np.isin(problem.target_index, group)),
         )
-        for own, names, group in zip(short, members, groups, strict=True)
+        for shared, names, group in zip(short, members, groups, strict=True)
         if np.isin(problem.target_index, group).any()
     )

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from ..model.arrays import Matrix
 from ..model.files.header import Header
 from ..model.likelihood.problem import Problem
+from .answer.findings import Finding, moved_target
 from .diagnostics.displacement import Displacement
 from .estimation.fit import fit_likelihood
-from .findings import Finding, moved_target
 from .misfit import Misfit
 from .observability.causes import NullDirection
 from .observability.geometry import GeometryResult, geometry_result
@@ -89,7 +89,7 @@ def so_far(problem: Problem) -> SoFar:
         judged=solution.converged,
         verdict=solution.verdict,
         offsets=solution.offsets,
-        null_space=solution.identified.facts.null_space,
+        null_space=solution.null_space,
         dof=solution.dof,
         p_value=solution.against_noise.p_value if solution.converged else None,
         misfit=solution.misfit,

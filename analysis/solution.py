@@ -5,30 +5,34 @@
 `analyse`, `so_far`, the exporters and `compare` ask it, and so do the studies that check them. Inside, values
 are rad and mm; rows and covariances are in the units that people read. What the data do not determine has no
 number here.
+
+Several local optima may explain the data about as well. The curvature at one knows nothing of another: its
+standard uncertainty would be that of one of several answers. What differs between them is unidentifiable.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from ..model.arrays import NORMAL_95, Matrix
 from ..model.errors import BadInput
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
-from .covariance import Covariance
-from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
+from .covariance import Covariance, Rows, frame
+from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
+from .estimation.tolerance_factors import Factors
 from .misfit import Misfit, misfit_of
-from .observability.causes import Cause, Unconverged, cause_for
-from .observability.geometry import link_columns, tolerance_share
+from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
+from .observability.geometry import Rung, link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
-from .optima import undecided
-from .rows import Rows, frame
+from .recordings.recordings import Effective
 from .status import (
     Status,
     UnsoundResult,
@@ -41,6 +45,11 @@ from .status import (
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+# If the other optimum is the true one, noise makes the best one a thousand times as probable with a chance of
+# one in a thousand at most (the mean of a likelihood ratio is 1): the level of every test of a fit.
+EQUALLY_GOOD = float(np.log(1000.0))
 
 
 @dataclass(frozen=True)
@@ -138,6 +147,12 @@ class Solution:
     trusted : bool
         False where the noise that the fit took as known is not (more measurements are needed to estimate it):
         nothing is then called known.
+    effective : Effective or None
+        The effective number of measurements by which it weighs them; None of a fit that was judged alone.
+    ladder : tuple of Rung
+        The models that were tried; none for nominal geometry.
+    factors : Factors or None
+        By what the data multiply the tolerances; None where they are known.
 
     Examples
     --------
@@ -151,6 +166,9 @@ class Solution:
     fit: LikelihoodFit
     identified: Identified
     trusted: bool = True
+    effective: Effective | None = None
+    ladder: tuple[Rung, ...] = ()
+    factors: Factors | None = None
 
     @property
     def problem(self) -> Problem:
@@ -174,6 +192,11 @@ class Solution:
         if self.converged:
             return self.identified.status
         return tuple("held" if item.held else "unidentifiable" for item in self.problem.parameters.items)
+
+    @property
+    def null_space(self) -> tuple[NullDirection, ...]:
+        """The null-space directions, each with its cause."""
+        return self.identified.facts.null_space
 
     @cached_property
     def known(self) -> tuple[int, ...]:
@@ -279,9 +302,7 @@ class Solution:
             interval95=self.interval(i) if determined else None,
             prior_std=item.shown_prior[1],
             midpoint=None,
-            cause=cause_for(self.identified.facts.null_space, item, status)
-            if self.converged or item.held
-            else Unconverged(),
+            cause=cause_for(self.null_space, item, status) if self.converged or item.held else Unconverged(),
             tolerance_share=float(self._tolerance_share[i]) if determined and self._tolerated else None,
         )
 
@@ -302,7 +323,14 @@ def solve(problem: Problem, **how: Any) -> Solution:
     return judge(fit_likelihood(problem, **how))
 
 
-def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
+def judge(
+    fit: LikelihoodFit,
+    *,
+    trusted: bool = True,
+    effective: Effective | None = None,
+    ladder: tuple[Rung, ...] = (),
+    factors: Factors | None = None,
+) -> Solution:
     """The measurements of a fit judged at its mode. No parameter is better than the std found there, and none
     is known of which another optimum, about as good, says something else.
 
@@ -312,7 +340,7 @@ def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
     problem = fit.problem
     identified = identify(problem, fit.x, fit.weight)
     identified = no_better_than(problem, identified, problem.parameters.unscaled(fit.std))
-    solution = Solution(fit, identified, trusted)
+    solution = Solution(fit, identified, trusted, effective, ladder, factors)
     return replace(solution, identified=undecided(fit, identified, solution.quantile))
 
 
@@ -325,11 +353,70 @@ def require_noise_data(problem: Problem) -> None:
 def too_few_for_noise(problem: Problem) -> BadInput:
     """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
     free = int(problem.parameters.free.sum())
-    said = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
+    counts = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
     links = f", {len(problem.tolerated)} of them of the geometry" if len(problem.tolerated) else ""
     return BadInput(
         "the noise scale cannot be estimated from so few measurements",
-        found=said + links,
+        found=counts + links,
         allowed="more numbers than unknowns",
         remedy="record more measurements, or state noise.scale: known",
+    )
+
+
+def undecided(fit: LikelihoodFit, identified: Identified, quantile: float) -> Identified:
+    """The same with `unidentifiable` for every parameter of which another optimum, about as good as the best,
+    says something else: the best one's 95 % interval does not hold for it.
+
+    `quantile` is the half width of such an interval in stds. Every such optimum is a null direction, of the
+    kind `optima`: the way to it, of these parameters.
+    """
+    parameters = fit.problem.parameters
+    status, data_std = list(identified.status), identified.data_std.copy()
+    settled = np.array([known(identified.status[i]) for i in np.flatnonzero(parameters.free)])
+    directions = []
+    rivals = [other for other in fit.others if other.below < EQUALLY_GOOD]
+    for other in rivals:
+        elsewhere = settled & _leaves_out(fit, other, quantile)
+        if elsewhere.any():
+            directions.append(_direction(fit, other, elsewhere, 1 + len(rivals)))
+        for i in np.flatnonzero(parameters.free)[elsewhere]:
+            status[i], data_std[i] = "unidentifiable", np.inf
+    if not directions:
+        return identified
+    facts = replace(identified.facts, null_space=(*identified.facts.null_space, *directions))
+    decided: tuple[Status, ...] = tuple(status)
+    return replace(identified, status=decided, data_std=data_std, facts=facts)
+
+
+def undecided_names(null_space: Sequence[NullDirection]) -> tuple[str, ...]:
+    """The parameters that have no number because of other optima."""
+    taking_part = (direction.combination for direction in null_space if direction.kind == "optima")
+    return tuple(dict.fromkeys(name for combination in taking_part for name in combination))
+
+
+def _leaves_out(fit: LikelihoodFit, other: Optimum, quantile: float) -> NDArray[np.bool_]:
+    """(f,) whether the best optimum's interval holds too little of the other's normal: less than if both had
+    the same std and were one std apart."""
+    half = quantile * fit.std
+    within = scipy.special.ndtr((fit.z + half - other.z) / other.std) - scipy.special.ndtr(
+        (fit.z - half - other.z) / other.std
+    )
+    return np.asarray(within < scipy.special.ndtr(quantile - 1.0) - scipy.special.ndtr(-quantile - 1.0))
+
+
+def _direction(fit: LikelihoodFit, other: Optimum, elsewhere: NDArray[np.bool_], count: int) -> NullDirection:
+    """The way from the best optimum to the other, of the parameters that are `elsewhere` (f,) there."""
+    parameters = fit.problem.parameters
+    way = np.where(elsewhere, other.z - fit.z, 0.0)
+    order = [int(row) for row in np.argsort(-np.abs(way)) if elsewhere[row]]
+    places, weights = np.flatnonzero(parameters.free), way / way[order[0]]
+    values = []
+    for row in order:
+        item = parameters.items[places[row]]
+        here, there = (item.prior_mean + item.prior_std * float(z[row]) for z in (fit.z, other.z))
+        std = item.shown_std(here, item.prior_std * float(min(fit.std[row], other.std[row])))
+        values.append(AtOptima(item.name, item.unit, (item.shown(here), item.shown(there)), std))
+    combination = {values[k].name: float(weights[row]) for k, row in enumerate(order)}
+    return NullDirection(
+        combination, "optima", LocalOptima(count, tuple(values)), float(np.linalg.norm(way[order]))
     )

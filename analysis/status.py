@@ -69,9 +69,9 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
         ...
     zerobeam.analysis.status.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
     """
-    stated = [name for name, value in claims.items() if value is not None]
-    if stated and not known(status):
-        raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(stated)}")
+    claimed = [name for name, value in claims.items() if value is not None]
+    if claimed and not known(status):
+        raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(claimed)}")
 
 
 def versions() -> dict[str, str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from ..analysis.answer.document import CheckDocument, ResultDocument
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.plan_file import Obstacles, PlanFile
@@ -34,6 +35,8 @@ FILE_SCHEMAS: dict[str, type[BaseModel]] = {
 }
 # What zerobeam writes.
 _ANSWERS: dict[str, type[BaseModel]] = {
+    "result": ResultDocument,
+    "check": CheckDocument,
     "compare": ComparisonDocument,
     "batch": BatchDocument,
     "history": HistoryDocument,
@@ -62,6 +65,6 @@ def json_schema(name: str) -> dict[str, Any]:
     if name == "run-header" or name in _ANSWERS:  # it is always there, also where the model has a default
         about = {"type": "string", "description": "kind and version of the file"}
         schema["properties"]["schema"] = {"const": identity["const"], **about}
-        schema["required"] = ["schema", *schema["required"]]
+        schema["required"] = ["schema", *(key for key in schema["required"] if key != "schema")]
     title = name.replace("-", " ")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": f"zerobeam {title}"}

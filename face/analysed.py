@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.analyse import Analysis
-from ..analysis.analyse import analyse as analyse_run
 from ..analysis.estimation.robust import Loss
 from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.arrays import Progress
@@ -270,8 +269,7 @@ def analyse(
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
-    found = analyse_run(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
-    return Analysed(**{field.name: getattr(found, field.name) for field in fields(found)})
+    return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
 
 
 def offset_table(solution: Analysed) -> Table:
@@ -297,8 +295,8 @@ def _row(row: ParameterResult, k: float) -> Row:
     if row.estimate is None or row.u is None:
         return row_of(name, NOT_DETERMINED, word, tone=row.status)
     half = k * row.u
-    said = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
-    return row_of(name, said, word, tone=row.status)
+    interval = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
+    return row_of(name, interval, word, tone=row.status)
 
 
 def _u(row: ParameterResult) -> str:

@@ -48,11 +48,11 @@ def require_choice(value: object, allowed: Collection[str | None], argument: str
 def vector(value: Sequence[float], size: int, argument: str) -> tuple[float, ...]:
     """`value` as `size` finite numbers; BadInput names the argument."""
     try:
-        found = np.asarray(value, dtype=float)
+        numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.shape != (size,) or not np.isfinite(found).all():
+        numbers = np.empty(0)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
         raise BadInput(
             "this cannot be used", found=repr(value), allowed=f"{size} finite numbers", argument=argument
         )
-    return tuple(found.tolist())
+    return tuple(numbers.tolist())

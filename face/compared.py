@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -126,5 +126,4 @@ def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
                 argument=f"runs[{k}]",
             )
     require_number(seed, 0, "seed", whole=True)
-    found = compare_runs(runs, seed=seed)
-    return ComparedRuns(**{field.name: getattr(found, field.name) for field in fields(found)})
+    return ComparedRuns(**vars(compare_runs(runs, seed=seed)))

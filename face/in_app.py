@@ -42,16 +42,16 @@ class AppView:
         return f"<AppView at {self.address}>"
 
     def _repr_html_(self) -> str:
-        place = html.escape(self.address, quote=True)
+        address = html.escape(self.address, quote=True)
         size = f'width="100%" height="{_HEIGHT}" style="border:0"'
-        return f'<iframe title="zerobeam" src="{place}" {size}></iframe>'
+        return f'<iframe title="zerobeam" src="{address}" {size}></iframe>'
 
 
 _written: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
 
-def app_of(thing: object, place: str, write: Callable[[Path], str]) -> AppView:
-    """The app at a place of its page ("plan", "result"), opened on the file of `thing`.
+def app_of(thing: object, page: str, write: Callable[[Path], str]) -> AppView:
+    """The app at its `page` ("plan", "result"), opened on the file of `thing`.
 
     `write` writes the files of `thing` into a folder that is there and empty, and returns the name of the
     one to open. It is called once for each object; all objects of a process share a server and a folder,
@@ -66,9 +66,9 @@ def app_of(thing: object, place: str, write: Callable[[Path], str]) -> AppView:
         raise missing_extra("the app", "app")
     folder, address = _served(os.getpid())
     if thing not in _written or not (Path(folder.name) / _written[thing]).exists():
-        own = Path(tempfile.mkdtemp(prefix=f"{type(thing).__name__.lower()}-", dir=folder.name))
-        _written[thing] = f"{own.name}/{write(own)}"
-    return AppView(f"{address}#{place}/{quote(_written[thing])}")
+        content = Path(tempfile.mkdtemp(prefix=f"{type(thing).__name__.lower()}-", dir=folder.name))
+        _written[thing] = f"{content.name}/{write(content)}"
+    return AppView(f"{address}#{page}/{quote(_written[thing])}")
 
 
 @cache
@@ -106,8 +106,8 @@ def write_plan_beside(plan: Plan, folder: Path) -> str:
     if name not in built_in_robots():
         source = plan.path.parent / name
         shutil.copyfile(source, folder / source.name)
-        own = ref.model_copy(update={"urdf": source.name}) if isinstance(ref, UrdfRef) else source.name
-        header = header.model_copy(update={"robot": own})
+        robot = ref.model_copy(update={"urdf": source.name}) if isinstance(ref, UrdfRef) else source.name
+        header = header.model_copy(update={"robot": robot})
     file = folder / "plan.yaml"
     display = plan.robot.display
     rows = (plan.postures * display).round(_DECIMALS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -204,7 +204,7 @@ def check(plan: Plan) -> CheckedPlan:
     """
     require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
     aimed = aim_plan(plan)
-    return _with_plan(check_plan(plan, aimed), aimed)
+    return CheckedPlan(**vars(check_plan(plan, aimed)), aimed=aimed)
 
 
 def optimal_plan(
@@ -289,11 +289,11 @@ def optimal_plan(
     require_number(acceptance_deg, 0, "acceptance_deg")
     if tolerance is not None:
         require_number(tolerance, 0, "tolerance")
-    stated, folder = _header(header)
+    declared, folder = _header(header)
     made = make_plan(
         PlanRequest(
             kind="optimal",
-            header=stated,
+            header=declared,
             header_folder=folder,
             target=vector(target, 3, "target"),
             shots=shots,
@@ -320,11 +320,7 @@ def optimal_plan(
             remedy="allow more measurements or a larger tolerance, or lower the noise",
             argument="tolerance",
         )
-    return OptimalPlan(made.plan, _with_plan(made.checked, aim_plan(made.plan)), made)
-
-
-def _with_plan(found: Check, aimed: AimedPlan) -> CheckedPlan:
-    return CheckedPlan(**{field.name: getattr(found, field.name) for field in fields(found)}, aimed=aimed)
+    return OptimalPlan(made.plan, CheckedPlan(**vars(made.checked), aimed=aim_plan(made.plan)), made)
 
 
 def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Path]:
@@ -344,16 +340,16 @@ def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Pa
     return checked(Header, plain(header), names), Path(".")
 
 
-def _table(found: CheckedPlan) -> Table:
-    worth, of = worth_column(found.geometry)
+def _table(checked: CheckedPlan) -> Table:
+    worth, of = worth_column(checked.geometry)
     columns = [("offset", "left"), ("predicted u", "right"), ("status", "left"), (worth, "right")]
     caption = "Standard uncertainties u that these measurements will give"
-    return table_of(caption, columns, [_row(row, of(row)) for row in found.offsets])
+    return table_of(caption, columns, [_row(row, of(row)) for row in checked.offsets])
 
 
 def _row(row: CheckedParameter, worth: str) -> Row:
     name, word = label(row.name), Cell(row.status, mark=row.status)
     if row.held:
         return row_of(name, "not estimated", word, worth, tone=row.status)
-    said = _NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))
-    return row_of(name, said, word, worth, tone=row.status)
+    spread = _NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))
+    return row_of(name, spread, word, worth, tone=row.status)

@@ -70,16 +70,16 @@ def simulate(
     else:
         truth = Truth.with_values(plan, {})
         names = truth.problem.parameters.names
-        for own, value in offsets.items():
-            if own not in names:
+        for parameter, value in offsets.items():
+            if parameter not in names:
                 raise BadInput(
                     "no parameter has this name",
-                    found=own,
+                    found=parameter,
                     allowed=", ".join(names),
-                    remedy=did_you_mean(str(own), names),
+                    remedy=did_you_mean(str(parameter), names),
                     argument="offsets",
                 )
-            require_number(value, -np.inf, f"offsets[{own!r}]")
+            require_number(value, -np.inf, f"offsets[{parameter!r}]")
         truth = Truth.with_values(plan, dict(offsets))
     header = plan.header.model_copy(
         update={"schema_": RUN_SCHEMA, "provenance": {**plan.header.provenance, **truth.provenance()}}

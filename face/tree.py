@@ -7,8 +7,8 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..analysis.answer.result import Result
 from ..analysis.posterior.posterior import Draws
-from ..analysis.result import Result
 from ..model.errors import BadInput, missing_extra
 from ..reports.output.posterior_file import write_posterior
 from ..words.findings import likelihood_message, posterior_message

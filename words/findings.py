@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..analysis.diagnostics.accuracy import Accuracy
-from ..analysis.diagnostics.displacement import ChangePoint, Displacement
-from ..analysis.diagnostics.hold_out import HoldOut
-from ..analysis.diagnostics.outliers import Robust
-from ..analysis.findings import (
+from ..analysis.answer.findings import (
     FileWarning,
     Finding,
     HeldOutMisfit,
@@ -19,10 +15,14 @@ from ..analysis.findings import (
     PoorCurvature,
     RobustNotConverged,
 )
+from ..analysis.answer.result import LikelihoodSummary, Result
+from ..analysis.diagnostics.accuracy import Accuracy
+from ..analysis.diagnostics.displacement import ChangePoint, Displacement
+from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.diagnostics.outliers import Robust
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import Cause, NullDirection
 from ..analysis.posterior.posterior import PosteriorSummary
-from ..analysis.result import LikelihoodSummary, Result
 from ..analysis.so_far import SoFar
 from ..analysis.solution import ParameterTable, Solution
 from .misfit import criterion_sentence, misfit_headline
@@ -50,7 +50,7 @@ def solution_headline(solution: Solution, name: Namer = str) -> str:
     """The same of a fit alone."""
     if not solution.converged:
         return _no_fit(solution.fit.reason)
-    null_space = solution.identified.facts.null_space
+    null_space = solution.null_space
     return _headline(solution.parameters, null_space, solution.misfit, name)
 
 

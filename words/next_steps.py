@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import re
 import shlex
-from dataclasses import dataclass
 
+from ..analysis.answer.document import NextStep, NextSteps, ValueToEnter
+from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
+from ..analysis.answer.result import Result
 from ..analysis.diagnostics.displacement import Displacement
-from ..analysis.findings import HeldOutMisfit, OtherBasins
-from ..analysis.result import Result
 from ..analysis.solution import ParameterResult
 from . import numbers
 from .wording import label, listed
@@ -36,39 +36,14 @@ _AGAINST: dict[type, str] = {
 }
 
 
-@dataclass(frozen=True)
-class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
-
-    name: str
-    value: str
-    expanded_u: str
-
-
-@dataclass(frozen=True)
-class NextStep:
-    """A sentence, and the commands that do what it says."""
-
-    text: str
-    commands: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class NextSteps:
-    """`enter` is empty where nothing may be entered; the first of the `steps` then says why."""
-
-    enter: tuple[EnteredValue, ...]
-    steps: tuple[NextStep, ...]
-
-
 def next_steps(result: Result) -> NextSteps:
     """What to do with an answer, whatever its verdict."""
     against = [_AGAINST[type(finding)] for finding in result.findings if type(finding) in _AGAINST]
     if against:
-        return NextSteps((), (NextStep(against[0]),))
+        return NextSteps(enter=(), steps=(NextStep(text=against[0], commands=()),))
     if result.verdict != "pass":
-        return NextSteps((), _not_yet(result))
-    return NextSteps(_values(result), _steps(result))
+        return NextSteps(enter=(), steps=_not_yet(result))
+    return NextSteps(enter=_values(result), steps=_steps(result))
 
 
 def _not_yet(result: Result) -> tuple[NextStep, ...]:
@@ -76,14 +51,17 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     if not result.likelihood.converged:
         return (
             NextStep(
-                "Enter nothing: the fit did not converge. Look at the measurements, or record more of them."
+                text="Enter nothing: the fit did not converge. Look at the measurements, or record more"
+                " of them.",
+                commands=(),
             ),
         )
     if result.misfit is not None:
         return (
             NextStep(
-                "Enter nothing: the model does not describe the measurements. Look for the cause first (joint"
-                " columns, signs, units, a moved target, geometry), then measure again."
+                text="Enter nothing: the model does not describe the measurements. Look for the cause first"
+                " (joint columns, signs, units, a moved target, geometry), then measure again.",
+                commands=(),
             ),
         )
     offsets = [row for row in result.parameters if row.group == "offset"]
@@ -93,10 +71,10 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     which = listed([label(name) for name in named]) if named else "the parameters together"
     steps = [
         NextStep(
-            f"Enter nothing yet: {which}"
+            text=f"Enter nothing yet: {which}"
             f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
             " postures that a plan chooses and a check approves:",
-            (
+            commands=(
                 "zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml",
                 "zerobeam check plan.yaml",
             ),
@@ -107,8 +85,8 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
         without = " ".join(f"--without {name}" for name in open_)
         steps.append(
             NextStep(
-                "If the identified offsets are to be applied alone, at your decision:",
-                (f"zerobeam {command} {_run(result)} {without} -o {file}",),
+                text="If the identified offsets are to be applied alone, at your decision:",
+                commands=(f"zerobeam {command} {_run(result)} {without} -o {file}",),
             )
         )
     return tuple(steps)
@@ -118,13 +96,14 @@ def _entered(result: Result) -> list[ParameterResult]:
     return [row for row in result.parameters if row.group == "offset" and row.status == "identified"]
 
 
-def _values(result: Result) -> tuple[EnteredValue, ...]:
+def _values(result: Result) -> tuple[ValueToEnter, ...]:
     entries = []
     for row in _entered(result):
         assert row.estimate is not None
         assert row.std is not None
         value = numbers.estimate(row.estimate, row.std, row.unit)
-        entries.append(EnteredValue(row.name, value, numbers.spread(2 * row.std, row.unit)))
+        spread = numbers.spread(2 * row.std, row.unit)
+        entries.append(ValueToEnter(name=row.name, value=value, expanded_u=spread))
     return tuple(entries)
 
 
@@ -141,14 +120,14 @@ def _steps(result: Result) -> tuple[NextStep, ...]:
         )
     return (
         NextStep(
-            "1. Write the file for this robot. It says how it is used.",
-            (f"zerobeam {command} {run} -o {file}",),
+            text="1. Write the file for this robot. It says how it is used.",
+            commands=(f"zerobeam {command} {run} -o {file}",),
         ),
-        NextStep(gain),
+        NextStep(text=gain, commands=()),
         NextStep(
-            "3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
-            " The answer is pass, fail or inconclusive.",
-            (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
+            text="3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected"
+            " robot. The answer is pass, fail or inconclusive.",
+            commands=(f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
         ),
     )
 

@@ -1,32 +1,23 @@
-"""`result.json` (`zerobeam/result/1`) and what `check --json` prints (`zerobeam/check/1`): plain JSON types,
-with the sentences of `words`.
+"""`result.json` and what `check --json` prints: documents filled from answers, with the sentences of `words`.
 
-JSON has no NaN or Infinity, so a float that is not finite is an error and never a quiet null.
 What the data do not determine leaves here as null, or not at all.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-import numpy as np
-
-from ..analysis.diagnostics.accuracy import Accuracy
-from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.answer import document
+from ..analysis.answer.result import RESULT_SCHEMA, Result
 from ..analysis.diagnostics.hold_out import PlacementResult
-from ..analysis.misfit import LackOfFit, Misfit
+from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import GeometryResult
 from ..analysis.observability.identifiability import Identifiability
-from ..analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary, Result
 from ..analysis.solution import ParameterResult
-from ..analysis.status import UnsoundResult
 from .findings import (
     accuracy_reason,
     headline,
@@ -43,59 +34,75 @@ from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
+_CRITERIA: dict[type, type[document.Section]] = {
+    LackOfFit: document.LackOfFitDocument,
+    ImplausibleNoise: document.ImplausibleNoiseDocument,
+    BeyondPrior: document.BeyondPriorDocument,
+    PlacementsDisagree: document.PlacementsDisagreeDocument,
+}
 
 
 def to_json(result: Result) -> dict[str, Any]:
-    """The result as dicts, lists, strings, bools, ints and finite floats, keys in the design's order.
+    """The result as dicts, lists, strings, bools, ints and finite floats, keys in the document's order.
 
     Raises UnsoundResult if a number is not finite.
     """
-    return {
-        "schema": RESULT_SCHEMA,
-        "verdict": result.verdict,
-        "headline": headline(result),
-        "parameters": [parameter_json(parameter) for parameter in result.parameters],
-        "without_prior": result.without_prior and _without(result.without_prior, "without_prior", "status"),
-        "identifiability": _identifiability(result.identifiability),
-        "fits": {"likelihood": _likelihood(result.likelihood), "midpoint": _midpoint(result.midpoint)},
-        "geometry": geometry_json(result.geometry),
-        "posterior": _posterior(result),
-        "shots": _plain(result.shots, "shots"),
-        "distances": _plain(result.distances, "distances"),
-        "intervals": [_without(row, "intervals", "status") for row in result.intervals],
-        "accuracy": _accuracy(result.accuracy),
-        "budget": [_without(row, "budget", "status") for row in result.budget],
-        "robust": _robust(result),
-        "hold_out": _hold_out(result),
-        "placements": _placements(result.placements),
-        "scene": _plain(result.scene, "scene"),
-        "misfit": _misfit(result.misfit),
-        "diagnosis": [_explanation(found) for found in result.diagnosis],
-        "notes": list(notes(result)),
-        "next_steps": _plain(next_steps(result), "next_steps"),
-        "inputs": _plain(result.inputs, "inputs"),
-    }
+    return document_of(result).to_json()
+
+
+def document_of(result: Result) -> document.ResultDocument:
+    """The result with its sentences."""
+    alone, robust, held_out = result.without_prior, result.robust, result.hold_out
+    return document.ResultDocument.filled(
+        result,
+        schema_=RESULT_SCHEMA,
+        headline=headline(result),
+        parameters=tuple(map(parameter_document, result.parameters)),
+        without_prior=alone and document.WithoutPriorDocument.filled(alone),
+        identifiability=_identifiability(result.identifiability),
+        fits=_fits(result),
+        geometry=geometry_document(result.geometry),
+        posterior=document.PosteriorDocument.filled(
+            result.posterior, message=posterior_message(result.posterior)
+        ),
+        intervals=tuple(document.IntervalsDocument.filled(row) for row in result.intervals),
+        accuracy=document.AccuracyDocument.filled(
+            result.accuracy, place=tcp_words(result.accuracy), reason=accuracy_reason(result.accuracy)
+        ),
+        budget=tuple(document.BudgetDocument.filled(row) for row in result.budget),
+        robust=robust
+        and document.RobustDocument.filled(
+            robust,
+            parameters=tuple(document.RobustParameterDocument.filled(row) for row in robust.parameters),
+            message=robust_message(robust),
+        ),
+        hold_out=held_out and document.HoldOutDocument.filled(held_out, message=hold_out_message(held_out)),
+        placements=_placements(result.placements),
+        misfit=_misfit(result.misfit),
+        diagnosis=tuple(
+            document.ExplanationDocument.filled(one, sentence=explanation_sentence(one))
+            for one in result.diagnosis
+        ),
+        notes=notes(result),
+        next_steps=next_steps(result),
+    )
 
 
 def check_json(check: Check) -> dict[str, Any]:
     """The answer of a check, null where there is no number."""
-    return {
-        "schema": CHECK_SCHEMA,
-        "verdict": check.verdict,
-        "headline": check_headline(check),
-        "parameters": [
-            {**_without(row, f"parameter {row.name!r}", "cause"), "reason": row.cause and reason(row.cause)}
+    answer = document.CheckDocument.filled(
+        check,
+        schema_=CHECK_SCHEMA,
+        headline=check_headline(check),
+        parameters=tuple(
+            document.CheckedParameterDocument.filled(row, reason=row.cause and reason(row.cause))
             for row in check.parameters
-        ],
-        "identifiability": _identifiability(check.identifiability),
-        "geometry": geometry_json(check.geometry),
-        "postures": _plain(check.postures, "postures"),
-        "curve": _plain(check.curve, "curve"),
-        "over_target": _plain(check.over_target, "over_target"),
-        "advice": _plain(check.advice, "advice"),
-        "notes": list(check_notes(check)),
-        "inputs": _plain(check.inputs, "inputs"),
-    }
+        ),
+        identifiability=_identifiability(check.identifiability),
+        geometry=geometry_document(check.geometry),
+        notes=check_notes(check),
+    )
+    return answer.to_json()
 
 
 def dumps(answer: dict[str, Any]) -> str:
@@ -130,173 +137,70 @@ def _item_by_item(value: object, margin: str, write: Callable[[Any], str]) -> st
     return f"{ends[0]}{inner}{f',{inner}'.join(rows)}\n{margin}{ends[1]}"
 
 
-def parameter_json(row: ParameterResult) -> dict[str, Any]:
+def parameter_document(row: ParameterResult) -> document.ParameterDocument:
     """A row of `parameters`."""
-    order = ("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std")
-    where = f"parameter {row.name!r}"
-    plain = {key: _plain(getattr(row, key), f"{where}, {key}") for key in (*order, "midpoint", "group")}
-    share = {} if row.group != "offset" else {"tolerance_share": _plain(row.tolerance_share, where)}
-    return {**plain, **share, "reason": row.cause and reason(row.cause)}
+    result = document.ParameterDocument.filled(row, reason=row.cause and reason(row.cause))
+    if row.group != "offset":
+        result.model_fields_set.discard("tolerance_share")
+    return result
 
 
-def geometry_json(own: GeometryResult) -> dict[str, Any]:
+def geometry_document(geometry: GeometryResult) -> document.GeometryDocument:
     """What an answer says of the geometry."""
-    tolerance = {"length_mm": own.length_mm, "angle_deg": own.angle_deg}
-    return {
-        "tolerance": _plain(tolerance, "geometry.tolerance") if own.stated else None,
-        "considered_tolerance": _plain(tolerance, "geometry.considered_tolerance"),
-        "factors": _plain(own.factors, "geometry.factors"),
-        "ladder": _plain(own.ladder, "geometry.ladder"),
-        "consider": _plain(own.consider, "geometry.consider"),
-        "at_half": _plain(own.at_half, "geometry.at_half"),
-        "at_twice": _plain(own.at_twice, "geometry.at_twice"),
-        "confounded": _plain(own.confounded, "geometry.confounded"),
-    }
+    tolerance = document.ToleranceDocument.filled(geometry)
+    return document.GeometryDocument.filled(
+        geometry, tolerance=tolerance if geometry.stated else None, considered_tolerance=tolerance
+    )
 
 
-def _identifiability(facts: Identifiability) -> dict[str, Any]:
-    return {
-        **_without(facts, "identifiability", "null_space"),
-        "null_space": [direction_json(direction) for direction in facts.null_space],
-    }
+def _identifiability(facts: Identifiability) -> document.IdentifiabilityDocument:
+    return document.IdentifiabilityDocument.filled(
+        facts, null_space=tuple(direction_document(one) for one in facts.null_space)
+    )
 
 
-def direction_json(direction: NullDirection) -> dict[str, Any]:
+def direction_document(direction: NullDirection) -> document.DirectionDocument:
     """A null-space direction in words."""
-    return {
-        "combination": _plain(direction.combination, "combination"),
-        "kind": direction.kind,
-        "reason": reason(direction.cause),
-        "remedy": remedy(direction.cause),
-        "data_std": _plain(direction.data_std, "data_std"),
-    }
+    cause = direction.cause
+    return document.DirectionDocument.filled(direction, reason=reason(cause), remedy=remedy(cause))
 
 
-def _likelihood(fit: LikelihoodSummary) -> dict[str, Any]:
-    own = _without(fit, "fits.likelihood", "noise_known", "other_basins")
-    return {"available": True, **own, "other_basins": fit.other_basins, "message": likelihood_message(fit)}
+def _fits(result: Result) -> document.FitsDocument:
+    likelihood, none = (
+        result.likelihood,
+        dict.fromkeys(("rms_before_mm", "chi2", "dof", "p_value", "noise_scale")),
+    )
+    return document.FitsDocument.model_construct(
+        likelihood=document.FitDocument.filled(
+            likelihood, available=True, message=likelihood_message(likelihood)
+        ),
+        midpoint=document.FitDocument.filled(result.midpoint, **none, other_basins=0),
+    )
 
 
-def _midpoint(fit: MidpointSummary) -> dict[str, Any]:
-    own = _without(fit, "fits.midpoint", "message")
-    nothing = dict.fromkeys(("rms_before_mm", "chi2", "dof", "p_value", "noise_scale"))
-    return {**own, **nothing, "other_basins": 0, "message": fit.message}
-
-
-def _posterior(result: Result) -> dict[str, Any]:
-    own = _without(result.posterior, "posterior", "drifts", "nothing_known", "omitted")
-    return {"converged": own.pop("converged"), "message": posterior_message(result.posterior), **own}
-
-
-def _accuracy(accuracy: Accuracy) -> dict[str, Any]:
-    own = _without(accuracy, "accuracy", "held", "causes", "joints", "converged")
-    return {**own, "place": tcp_words(accuracy), "reason": accuracy_reason(accuracy)}
-
-
-def _misfit(misfit: Misfit | None) -> dict[str, Any] | None:
+def _misfit(misfit: Misfit | None) -> document.MisfitDocument | None:
     if misfit is None:
         return None
-    return {
-        "criteria": [
-            {
-                "kind": criterion.kind,
-                **_plain(criterion, "misfit"),
-                **({"factor": criterion.factor} if isinstance(criterion, LackOfFit) else {}),
-                "sentence": criterion_sentence(criterion),
-            }
-            for criterion in misfit.criteria
-        ]
-    }
+    rows = (_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one)) for one in misfit.criteria)
+    return document.MisfitDocument.model_construct(criteria=tuple(rows))
 
 
-def _robust(result: Result) -> dict[str, Any] | None:
-    if result.robust is None:
-        return None
-    own = _without(result.robust, "robust", "with_uncertainty")
-    rows = [_without(row, "robust.parameters", "status") for row in result.robust.parameters]
-    return {**own, "parameters": rows, "message": robust_message(result.robust)}
-
-
-def _hold_out(result: Result) -> dict[str, Any] | None:
-    if result.hold_out is None:
-        return None
-    own = _without(result.hold_out, "hold_out", "failure")
-    return {**own, "message": hold_out_message(result.hold_out)}
-
-
-def _placements(own: PlacementResult) -> dict[str, Any]:
-    left_out, knife = own.leave_one_out, own.jackknife
-    rows = () if left_out is None else left_out.rows
-    shown = ("shots", "rms_mm", "expected_mm", "factor", "chi2", "dof", "p_value")
-    where = "placements"
-    return {
-        "names": list(own.names),
-        "leave_one_out": [
-            {
-                "placement": ", ".join(row.placements),
-                **{key: _plain(getattr(row, key), f"{where}.leave_one_out.{key}") for key in shown},
-                "message": hold_out_message(row),
-            }
-            for row in rows
-        ],
-        "leave_one_out_rms_mm": _plain(left_out and left_out.rms_mm, where),
-        "leave_one_out_expected_mm": _plain(left_out and left_out.expected_mm, where),
-        "jackknife": knife
-        and {row.name: _plain(row.u, f"{where}.jackknife.{row.name}") for row in knife.offsets},
-        "jackknife_dof": knife and knife.dof,
-        "jackknife_needs": knife and {row.name: list(row.needs) for row in knife.offsets if row.needs},
-        "effective": {**_without(own.effective, f"{where}.effective"), "number": own.effective.number},
-        "steps": _plain(own.steps.rows, f"{where}.steps"),
-        "steps_tested": own.steps.tested,
-    }
-
-
-def _explanation(found: Explanation) -> dict[str, Any]:
-    own = _without(found, "diagnosis")
-    keys = ("cause", "joints", "targets", "measurements", "factor", "agrees")
-    return {**{key: own[key] for key in keys}, "sentence": explanation_sentence(found)}
-
-
-def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:
-    """A dataclass as a dict, without some of its fields."""
-    found = {name: getattr(value, name) for name in _fields(value.__class__) if name not in left_out}
-    for name, item in found.items():
-        if type(item) not in _SAME:
-            found[name] = _plain(item, f"{where}.{name}")
-    return found
-
-
-@cache
-def _fields(kind: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(kind))
-
-
-_SAME = {type(None), bool, int, str}  # in Python and in JSON
-_NUMBERS = {type(None), float}
-
-
-def _plain(value: object, where: str) -> Any:
-    """`value` in JSON's own types; `where` names it should it not be possible."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise UnsoundResult(
-                f"the result is unsound and was not written: {where} is {value}, not a number"
+def _placements(result: PlacementResult) -> document.PlacementsDocument:
+    left_out, jackknife = result.leave_one_out, result.jackknife
+    return document.PlacementsDocument.filled(
+        result,
+        leave_one_out=tuple(
+            document.LeftOutDocument.filled(
+                row, placement=", ".join(row.placements), message=hold_out_message(row)
             )
-        return float(value)
-    if isinstance(value, list | tuple):
-        # Of the thousands of numbers of a result nearly all are in such rows: a sum finds what is not finite.
-        kinds = set(map(type, value))
-        if kinds <= _SAME or (kinds <= _NUMBERS and math.isfinite(sum(filter(None, value)))):
-            return list(value)
-        return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return _without(value, where)
-    if isinstance(value, dict):
-        return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
-    raise UnsoundResult(
-        f"the result is unsound and was not written: {where} is a {type(value).__name__}, which JSON lacks"
+            for row in (() if left_out is None else left_out.rows)
+        ),
+        leave_one_out_rms_mm=left_out and left_out.rms_mm,
+        leave_one_out_expected_mm=left_out and left_out.expected_mm,
+        jackknife=jackknife and {row.name: row.u for row in jackknife.offsets},
+        jackknife_dof=jackknife and jackknife.dof,
+        jackknife_needs=jackknife and {row.name: row.needs for row in jackknife.offsets if row.needs},
+        effective=document.EffectiveDocument.filled(result.effective),
+        steps=result.steps.rows,
+        steps_tested=result.steps.tested,
     )

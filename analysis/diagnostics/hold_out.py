@@ -446,5 +446,5 @@ def placement_result(
         leave_one_out(solution, fits),
         jackknife(solution, fits),
         effective,
-        steps(solution, rival),
+        steps(solution.fit, rival),
     )

@@ -14,8 +14,8 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
+from ..covariance import Rows, frame
 from ..estimation.threads import one_blas_thread
-from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, cause_for

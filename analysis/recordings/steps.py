@@ -17,8 +17,7 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
 from ..estimation.fit import LikelihoodFit
-from ..holm import holm
-from ..solution import Solution
+from ..misfit import holm
 from .recordings import (
     LARGE,
     SIGNIFICANCE,
@@ -87,9 +86,9 @@ class Runs(NamedTuple):
     determined: Mask
 
 
-def steps(solution: Solution, rival: Matrix | None = None) -> RecordingSteps:
+def steps(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSteps:
     """The significant steps inside the recordings at the mode; `rival` as of `recordings`."""
-    clearest, count = all_steps(solution.fit, rival) if solution.converged else ([], 0)
+    clearest, count = all_steps(fit, rival) if fit.converged else ([], 0)
     rows = tuple(
         sorted((step for step in clearest if step.p_value < SIGNIFICANCE), key=lambda step: step.p_value)
     )

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ...model.arrays import Matrix
+from ..answer.findings import FileWarning, OtherBasins
 from ..diagnostics.displacement import Displacement
-from ..findings import FileWarning, OtherBasins
 from ..misfit import Criterion
 from ..status import Status
 

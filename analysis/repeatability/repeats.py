@@ -22,11 +22,10 @@ from ...model.files.run import Run, read_run
 from ...model.files.validation import LARGEST
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from ..answer.findings import FileWarning, OtherBasins, moved_target
 from ..estimation.threads import one_blas_thread
-from ..findings import FileWarning, OtherBasins, moved_target
-from ..optima import undecided_names
-from ..solution import Solution, require_noise_data
-from ..solved import solved
+from ..ladder import solve_run
+from ..solution import Solution, require_noise_data, undecided_names
 from .prior_free import without_prior
 from .repeat import WHEN, Kind, Repeat, RunFinding, SharedDistances, SharedTolerances
 from .result_files import read_result
@@ -152,7 +151,7 @@ def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
 
 def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repeat:
     """The same run with what its measurements say, each number without any prior."""
-    solution = solved(problem, header, seed=seed).solution
+    solution = solve_run(problem, header, seed=seed)
     problem = solution.problem
     if not solution.converged:
         return replace(repeat, failure=solution.fit.reason)
@@ -188,7 +187,7 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     if (moved := moved_target(solution)) is not None:
         yield moved
     if solution.fit.other_basins:
-        undecided = undecided_names(solution.identified.facts.null_space)
+        undecided = undecided_names(solution.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
     if solution.problem.distances:
         yield SharedDistances()

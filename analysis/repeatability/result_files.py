@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text, shown
+from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text
 from ...model.files.validation import LARGEST, SMALLEST
+from ..answer.document import ReadResult, from_json
+from ..answer.result import RESULT_SCHEMA
 from ..misfit import LACK_OF_FIT, LackOfFit
-from ..result import RESULT_SCHEMA as SCHEMA
-from ..status import known
 from .repeat import (
     WHEN,
     PriorInEstimate,
@@ -29,80 +28,79 @@ _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have
 
 def read_result(path: Path, name: str) -> Repeat:
     """One run from its result; BadInput where the file is not a whole one."""
+    text = read_text(path, LARGEST_RECORDING)[0]
     try:
-        answer = parse_json(read_text(path, LARGEST_RECORDING)[0], file=path, line=1)
-        if answer["schema"] != SCHEMA:
-            raise ValueError(f"schema {shown(answer['schema'])}")
-        return _of_result(answer, name)
-    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        parse_json(text, file=path, line=1)  # refuses duplicate keys and NaN
+        return _of_result(from_json(text), name)
+    except ValueError as error:
         raise BadInput(
             "this is not a whole result of zerobeam",
-            found=f"{type(error).__name__}: {error}",
-            allowed=f"a result.json of schema {SCHEMA}, or a run file (.jsonl)",
+            found=str(error),
+            allowed=f"a result.json of schema {RESULT_SCHEMA}, or a run file (.jsonl)",
             remedy="make it again with zerobeam report or zerobeam analyse --json",
             file=path,
         ) from None
 
 
-def _of_result(answer: dict[str, Any], name: str) -> Repeat:
-    rows = [row for row in answer["parameters"] if row["group"] == "offset"]
-    free = [row for row in rows if not row["held"]]
-    fit, inputs = answer["fits"]["likelihood"], answer["inputs"]
-    noise = inputs["header"].get("noise", {}).get("scale", "known")
-    scale = _within(fit["noise_scale"] or 1.0)
+def _of_result(result: ReadResult, name: str) -> Repeat:
+    free = [row for row in result.offsets if not row.held]
+    fit, inputs = result.fits.likelihood, result.inputs
+    scale = _within(fit.noise_scale or 1.0)
     if not scale >= SMALLEST:
         raise ValueError(f"the noise scale is {scale:g}")
     status: list[RepeatStatus] = []
     findings: list[RunFinding] = []
     value, variance, by_geometry = [], [], []
     for row in free:
-        if known(row["status"]) and not row["std"] >= SMALLEST:
-            raise ValueError(f"the std of {row['name']} is not above 0")
-        clean = known(row["status"]) and row["std"] >= _WITHOUT_PRIOR * row["data_std"]
-        if known(row["status"]) and not clean:
-            findings.append(PriorInEstimate(str(row["name"])))
-        status.append(row["status"] if clean or not known(row["status"]) else "prior")
-        share = float(row.get("tolerance_share") or 0.0)
-        if not 0 <= share < 1:
-            raise ValueError(f"the tolerance_share of {row['name']} is {share:g}")
-        value.append(_within(row["estimate"]) if clean else math.nan)
-        variance.append((1 - share) * (_within(row["std"]) / scale) ** 2 if clean else math.nan)
-        by_geometry.append(math.sqrt(share) * float(row["std"]) if clean else math.nan)
+        if row.std is None or row.estimate is None:
+            status.append(row.status)
+            without_prior = False
+        else:
+            if not row.std >= SMALLEST:
+                raise ValueError(f"the std of {row.name} is not above 0")
+            if row.data_std is None:
+                raise ValueError(f"{row.name} has no std without prior")
+            without_prior = row.std >= _WITHOUT_PRIOR * row.data_std
+            status.append(row.status if without_prior else "prior")
+            if not without_prior:
+                findings.append(PriorInEstimate(row.name))
+        share, std = row.tolerance_share or 0.0, row.std or math.nan
+        value.append(_within(row.estimate or 0.0) if without_prior else math.nan)
+        variance.append((1 - share) * (_within(std) / scale) ** 2 if without_prior else math.nan)
+        by_geometry.append(math.sqrt(share) * std if without_prior else math.nan)
     if any(np.asarray(by_geometry) > 0):
         findings.append(SharedTolerances())
-    when = inputs["header"].get("provenance", {}).get(WHEN)
-    p_value = fit["p_value"]
-    misfit = answer.get("misfit")
-    if misfit is not None:
-        findings.extend(StatedMisfit(str(criterion["sentence"])) for criterion in misfit["criteria"])
-    elif p_value is not None and p_value < LACK_OF_FIT:
+    when = inputs.provenance.get(WHEN)
+    if result.misfit is not None:
+        findings.extend(StatedMisfit(criterion.sentence) for criterion in result.misfit.criteria)
+    elif fit.p_value is not None and fit.p_value < LACK_OF_FIT:
         # A result of before there was a verdict for it.
-        status = ["unvalidated" if own in ("identified", "weak") else own for own in status]
-        findings.append(LackOfFit(float(fit["chi2"]), int(fit["dof"]), float(p_value)))
+        status = ["unvalidated" if one in ("identified", "weak") else one for one in status]
+        findings.append(LackOfFit(fit.chi2 or 0.0, fit.dof or 0, fit.p_value))
     return Repeat(
         name=name,
-        sha256=str(inputs["sha256"]),
-        robot=str(inputs["robot"]),
-        shots=int(inputs["shots"]),
+        sha256=inputs.sha256,
+        robot=inputs.robot,
+        shots=inputs.shots,
         when=when if isinstance(when, str) else None,
-        names=tuple(str(row["name"]) for row in free),
-        units=tuple(str(row["unit"]) for row in free),
-        held=tuple(str(row["name"]) for row in rows if row["held"]),
+        names=tuple(row.name for row in free),
+        units=tuple(row.unit for row in free),
+        held=tuple(row.name for row in result.offsets if row.held),
         status=tuple(status),
         value=np.array(value),
         covariance=np.diag(variance),
         # A result does not say how deviations work together: offset by offset, each has one of its own.
         by_geometry=np.diag(by_geometry),
-        geometry=tuple(str(row["name"]) for row in free),
+        geometry=tuple(row.name for row in free),
         joint=False,
         noise_scale=scale,
-        noise_dof=None if noise == "known" else max(int(fit["dof"] or 1), 1),
+        noise_dof=None if inputs.noise_known else max(fit.dof or 1, 1),
         findings=tuple(findings),
-        failure=None if fit["converged"] else str(fit["reason"]),
+        failure=None if fit.converged else fit.reason,
     )
 
 
 def _within(number: float) -> float:
-    if not -LARGEST["mm"] <= float(number) <= LARGEST["mm"]:
-        raise ValueError(f"the number {float(number):g} is out of range")
-    return float(number)
+    if not -LARGEST["mm"] <= number <= LARGEST["mm"]:
+        raise ValueError(f"the number {number:g} is out of range")
+    return number

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...analysis.answer.findings import moved_target
 from ...analysis.covariance import Covariance
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.findings import moved_target
+from ...analysis.ladder import solve_run
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
-from ...analysis.solved import solved
 from ...analysis.status import Status, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
@@ -228,7 +228,7 @@ def converged_solution(run: Run, so: str) -> Solution:
     run.require_analysable()
     problem = Problem.from_run(run)
     require_noise_data(problem)
-    solution = solved(problem, run.header, seed=SEED).solution
+    solution = solve_run(problem, run.header, seed=SEED)
     if not solution.converged:
         raise FitFailed(
             f"{run.path}: the fit did not converge ({solution.fit.reason}): {so}\n"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, read_text
@@ -28,11 +28,12 @@ from .content import (
     StoredOffset,
     checked_offset,
     checked_sensitivity,
-    checked_text,
-    checked_verdict,
     checked_without_prior,
     parsed,
 )
+
+if TYPE_CHECKING:
+    from ...analysis.answer.document import ReadResult
 
 RESULT_FILE = "result.json"
 
@@ -67,9 +68,9 @@ class Entry:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
-def files_of(given: Sequence[Path]) -> Iterator[Path]:
-    """The files given, and of a folder every result.json in it and below."""
-    for path in given:
+def files_of(paths: Sequence[Path]) -> Iterator[Path]:
+    """The files, and of a folder every result.json in it and below."""
+    for path in paths:
         if path.is_dir():
             yield from sorted(path.rglob(RESULT_FILE))
         else:
@@ -109,19 +110,18 @@ def read_entry(
 
 def entry_of(text: str, path: Path, serial: str | None = None, when: str | None = None) -> Entry:
     """The entry of the text of a result.json; `serial` and `when` as of `read_entry`."""
-    from ...analysis.result import RESULT_SCHEMA
+    from ...analysis.answer.document import from_json
 
     try:
-        answer = parsed(text)
-        if answer["schema"] != RESULT_SCHEMA:
-            raise ValueError(f"schema {answer['schema']!r}")
-        origin = _origin(answer["inputs"]["header"].get("provenance", {}), path, serial, when)
-        return _entry(answer, text, origin)
+        parsed(text)
+        result = from_json(text)
+        origin = _origin(result.inputs.provenance, path, serial, when)
+        return _entry(result, text, origin)
     except DAMAGED as error:
         raise BadInput(
             "this is not a whole result of zerobeam",
-            found=f"{type(error).__name__}: {error}",
-            allowed=f"a result.json of schema {RESULT_SCHEMA}, or a run file (.jsonl)",
+            found=str(error),
+            allowed="a result.json of schema zerobeam/result/1, or a run file (.jsonl)",
             remedy="make it again with zerobeam report or zerobeam analyse --json",
             file=path,
         ) from None
@@ -135,10 +135,10 @@ class _Origin:
     provenance: Mapping[str, object]
 
 
-def _origin(stated_by: Mapping[str, object], path: Path, serial: str | None, when: str | None) -> _Origin:
-    own = by_plain_key(stated_by)
-    serial = first_entry(own, KEYS[SERIAL]) or serial
-    when = first_entry(own, KEYS[DATE]) or when
+def _origin(provenance: Mapping[str, object], path: Path, serial: str | None, when: str | None) -> _Origin:
+    provenance = by_plain_key(provenance)
+    serial = first_entry(provenance, KEYS[SERIAL]) or serial
+    when = first_entry(provenance, KEYS[DATE]) or when
     for value, what, key in (
         (serial, "serial number of the arm", "serial"),
         (when, "date of the measurements", "when"),
@@ -152,43 +152,52 @@ def _origin(stated_by: Mapping[str, object], path: Path, serial: str | None, whe
             )
     assert serial is not None
     assert when is not None
-    return _Origin(serial, moment(when, path), provenance_entry(own, KEYS[OPERATOR]), own)
+    return _Origin(serial, moment(when, path), provenance_entry(provenance, KEYS[OPERATOR]), provenance)
 
 
-def _entry(answer: dict[str, Any], text: str, origin: _Origin) -> Entry:
-    """One of `DAMAGED` where the answer is not a whole one."""
-    inputs = answer["inputs"]
-    if not re.fullmatch("[0-9a-f]{64}", inputs["sha256"]):
+def _entry(result: ReadResult, text: str, origin: _Origin) -> Entry:
+    """ValueError where the result is not a whole one."""
+    inputs = result.inputs
+    if not re.fullmatch("[0-9a-f]{64}", inputs.sha256):
         raise ValueError("inputs.sha256 is no SHA-256")
-    tool = "probe" if inputs["header"].get("tool", {}).get("kind") == "probe" else "laser"
-    offsets = [checked_offset(row) for row in answer["parameters"] if row["group"] == "offset"]
-    # A key that is not there: a result of before there was one.
-    alone = checked_without_prior(answer.get("without_prior"), offsets)
-    vendor = inputs.get("vendor")
+    offsets = [checked_offset(row.to_json()) for row in result.offsets]
+    without_prior = None if result.without_prior is None else result.without_prior.to_json()
+    if result.accuracy is None:
+        raise ValueError("accuracy: Field required")
+    sensitivity = result.accuracy.sensitivity_mm2
     return Entry(
-        sha256=inputs["sha256"],
+        sha256=inputs.sha256,
         serial=origin.serial,
-        model=checked_text(inputs["robot"]),
-        vendor=None if vendor is None else checked_text(vendor),
+        model=_text(inputs.robot),
+        vendor=None if inputs.vendor is None else _text(inputs.vendor),
         measured_at=origin.measured_at,
-        instrument=instrument(origin.provenance, tool),
+        instrument=instrument(origin.provenance, inputs.tool),
         operator=origin.operator,
-        run=checked_text(inputs["run"]),
-        shots=int(inputs["shots"]),
-        verdict=checked_verdict(answer["verdict"]),
+        run=_text(inputs.run),
+        shots=inputs.shots,
+        verdict=result.verdict,
         offsets=offsets,
-        without_prior=alone if answer["fits"]["likelihood"]["converged"] else None,
-        sensitivity_mm2=checked_sensitivity(answer["accuracy"].get("sensitivity_mm2"), offsets),
-        made_by=checked_text(inputs["versions"]["zerobeam"]),
+        without_prior=checked_without_prior(without_prior, offsets)
+        if result.fits.likelihood.converged
+        else None,
+        sensitivity_mm2=checked_sensitivity(sensitivity and [list(row) for row in sensitivity], offsets),
+        made_by=_text(inputs.versions["zerobeam"]),
         text=text,
     )
+
+
+def _text(value: str) -> str:
+    """The same text; ValueError where half a surrogate pair was read, which cannot be written."""
+    if "\ufffd" in value:
+        raise ValueError(f"{value!r} is no text")
+    return value
 
 
 def moment(text: str, path: Path | None = None) -> datetime:
     """A date or a time (ISO 8601) as UTC without a zone; one without a zone is taken as UTC."""
     try:
-        found = datetime.fromisoformat(text)
-        return found.astimezone(UTC).replace(tzinfo=None) if found.tzinfo else found
+        time = datetime.fromisoformat(text)
+        return time.astimezone(UTC).replace(tzinfo=None) if time.tzinfo else time
     except (ValueError, OverflowError):
         raise BadInput(
             "the date cannot be read",

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
-from ...words.result_json import geometry_json
+from ...words.result_json import geometry_document
 from .rig import RefusalReason, RefusedPosture
 
 
@@ -261,7 +261,7 @@ def event_json(event: RunEvent) -> dict[str, Any]:
     content |= asdict(event)
     content.pop("person_headline", None)
     if isinstance(event, Ended):
-        content["geometry"] = None if event.geometry is None else geometry_json(event.geometry)
+        content["geometry"] = None if event.geometry is None else geometry_document(event.geometry).to_json()
     if isinstance(event, MeasurementRecorded) and event.seconds is None:
         del content["seconds"]
     return content

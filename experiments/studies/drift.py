@@ -16,8 +16,8 @@ from scipy import stats
 from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
 from ...analysis.drift.smoother import Observation, Series, series_of
 from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.ladder import solve_run
 from ...analysis.repeatability.prior_free import offsets_without_prior
-from ...analysis.solved import solved
 from ...analysis.status import versions
 from ...model.arrays import Matrix, Progress
 from ...model.files.run import read_run
@@ -222,7 +222,7 @@ def _power(size: float, detected: list[bool]) -> Power:
 def _plan() -> tuple[tuple[str, ...], tuple[str, ...], Matrix]:
     """Offsets of the demo's good run with their whole covariance."""
     run = read_run(next(demo.path for demo in demo_runs() if demo.name == "good"))
-    alone = offsets_without_prior(solved(Problem.from_run(run), run.header).solution)
+    alone = offsets_without_prior(solve_run(Problem.from_run(run), run.header))
     assert alone is not None
     return alone.names, alone.units, np.array(alone.covariance)
 

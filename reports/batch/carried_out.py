@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from ...analysis.analyse import Analysis, analyse
+from ...analysis.answer.result import Result
 from ...analysis.estimation.fit import LikelihoodFit, fits_of
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.result import Result
 from ...analysis.solution import require_noise_data
 from ...analysis.status import versions
 from ...experiments.batch import (

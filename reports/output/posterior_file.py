@@ -20,8 +20,8 @@ from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 
+from ...analysis.answer.result import Result
 from ...analysis.posterior.posterior import Draws
-from ...analysis.result import Result
 from ...words.wording import clipped, shown
 
 # Longest name that netCDF allows is 256 bytes; names beyond this are clipped, `long_name` has them whole.

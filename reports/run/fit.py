@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ...analysis.answer.findings import HeldOutMisfit
+from ...analysis.answer.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
-from ...analysis.findings import HeldOutMisfit
 from ...analysis.misfit import LACK_OF_FIT, LackOfFit
 from ...analysis.posterior.intervals import Intervals
-from ...analysis.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.findings import hold_out_message, likelihood_message

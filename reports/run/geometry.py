@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...analysis.answer.result import Result
 from ...analysis.observability.geometry import Rung
-from ...analysis.result import Result
 from ...words import numbers
 from ...words.geometry import (
     RUNGS,
@@ -27,7 +27,7 @@ from .parameters import NO_NUMBER, reasons
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...analysis.result import Result
+    from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
 LADDER = "ladder"

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from ...analysis.result import Inputs, Result
+from ...analysis.answer.result import Inputs, Result
 from ...words.provenance import (
     DATE,
     INSTRUMENTS,

@@ -8,9 +8,9 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from ...analysis.answer.result import Result
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
-from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ...analysis.status import Status
 from ...model.likelihood.parameters import Group
@@ -49,7 +49,7 @@ from ..style.typeface import in_font
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...analysis.result import Result
+    from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"

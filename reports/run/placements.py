@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
 from ...analysis.misfit import LACK_OF_FIT
 from ...analysis.recordings.recordings import Effective
 from ...analysis.recordings.steps import RecordingStep, RecordingSteps
-from ...analysis.result import Result
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...analysis.answer.result import Result
 from ...analysis.posterior.posterior import Draws
-from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ...model.arrays import Matrix
 from ...words import numbers

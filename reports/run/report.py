@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...analysis.result import RESULT_SCHEMA, Result
 from ...words.findings import finding_sentence, headline
 from ...words.next_steps import next_steps
 from ...words.result_json import dumps, to_json

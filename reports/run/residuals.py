@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.influence import ShotResult
-from ...analysis.result import Result
 from ...words import numbers
 from ...words.wording import clipped, shown
 from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.scene import RunScene, SceneTarget
-from ...analysis.result import Result
 from ...model.arrays import Matrix
 from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed

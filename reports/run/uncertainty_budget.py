@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.budget import Budget, BudgetRow
-from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.wording import label, listed

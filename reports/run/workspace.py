@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, LevelMap, Map, Region
-from ...analysis.result import Result
 from ...words import numbers
 from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...analysis.result import LikelihoodSummary, Result
+from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset

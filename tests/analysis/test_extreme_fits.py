@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from command_line import zerobeam
 
-from zerobeam.analysis import solved
+from zerobeam.analysis import ladder
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
@@ -63,7 +63,7 @@ def test_correlated_measurements_may_count_for_too_few(
     """The variance of the noise factor was 1 over no degree of freedom."""
     noise = json.loads(GOOD.read_text().splitlines()[0])["noise"] | {"scale": "estimated"}
     run = read_run(changed(tmp_path / "run.jsonl", noise=noise))
-    real = solved.effective
+    real = ladder.effective
 
     def fewer(*arguments: Any) -> Any:
         found = real(*arguments)
@@ -74,10 +74,10 @@ def test_correlated_measurements_may_count_for_too_few(
 
         return Fewer()
 
-    monkeypatch.setattr(solved, "effective", fewer)
+    monkeypatch.setattr(ladder, "effective", fewer)
     problem = Problem.from_run(run)
     if dof:
-        assert solved.solved(problem, run.header).solution.dof == dof
+        assert ladder.solve_run(problem, run.header).dof == dof
     else:
         with pytest.raises(BadInput, match="noise scale cannot be estimated"):
-            solved.solved(problem, run.header)
+            ladder.solve_run(problem, run.header)

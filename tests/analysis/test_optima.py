@@ -9,11 +9,10 @@ import pytest
 from cells import TABLE_2, good_plan, simulated_problem
 from example_results import analysed
 
+from zerobeam.analysis.answer.findings import OtherBasins
 from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
-from zerobeam.analysis.findings import OtherBasins
 from zerobeam.analysis.observability.causes import LocalOptima
-from zerobeam.analysis.optima import EQUALLY_GOOD, undecided_names
-from zerobeam.analysis.solution import judge
+from zerobeam.analysis.solution import EQUALLY_GOOD, judge, undecided_names
 from zerobeam.model.arrays import Matrix
 from zerobeam.words.findings import finding_sentence
 from zerobeam.words.observability import direction_kind, reason, remedy
@@ -83,13 +82,13 @@ def test_only_what_differs_is_lost(good: LikelihoodFit) -> None:
     alone = judge(good)
     found = judge(with_other(good, along(good, "delta3", 5.0), below=EQUALLY_GOOD - 0.1))
     assert found["delta3"].status == "unidentifiable"
-    assert undecided_names(found.identified.facts.null_space) == ("delta3",)
+    assert undecided_names(found.null_space) == ("delta3",)
     for row in found:
         if row.name != "delta3":
             assert row == alone[row.name]
     rest = [name for name in alone.covariance.names if name != "delta3"]
     np.testing.assert_array_equal(found.covariance.matrix, alone.covariance.select(rest).matrix)
-    (direction,) = (own for own in found.identified.facts.null_space if own.kind == "optima")
+    (direction,) = (own for own in found.null_space if own.kind == "optima")
     assert direction.combination == {"delta3": 1.0}
     assert "another" in direction_kind(direction)
 
@@ -116,7 +115,7 @@ def test_of_several_optima_each_takes_its_own(good: LikelihoodFit) -> None:
         Optimum(good.z + along(good, name, -8.0) * good.std, good.std, 0.5) for name in ("delta2", "delta4")
     )
     found = judge(replace(good, others=others))
-    assert undecided_names(found.identified.facts.null_space) == ("delta2", "delta4")
+    assert undecided_names(found.null_space) == ("delta2", "delta4")
     for name in ("delta2", "delta4"):
         cause = found[name].cause
         assert isinstance(cause, LocalOptima)

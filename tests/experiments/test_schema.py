@@ -35,12 +35,15 @@ def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
 def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
         *("run-header", "run-shot", "plan", "header", "robot", "obstacles", "cell"),
-        *("sensors", "psd-calibration", "study-file", "compare", "batch", "history"),
+        *("sensors", "psd-calibration", "study-file", "result", "check", "compare", "batch"),
+        "history",
     ) == SCHEMA_NAMES
     for name, schema in (
         ("run-header", "zerobeam/run/1"),
         ("plan", "zerobeam/plan/1"),
         ("robot", "zerobeam/robot/1"),
+        ("result", "zerobeam/result/1"),
+        ("check", "zerobeam/check/1"),
         ("compare", "zerobeam/compare/1"),
         ("batch", "zerobeam/batch/1"),
         ("history", "zerobeam/history/1"),

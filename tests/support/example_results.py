@@ -15,10 +15,10 @@ from cells import OPEN_LASER, TABLE_2, good_plan, header, irb1600, plan_of, simu
 from made_once import made_once
 
 from zerobeam.analysis.analyse import Analysis, analyse
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.causes import NullDirection, TargetUnseen
 from zerobeam.analysis.posterior import sampler
 from zerobeam.analysis.posterior.posterior import Draws
-from zerobeam.analysis.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.files.header import StatedDistance, StatedGeometry, StatedTarget

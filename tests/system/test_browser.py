@@ -14,7 +14,7 @@ from command_line import zerobeam
 from example_results import EXAMPLES, drawn
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page

@@ -24,9 +24,9 @@ from command_line import WIDTH, plan_file, zerobeam
 from recordings import DINOVA_1, PANDA_1, imported, places
 from rich.console import Console
 
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.analysis.posterior.posterior import Draws
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.experiments.demos import demo_runs

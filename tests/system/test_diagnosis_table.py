@@ -14,9 +14,9 @@ import pytest
 from corruptions import CORRUPTIONS, Corruption
 
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
-from zerobeam.analysis.result import Result
 from zerobeam.commands.console import EXIT_STATUS
 from zerobeam.words.findings import headline
 from zerobeam.words.misfit import explanation_sentence

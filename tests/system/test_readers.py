@@ -14,6 +14,7 @@ from export_runs import ARM, TURNING
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+from small_results import small_result
 
 from zerobeam.analysis.repeatability.repeats import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
@@ -46,15 +47,9 @@ SENSORS = {
     for block in blocks(read("docs/sensors.md"))
     if block.text.startswith("schema:")
 }
-RESULT = {
-    "schema": "zerobeam/result/1",
-    "parameters": [
-        {"name": "delta2", "group": "offset", "held": False, "status": "identified", "unit": "deg"}
-        | {"estimate": 1.0, "std": 0.1, "data_std": 0.1}
-    ],
-    "fits": {"likelihood": {"noise_scale": 1.0, "p_value": 0.5, "dof": 3, "converged": True, "reason": ""}},
-    "inputs": {"header": {}, "sha256": "0", "robot": "arm", "shots": 3},
-}
+RESULT = small_result(
+    [{"name": "delta2", "status": "identified", "estimate": 1.0, "std": 0.1, "data_std": 0.1}]
+)
 # The content of a whole file, and what reads it.
 VALUES: dict[str, tuple[str, Reader]] = {
     "header": (FILES["header.yaml"], read_header),

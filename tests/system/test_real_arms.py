@@ -16,15 +16,15 @@ import pytest
 from halves import HalfAgainstHalf, half_against_half, rms, splits
 from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, recorded
 
+from zerobeam.analysis.answer.findings import moved_target
 from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, hold_out, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
-from zerobeam.analysis.findings import moved_target
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.placements import placements
 from zerobeam.analysis.posterior.intervals import _profile_width
 from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
-from zerobeam.analysis.solved import solved
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import StatedGeometry, StatedNoise
 from zerobeam.model.files.run import Run, read_run
@@ -69,7 +69,7 @@ def answer(
     problem = Problem.from_run(own)
     if without:
         problem = problem.without_targets(without)
-    found = solved(problem, own.header).solution
+    found = solve_run(problem, own.header)
     if once:
         plain = found.problem.weighted(1 / found.problem.weights)
         return judge(fit_from(plain, found.fit.x))
@@ -137,7 +137,7 @@ def test_a_slipped_recording_does_not_speak_for_all(kuka: Solution) -> None:
     assert found.rho is not None
     assert found.rho < 0.35
     # The socket moved by 0.7 mm before measurement 166.
-    named = {(row.target, row.last_shot) for row in steps(kuka, kuka.link_columns).rows}
+    named = {(row.target, row.last_shot) for row in steps(kuka.fit, kuka.link_columns).rows}
     assert ("raised_left_1", 165) in named
 
 
@@ -236,7 +236,7 @@ def test_panda_2_with_its_geometry(run: Runs) -> None:
     assert row.std > 0.04
     assert row.tolerance_share is not None
     assert row.tolerance_share > 0.9
-    named = {row.target: (row.first_shot, row.last_shot) for row in steps(found).rows}
+    named = {row.target: (row.first_shot, row.last_shot) for row in steps(found.fit).rows}
     first, last = named["high_0"]
     assert abs(first - 318) <= 1
     assert abs(last - 325) <= 1

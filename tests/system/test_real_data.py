@@ -18,14 +18,14 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, recorded
 
 from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.answer.findings import moved_target, on_held_out
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.displacement import displacement
 from zerobeam.analysis.diagnostics.hold_out import fits_without, hold_out, jackknife, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.findings import moved_target, on_held_out
 from zerobeam.analysis.misfit import PlacementsDisagree
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.analysis.recordings.steps import steps
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
@@ -318,7 +318,7 @@ def test_the_steps_that_were_found_by_hand(shared_data: Path) -> None:
     for arm, target, first, last in ((PANDA_2, "high_0", 9, 16),):
         _, run = recorded(shared_data, arm)
         found = solve(Problem.from_run(read_run(run)), starts=0)
-        (step,) = (row for row in steps(found, found.link_columns).rows if row.target == target)
+        (step,) = (row for row in steps(found.fit, found.link_columns).rows if row.target == target)
         start = found.problem.targets.index(target)
         at = int(np.argmax(found.problem.target_index == start))
         assert step.first_shot - at == first

@@ -70,9 +70,9 @@ def test_the_contracts_of_the_rooms_catch_what_they_are_for(tmp_path: Path) -> N
         (house / module).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / module, house / module)
     bad = {
-        "model/bad1.py": "from ..analysis.result import Result",
+        "model/bad1.py": "from ..analysis.answer.result import Result",
         "model/bad2.py": "from .. import analyse",
-        "model/files/bad3.py": "from ...analysis import result",
+        "model/files/bad3.py": "from ...analysis.answer import result",
         "model/files/bad4.py": "from . import bad5",
         "model/files/bad5.py": "from .bad4 import other",
         "analysis/bad6.py": "def late():\n    from ..experiments.rigs import rig",

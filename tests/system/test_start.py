@@ -44,7 +44,9 @@ def test_check_loads_no_statistics_no_sampler_and_no_figures(tmp_path: Path) -> 
         "typst",
         "rich.progress",
     }
-    assert names & {*unused, "zerobeam.analysis.result", "zerobeam.analysis.posterior.sampler"} == set()
+    assert (
+        names & {*unused, "zerobeam.analysis.answer.result", "zerobeam.analysis.posterior.sampler"} == set()
+    )
 
 
 def test_analyse_loads_what_it_computes_with_and_no_figures() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from ....analysis.answer.document import ReadResult
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
@@ -15,7 +16,7 @@ from ....reports.run.inputs import origin_of
 from ....words.wording import clipped
 from ..folder import Folder
 from ..requests import EndPoint
-from .results import Kept, ResultFile, read_result, sha256_of
+from .results import Kept, read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
 MOST_RESULTS = 300
@@ -119,7 +120,7 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
     return result.inputs.sha256, BriefResult(file=name, verdict=result.verdict, offsets=offsets)
 
 
-def _listed(path: Path) -> ResultFile:
+def _listed(path: Path) -> ReadResult:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
     return read_result(path)

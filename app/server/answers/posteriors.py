@@ -196,7 +196,7 @@ def brush(folder: Folder, request: AskedBrush) -> Brushed:
 
 def _lengths(run: FittedRun, draws: Draws) -> tuple[Matrix, int]:
     """(draws, N) lengths of the normalised residuals of every k-th draw, and k."""
-    fit = run.solved.solution.fit
+    fit = run.solution.fit
     problem: Problem = fit.problem
     every = max(1, -(-len(draws.values) * problem.shots // MOST_RESIDUALS))
     rows = np.tile(fit.x, (len(draws.values[::every]), 1))

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from ....analysis.estimation.fit import fit_likelihood
 from ....analysis.estimation.tolerance_factors import with_open_factors
+from ....analysis.ladder import solve_run
 from ....analysis.solution import Solution, judge, require_noise_data
-from ....analysis.solved import Solved, solved
 from ....analysis.status import known
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
@@ -21,7 +21,7 @@ from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
 from ....words.findings import solution_headline
 from ....words.misfit import criterion_sentence
-from ....words.result_json import direction_json, parameter_json
+from ....words.result_json import direction_document, parameter_document
 from ..folder import Folder
 from ..requests import EndPoint, Refused
 from .results import Kept
@@ -44,7 +44,7 @@ class FittedRun:
 
     run: Run
     problem: Problem
-    solved: Solved
+    solution: Solution
 
 
 _FITTED = Kept(4)
@@ -68,22 +68,22 @@ def _fitted(path: Path) -> FittedRun:
     problem = Problem.from_run(run)
     require_noise_data(problem)
     with threadpool_limits(limits=1, user_api="blas"):
-        return FittedRun(run, problem, solved(problem, run.header))
+        return FittedRun(run, problem, solve_run(problem, run.header))
 
 
-def refit(folder: Folder, wanted: AskedRefit) -> dict[str, Any]:
+def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
     """The answer `without` some measurements: verdict, headline, offsets (as in result.json, with `before`:
     their rows by all measurements), null-space directions, misfit; `lost` are the parameters that are
     unidentifiable without them, and were not."""
-    own = fitted(folder.file(wanted.run))
-    whole = own.solved.solution
+    fitted_run = fitted(folder.file(request.run))
+    whole = fitted_run.solution
     solution = whole
-    if wanted.without:
+    if request.without:
         with threadpool_limits(limits=1, user_api="blas"):
-            solution = _without(own, wanted.without)
+            solution = _without(fitted_run, request.without)
     before = {row.name: row for row in whole.parameters}
     offsets = [
-        parameter_json(row) | {"before": parameter_json(before[row.name])}
+        parameter_document(row).to_json() | {"before": parameter_document(before[row.name]).to_json()}
         for row in solution.parameters
         if row.group in ("offset", "tool")
     ]
@@ -93,25 +93,25 @@ def refit(folder: Folder, wanted: AskedRefit) -> dict[str, Any]:
         if row.status == "unidentifiable" and known(before[row.name].status)
     ]
     return {
-        "without": sorted(set(wanted.without)),
+        "without": sorted(set(request.without)),
         "measurements": solution.problem.shots,
-        "of": own.problem.shots,
+        "of": fitted_run.problem.shots,
         "verdict": solution.verdict,
         "verdict_before": whole.verdict,
         "headline": solution_headline(solution),
         "parameters": offsets,
         "lost": lost,
-        "null_space": [direction_json(one) for one in solution.identified.facts.null_space],
+        "null_space": [direction_document(one).to_json() for one in solution.null_space],
         "misfit": []
         if solution.misfit is None
         else [criterion_sentence(one) for one in solution.misfit.criteria],
     }
 
 
-def _without(own: FittedRun, without: tuple[int, ...]) -> Solution:
-    numbers = np.array(own.problem.shot_numbers)
+def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
+    numbers = np.array(fitted_run.problem.shot_numbers)
     for k, number in enumerate(without):
-        if number not in own.problem.shot_numbers:
+        if number not in fitted_run.problem.shot_numbers:
             error = Refused("the run has no measurement of this number", found=number)
             error.key = ("without", k)
             raise error
@@ -123,23 +123,23 @@ def _without(own: FittedRun, without: tuple[int, ...]) -> Solution:
             allowed="at least 2",
             remedy="leave out fewer",
         )
-    if own.run.header.geometry is None:
-        seen = _selected(own.problem, left)
-        require_noise_data(seen)
-        return solved(seen, own.run.header).solution
+    if fitted_run.run.header.geometry is None:
+        selected = _selected(fitted_run.problem, left)
+        require_noise_data(selected)
+        return solve_run(selected, fitted_run.run.header)
     # To climb the ladder again takes seconds: it is the model that all measurements chose, and their weights.
-    seen = _selected(own.solved.solution.problem, left)
-    require_noise_data(seen)
-    fit, factors = fit_likelihood(seen), own.solved.factors
+    selected = _selected(fitted_run.solution.problem, left)
+    require_noise_data(selected)
+    fit, factors = fit_likelihood(selected), fitted_run.solution.factors
     return judge(fit if factors is None else with_open_factors(fit, factors))
 
 
 def _selected(problem: Problem, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Problem:
     """The problem with some of its measurements; a target that has none left goes with them."""
-    seen = problem.select(rows)
-    kept = {seen.targets[k] for k in seen.target_index.tolist()}
-    gone = set(seen.targets) - kept
-    return seen.without_targets(gone) if gone else seen
+    selected = problem.select(rows)
+    kept = {selected.targets[k] for k in selected.target_index.tolist()}
+    gone = set(selected.targets) - kept
+    return selected.without_targets(gone) if gone else selected
 
 
 END_POINTS = [

@@ -8,13 +8,12 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
-
-from ....analysis.result import RESULT_SCHEMA
+from ....analysis.answer.document import ReadResult, from_json
+from ....analysis.answer.result import RESULT_SCHEMA
 from ....model.errors import BadInput
-from ....model.files.reading import parse_json, read_text, shown
+from ....model.files.reading import parse_json, read_text
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
@@ -25,103 +24,12 @@ MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
 MOST_HASHED = 16 * 10**6  # bytes of a run file that is looked for by its SHA-256
 _MOST_KEPT = 2000
 _MOST_FIGURES = 200
+_SHOWN = {
+    *("name", "unit", "group", "status", "held", "estimate", "std", "interval95", "prior_std", "reason")
+}
+_SHOWN_OF_A_SHOT = ("shot", "target", "whitened", "leave_one_out", "cooks")
 
 Value = TypeVar("Value")
-
-
-class _Read(BaseModel):
-    """Part of a result: types are held to, keys that the page does not need are left out."""
-
-    model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False)
-
-
-class _Parameter(_Read):
-    name: str
-    unit: str
-    group: str
-    status: Literal["identified", "weak", "unvalidated", "unidentifiable", "held"]
-    held: bool
-    estimate: float | None
-    std: float | None
-    interval95: list[float] | None
-    prior_std: float
-    reason: str | None
-
-    @model_validator(mode="after")
-    def _nothing_unknown_has_a_number(self) -> _Parameter:
-        if self.status == "unidentifiable" and (self.estimate is not None or self.std is not None):
-            raise ValueError(f"{self.name} is unidentifiable, yet it has a number")
-        return self
-
-
-class _Measurement(_Read):
-    shot: int
-    target: str
-    whitened: float
-    leave_one_out: float | None
-    cooks: float | None
-
-
-class _Criterion(_Read):
-    sentence: str
-
-
-class _Misfit(_Read):
-    criteria: list[_Criterion]
-
-
-class _Posterior(_Read):
-    converged: bool
-    message: str | None
-
-
-class _Entry(_Read):
-    name: str
-    value: str
-    expanded_u: str
-
-
-class _Step(_Read):
-    text: str
-    commands: list[str]
-
-
-class _NextSteps(_Read):
-    enter: list[_Entry]
-    steps: list[_Step]
-
-
-class _Inputs(_Read):
-    run: str
-    sha256: str
-    robot: str
-    shots: int
-    targets: list[str]
-    versions: dict[str, str]
-    header: dict[str, Any]
-
-
-class ResultFile(_Read):
-    """What the page needs of a `zerobeam/result/1`; results of earlier versions lack `next_steps`."""
-
-    verdict: Literal["pass", "weak", "degenerate", "misfit"]
-    headline: str
-    parameters: list[_Parameter]
-    posterior: _Posterior
-    shots: list[_Measurement]
-    misfit: _Misfit | None = None
-    diagnosis: list[_Criterion] = []
-    notes: list[str]
-    next_steps: _NextSteps | None = None
-    inputs: _Inputs
-
-    @model_validator(mode="after")
-    def _nothing_doubtful_is_entered(self) -> ResultFile:
-        if self.verdict != "pass" and self.next_steps is not None and self.next_steps.enter:
-            raise ValueError(f"the verdict is {self.verdict}, yet there are values to enter")
-        if (self.verdict == "misfit") != (self.misfit is not None):
-            raise ValueError(f"the verdict is {self.verdict}, and `misfit` says otherwise")
-        return self
 
 
 class Kept:
@@ -141,36 +49,30 @@ class Kept:
             while len(self._made) > self._most:
                 self._made.popitem(last=False)
         self._made.move_to_end(key)
-        found: Value = self._made[key]
-        return found
+        value: Value = self._made[key]
+        return value
 
 
 _RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
 
 
-def read_result(path: Path) -> ResultFile:
+def read_result(path: Path) -> ReadResult:
     """A result file; BadInput where it is none, not whole, too large, or contradicts itself."""
     return _RESULTS.of(path, _read)
 
 
-def _read(path: Path) -> ResultFile:
+def _read(path: Path) -> ReadResult:
     text, _ = read_text(path, LARGEST_RESULT)
     try:
-        answer = parse_json(text, file=path, line=1)
-        schema = answer.get("schema") if isinstance(answer, dict) else None
-        if schema != RESULT_SCHEMA:
-            raise ValueError(f"schema {shown(schema)}")
-        return ResultFile.model_validate(answer)
-    except ValidationError as error:
-        first = error.errors()[0]
-        found = f"{'.'.join(map(str, first['loc']))}: {first['msg']}".removeprefix(": ")
+        parse_json(text, file=path, line=1)  # refuses duplicate keys and NaN
+        return from_json(text)
     except (json.JSONDecodeError, RecursionError) as error:
-        found = f"the file is no JSON, or cut off: {error}"
+        message = f"the file is no JSON, or cut off: {error}"
     except ValueError as error:
-        found = str(error)
+        message = str(error)
     raise BadInput(
         "this is not a whole result of zerobeam",
-        found=found[:300],
+        found=message[:300],
         allowed=f"a result.json of schema {RESULT_SCHEMA}",
         remedy="make it again with zerobeam report",
         file=path,
@@ -180,38 +82,41 @@ def _read(path: Path) -> ResultFile:
 def result(folder: Folder, name: str) -> dict[str, Any]:
     """What a result says, the `files` of its report, and the `run` of the folder that it was made of."""
     path = folder.file(name)
-    found = read_result(path)
+    content = read_result(path)
     beside = report_files(path)
-    run = run_of(folder, found.inputs.sha256, path)
-    drawn = [own for own in found.parameters if own.group in ("offset", "tool", "noise")]
-    ranked = sorted(range(len(found.shots)), key=lambda i: -found.shots[i].whitened)[:MOST_MEASUREMENTS]
-    inputs = found.inputs
+    inputs = content.inputs
+    run = run_of(folder, inputs.sha256, path)
+    ranked = sorted(range(len(content.shots)), key=lambda i: -content.shots[i].whitened)[:MOST_MEASUREMENTS]
     return {
         "file": folder.called(path),
         "run": None if run is None else folder.called(run),
         "report": _called(folder, path.with_name("report.html"), beside),
         "posterior_file": _called(folder, path.with_name("posterior.nc"), beside),
-        "files": [{"path": folder.called(own), "bytes": own.stat().st_size} for own in beside],
-        **found.model_dump(include={"verdict", "headline", "notes", "next_steps", "posterior"}),
-        "misfit": [] if found.misfit is None else [own.sentence for own in found.misfit.criteria],
-        "diagnosis": [own.sentence for own in found.diagnosis],
-        "parameters": [own.model_dump() for own in drawn],
-        "shots": [found.shots[i].model_dump() for i in sorted(ranked)],
-        "inputs": inputs.model_dump(include={"run", "sha256", "robot", "shots", "targets"})
+        "files": [{"path": folder.called(file), "bytes": file.stat().st_size} for file in beside],
+        **content.model_dump(include={"verdict", "headline", "notes", "next_steps", "posterior"}),
+        "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
+        "diagnosis": [row.sentence for row in content.diagnosis],
+        "parameters": [
+            row.model_dump(include=_SHOWN)
+            for row in content.parameters
+            if row.group in ("offset", "tool", "noise")
+        ],
+        "shots": [{key: getattr(content.shots[i], key) for key in _SHOWN_OF_A_SHOT} for i in sorted(ranked)],
+        "inputs": {key: getattr(inputs, key) for key in ("run", "sha256", "robot", "shots", "targets")}
         | {"version": inputs.versions.get("zerobeam"), **origin_of(inputs.header)},
     }
 
 
 def report_files(result_file: Path) -> list[Path]:
     """The files of the report that a result belongs to: by the names that a report has, and no others."""
-    found = []
+    files = []
     for name in sorted(REPORT_NAMES):
         path = result_file.with_name(name)
         if path.is_symlink():
             continue
         inner = sorted(islice(path.iterdir(), _MOST_FIGURES)) if path.is_dir() else [path]
-        found += [own for own in inner if own.is_file() and not own.is_symlink()]
-    return found if result_file.name in REPORT_NAMES else [result_file]
+        files += [file for file in inner if file.is_file() and not file.is_symlink()]
+    return files if result_file.name in REPORT_NAMES else [result_file]
 
 
 def _called(folder: Folder, path: Path, beside: list[Path]) -> str | None:
@@ -220,7 +125,7 @@ def _called(folder: Folder, path: Path, beside: list[Path]) -> str | None:
 
 def run_of(folder: Folder, sha256: str, near: Path) -> Path | None:
     """The run file of the folder that has this SHA-256, the nearest first; None where there is none."""
-    for path in sorted(_runs(folder), key=lambda own: -len(_shared(own, near))):
+    for path in sorted(_runs(folder), key=lambda run: -len(_shared(run, near))):
         if sha256_of(path) == sha256:
             return path
     return None

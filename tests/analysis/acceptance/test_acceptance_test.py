@@ -13,7 +13,7 @@ from zerobeam.analysis.acceptance.acceptance_test import (
     accept,
     choose,
 )
-from zerobeam.analysis.solved import solved
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
@@ -25,7 +25,7 @@ ENTERED = tuple(f"delta{j}" for j in range(2, 7))
 @cache
 def calibrated():
     run = read_run(demo_runs()[0].path)
-    return run, solved(Problem.from_run(run), run.header).solution
+    return run, solve_run(Problem.from_run(run), run.header)
 
 
 def prediction(rows=None, error=None, seed=0, errors=1.0):

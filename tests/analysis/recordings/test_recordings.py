@@ -201,11 +201,11 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
     e = errors(np.random.default_rng(6), 0.3)
     e[26:33] -= recordings(solution.fit).every[1].by_target[6:13] @ np.array([0.7, -0.6, 0.4])
     own = of_errors(solution, e)
-    plain, (step,) = effective(own.fit), steps(own).rows
+    plain, (step,) = effective(own.fit), steps(own.fit).rows
     monkeypatch.setattr("zerobeam.analysis.recordings.recordings.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps._NUMBERS", 60 * 70)
-    long, (again,) = effective(own.fit), steps(own).rows
+    long, (again,) = effective(own.fit), steps(own.fit).rows
     assert long.rho == pytest.approx(plain.rho, abs=1e-9)
     assert long.p_value == pytest.approx(plain.p_value, rel=1.0)
     assert (again.first_shot, again.last_shot) == (step.first_shot, step.last_shot) == (26, 32)
@@ -233,7 +233,7 @@ def test_a_planted_step_is_found(solution: Solution, first: int, end: int) -> No
     shift = np.array([0.7, -0.6, 0.4])
     by_target = recordings(solution.fit).every[1].by_target
     e[first:end] -= by_target[first - EACH : end - EACH] @ shift
-    (step,) = steps(of_errors(solution, e)).rows
+    (step,) = steps(of_errors(solution, e).fit).rows
     assert step.target == solution.problem.targets[1]
     assert (step.first_shot, step.last_shot) == (first, end - 1)
     assert step.shift_mm == pytest.approx(shift, abs=0.3)

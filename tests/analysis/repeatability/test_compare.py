@@ -13,9 +13,10 @@ import pytest
 from cells import LASER, TABLE_2, good_plan, pattern_plan, run_of, simulated
 from repeated_runs import COVARIANCE, drawn, repeat, repeats, run_files, table_file
 from scipy import stats
+from small_results import small_result
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.holm import holm
+from zerobeam.analysis.misfit import holm
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
 from zerobeam.analysis.repeatability.compare import compared as compared_runs
 from zerobeam.analysis.repeatability.compare import sample_of
@@ -427,20 +428,13 @@ def test_a_run_without_a_fit_has_no_part() -> None:
 
 def result_file(folder: Path, name: str, values: np.ndarray, **changes: Any) -> Path:
     """As much of a result.json as `compare` reads; `changes` are of its first offset."""
-    rows: list[Json] = [{"name": "delta1", "unit": "deg", "group": "offset", "held": True, "status": "held"}]
+    rows: list[Json] = [{"name": "delta1", "held": True, "status": "held", "estimate": 0.0}]
     for k, value in enumerate(values):
+        row = {"name": f"delta{k + 2}", "status": "identified", "estimate": float(value)}
         std = float(np.sqrt(COVARIANCE[k, k]))
-        row = {"name": f"delta{k + 2}", "unit": "deg", "group": "offset", "held": False}
-        rows.append({**row, "status": "identified", "estimate": float(value), "std": std, "data_std": std})
+        rows.append({**row, "std": std, "data_std": std})
     rows[1] |= changes
-    inputs = {"sha256": name, "robot": "arm", "shots": 7, "header": {"noise": {}, "provenance": {}}}
-    fit = {"converged": True, "reason": "", "noise_scale": None, "dof": 5, "p_value": 0.5}
-    answer = {
-        "schema": "zerobeam/result/1",
-        "parameters": rows,
-        "fits": {"likelihood": fit},
-        "inputs": inputs,
-    }
+    answer = small_result(rows, sha256=name)
     path = folder / f"{name}.json"
     path.write_text(json.dumps(answer))
     return path

@@ -12,7 +12,7 @@ import pytest
 from export_runs import HOSTILE, arm_run, urdf_file
 from geometry_runs import geometry_run, on
 
-from zerobeam.analysis.solved import solved
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.exporters.calibration import Calibration, calibration
 from zerobeam.experiments.exporters.corrected import Holds
 from zerobeam.experiments.exporters.offsets_data import csv_text, json_text
@@ -84,7 +84,7 @@ def test_the_same_run_on_the_exported_robot_has_nothing_left(
     path = tmp_path / "corrected.yaml"
     path.write_text(robot_text(run, answer), encoding="utf-8")
     again = on(run, load_robot(path))
-    solution = solved(Problem.from_run(again), run.header).solution
+    solution = solve_run(Problem.from_run(again), run.header)
     first = {own.row.name: own.row for own in (*answer.offsets, *answer.geometry)}
     compared = 0
     for row in solution.parameters:

@@ -17,7 +17,7 @@ from certificates import a_key, kept, no_passphrase, only
 from histories import a_result, postgresql
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.signing import (
     fingerprint,

@@ -21,7 +21,7 @@ from example_results import (
 )
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.words.result_json import dumps, to_json

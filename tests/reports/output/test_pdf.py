@@ -17,7 +17,7 @@ from example_results import (
 )
 from study_text import cells, text_of
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.report import report_page
 

@@ -10,8 +10,8 @@ import pytest
 import xarray
 from example_results import draws, good, hostile, unconverged, x_pattern
 
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.posterior.posterior import Draws
-from zerobeam.analysis.result import Result
 from zerobeam.reports.output.posterior_file import write_posterior
 
 

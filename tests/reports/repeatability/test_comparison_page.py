@@ -19,7 +19,7 @@ from pages import Page, assert_fetches_nothing
 from repeated_runs import drawn, repeat, repeats, table_file
 from rich.console import Console
 
-from zerobeam.analysis.findings import FileWarning
+from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.repeatability.compare import Comparison, compare, compared
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD

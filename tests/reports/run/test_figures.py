@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, unconverged, x_pattern
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.run.parameters import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture

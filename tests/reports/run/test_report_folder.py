@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from example_results import draws, good, hostile, unconverged, x_pattern
 
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.posterior.posterior import Draws
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder

@@ -24,11 +24,11 @@ from example_results import (
 )
 from study_text import texts_of
 
+from zerobeam.analysis.answer.findings import HeldOutMisfit
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.outliers import RobustParameter
-from zerobeam.analysis.findings import HeldOutMisfit
 from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.intervals import Intervals
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Paragraph, Section, Table

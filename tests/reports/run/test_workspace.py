@@ -13,8 +13,8 @@ from made_fit import by_hand
 from numpy import diag, radians
 from study_text import texts_of
 
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.workspace import class_of, workspace_picture, workspace_section
 from zerobeam.reports.style.blocks import Paragraph, Section, Table

@@ -14,10 +14,10 @@ from golden_files import assert_golden, without_draws
 from rich.console import Console
 from run_events import event_of
 
-from zerobeam.analysis.findings import FileWarning
+from zerobeam.analysis.answer.findings import FileWarning
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import OutsideLimits, check
 from zerobeam.analysis.observability.outlook import Advice, OverTarget
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.terminal.answers import print_carried, print_result, print_side_by_side

@@ -9,22 +9,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from .covariance import OffsetsWithoutPrior
-from .diagnostics.accuracy import Accuracy
-from .diagnostics.budget import Budget
-from .diagnostics.diagnosis import Explanation
-from .diagnostics.hold_out import HoldOut, PlacementResult
-from .diagnostics.influence import ShotResult
-from .diagnostics.outliers import Robust
-from .diagnostics.scene import RunScene
+from ..covariance import OffsetsWithoutPrior
+from ..diagnostics.accuracy import Accuracy
+from ..diagnostics.budget import Budget
+from ..diagnostics.diagnosis import Explanation
+from ..diagnostics.hold_out import HoldOut, PlacementResult
+from ..diagnostics.influence import ShotResult
+from ..diagnostics.outliers import Robust
+from ..diagnostics.scene import RunScene
+from ..misfit import Misfit
+from ..observability.geometry import GeometryResult
+from ..observability.identifiability import Identifiability
+from ..posterior.intervals import Intervals
+from ..posterior.posterior import PosteriorSummary
+from ..solution import ParameterTable
+from ..status import UnsoundResult, Verdict, as_grave, known, verdict_of
 from .findings import Finding
-from .misfit import Misfit
-from .observability.geometry import GeometryResult
-from .observability.identifiability import Identifiability
-from .posterior.intervals import Intervals
-from .posterior.posterior import PosteriorSummary
-from .solution import ParameterTable
-from .status import UnsoundResult, Verdict, as_grave, known, verdict_of
 
 RESULT_SCHEMA = "zerobeam/result/1"
 
@@ -104,6 +104,11 @@ class Inputs:
     def calibrated(self) -> bool:
         """Whether the tool was taken as known."""
         return bool(self._of("tool").get("calibrated", True))
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise was taken as known, and not estimated."""
+        return self._of("noise").get("scale", "known") == "known"
 
     @property
     def provenance(self) -> dict[str, object]:

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from .diagnostics.displacement import Displacement, displacement
-from .diagnostics.hold_out import HoldOut
-from .diagnostics.influence import ShotResult
-from .diagnostics.outliers import OUTLYING, Robust
-from .misfit import LACK_OF_FIT, Criterion
-from .optima import undecided_names
-from .posterior.posterior import PosteriorSummary
-from .recordings.steps import RecordingSteps
-from .solution import Solution
+from ..diagnostics.displacement import Displacement, displacement
+from ..diagnostics.hold_out import HoldOut
+from ..diagnostics.influence import ShotResult
+from ..diagnostics.outliers import OUTLYING, Robust
+from ..misfit import LACK_OF_FIT, Criterion
+from ..posterior.posterior import PosteriorSummary
+from ..recordings.steps import RecordingSteps
+from ..solution import Solution, undecided_names
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
     if solution.misfit is not None:
         yield from solution.misfit.criteria
     if solution.fit.other_basins:
-        undecided = undecided_names(solution.identified.facts.null_space)
+        undecided = undecided_names(solution.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
 
 
@@ -171,7 +170,7 @@ def _on_shots(solution: Solution, shots: Sequence[ShotResult]) -> Iterator[Findi
     if solution.against_noise.p_value is None:
         return
     whitened = np.array([shot.whitened for shot in shots])
-    chance = scipy.special.chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
-    outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < OUTLYING]
+    p_values = scipy.special.chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
+    outlying = [int(i) for i in np.argsort(-whitened) if p_values[i] < OUTLYING]
     if 0 < len(outlying) <= max(3, len(shots) // 10):
         yield Outlying(tuple(shots[i].shot for i in outlying), robust=False)
