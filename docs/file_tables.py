@@ -1,4 +1,4 @@
-"""The tables of keys in docs/files.md, made of the models that read and write the files.
+"""The tables of keys in the pages, made of the models that read and write the files.
 
 `python docs/file_tables.py` writes them between their marks: `<!-- keys NAME PART … -->` begins the table of
 a schema (`zerobeam schema NAME`), `<!-- end -->` ends it. With parts it has the keys below these alone, with
@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from zerobeam.experiments.schema import json_schema
+from zerobeam.experiments.schema import FILE_SCHEMAS, json_schema
 
-PAGE = Path(__file__).with_name("files.md")
-_MARK = re.compile(r"(<!-- keys ([\w-]+)(?: ([\w.<>]+))? -->\n).*?(<!-- end -->)", re.DOTALL)
+PAGES = [Path(__file__).parent / name for name in ("files.md", "compare.md", "how-to/plant.md")]
+_MARK = re.compile(r"(<!-- keys (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 class Row(NamedTuple):
@@ -27,11 +27,16 @@ class Row(NamedTuple):
     meaning: str
 
 
-def rows(name: str, part: str | None = None) -> Iterator[Row]:
-    """The keys of a schema, or those below its key `part`, in the order of the models."""
+def rows(name: str, *parts: str) -> Iterator[Row]:
+    """The keys of a schema in the order of the models: those below `parts` alone, if there are any, and none
+    below those that begin with a minus."""
     schema = json_schema(name)
+    chosen = [part for part in parts if not part.startswith("-")]
+    without = [f"{part[1:]}." for part in parts if part.startswith("-")]
     for row in _below(schema, schema, ""):
-        if part is None or row.key.startswith(f"{part}."):
+        if chosen and not any(row.key.startswith(f"{part}.") for part in chosen):
+            continue
+        if not any(row.key.startswith(part) for part in without):
             yield row
 
 
@@ -39,8 +44,11 @@ def _below(part: dict[str, Any], whole: dict[str, Any], above: str) -> Iterator[
     required = part.get("required", [])
     for name, content in part.get("properties", {}).items():
         inner = list(_objects(content, whole))
-        default = "required" if name in required else _in_words(content.get("default"), bool(inner))
-        yield Row(f"{above}{name}", default, content.get("description", ""))
+        default = "" if inner else _in_words(content.get("default"))
+        words = [word for word in _words(content, whole) if word not in content.get("description", "")]
+        allowed = f" ({', '.join(f'`{word}`' for word in words)})" if words and not inner else ""
+        meaning = f"{content.get('description', '')}{allowed}".strip().replace("|", "\\|")
+        yield Row(f"{above}{name}", "required" if name in required else default, meaning)
         for joint, model in inner:
             yield from _below(model, whole, f"{above}{name}.{joint}")
 
@@ -60,23 +68,47 @@ def _objects(content: dict[str, Any], whole: dict[str, Any]) -> Iterator[tuple[s
             yield f"<name>.{joint}", model
 
 
-def _in_words(default: object, nested: bool) -> str:
-    if default is None or nested or default in ([], {}):
+def _in_words(default: object) -> str:
+    if default is None or default in ([], {}, ""):
         return ""
-    return f"`{json.dumps(default) if not isinstance(default, str) else default}`"
+    if isinstance(default, float):
+        return f"`{default:g}`"
+    if isinstance(default, list):
+        return f"`[{', '.join(_in_words(part).strip('`') for part in default)}]`"
+    return f"`{default if isinstance(default, str) else json.dumps(default)}`"
 
 
-def table(name: str, part: str | None = None) -> str:
-    """The table of a schema, as Markdown."""
-    lines = ["| key | default | meaning |", "|---|---|---|"]
-    lines += [f"| `{row.key}` | {row.default} | {row.meaning} |" for row in rows(name, part)]
+def _words(content: dict[str, Any], whole: dict[str, Any]) -> list[str]:
+    """The words that a value may be."""
+    if "$ref" in content:
+        content = whole["$defs"][content["$ref"].rpartition("/")[2]]
+    named = content.get("enum", [content["const"]] if "const" in content else [])
+    others = [
+        *content.get("anyOf", ()),
+        *([content["items"]] if isinstance(content.get("items"), dict) else []),
+    ]
+    return [
+        *filter(lambda word: isinstance(word, str), named),
+        *(w for o in others for w in _words(o, whole)),
+    ]
+
+
+def table(name: str, *parts: str) -> str:
+    """The table of a schema, as Markdown; what zerobeam writes has no defaults."""
+    if name not in FILE_SCHEMAS:
+        lines = ["| key | meaning |", "|---|---|"]
+        lines += [f"| `{row.key}` | {row.meaning} |" for row in rows(name, *parts)]
+    else:
+        lines = ["| key | default | meaning |", "|---|---|---|"]
+        lines += [f"| `{row.key}` | {row.default} | {row.meaning} |" for row in rows(name, *parts)]
     return "\n".join(lines) + "\n"
 
 
 def written(page: str) -> str:
     """The page with its tables made anew."""
-    return _MARK.sub(lambda mark: f"{mark[1]}{table(mark[2], mark[3])}{mark[4]}", page)
+    return _MARK.sub(lambda mark: f"{mark[1]}{table(*mark[2].split())}{mark[3]}", page)
 
 
 if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -34,10 +34,10 @@ BATCH_SCHEMA: Literal["zerobeam/batch/1"] = "zerobeam/batch/1"
 class BatchSettings:
     """How all runs of a batch are solved."""
 
-    seed: int
-    ess: float
-    sampling: Sampling
-    report: bool
+    seed: Annotated[int, Field(description="random seed")]
+    ess: Annotated[float, Field(description="effective sample size that is required of the posteriors")]
+    sampling: Annotated[Sampling, Field(description="which posteriors are sampled")]
+    report: Annotated[bool, Field(description="whether each run has its whole report")]
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class BatchOffset:
     name: str
     unit: str
     status: Status
-    estimate: float | None
-    u: float | None
-    interval95: tuple[float, float] | None
+    estimate: Annotated[float | None, Field(description="null where the data do not determine it")]
+    u: Annotated[float | None, Field(description="standard uncertainty")]
+    interval95: Annotated[tuple[float, float] | None, Field(description="95 % interval")]
 
     def __post_init__(self) -> None:
         claims = {"u": self.u, "interval95": self.interval95}
@@ -66,20 +66,29 @@ class BatchRow:
     stated noise (None where it is estimated); `posterior` says what became of it.
     """
 
-    name: str
-    file: str
-    outcome: Outcome
-    message: str
-    sha256: str | None = None
-    robot: str | None = None
-    serial: str | None = None
-    when: str | None = None
-    measurements: int | None = None
-    factor: float | None = None
-    p_value: float | None = None
-    misfit: tuple[str, ...] = ()
-    posterior: str | None = None
-    offsets: tuple[BatchOffset, ...] = ()
+    name: Annotated[str, Field(description="of its folder")]
+    file: Annotated[str, Field(description="path of the run file, relative to the batch")]
+    outcome: Annotated[
+        Outcome,
+        Field(description="the verdict, or `failed`: then `message` says why, and there is nothing else"),
+    ]
+    message: Annotated[str, Field(description="the headline, or why the run failed")]
+    sha256: Annotated[str | None, Field(description="of the run")] = None
+    robot: Annotated[str | None, Field(description="its name")] = None
+    serial: Annotated[str | None, Field(description="its serial number, where the run states it")] = None
+    when: Annotated[str | None, Field(description="date of the run, where it states it")] = None
+    measurements: Annotated[int | None, Field(description="how many")] = None
+    factor: Annotated[float | None, Field(description="root of chi-squared over its degrees of freedom")] = (
+        None
+    )
+    p_value: Annotated[
+        float | None, Field(description="of the residuals by the stated noise; null where that is estimated")
+    ] = None
+    misfit: Annotated[
+        tuple[str, ...], Field(description="criteria by which the model does not describe the measurements")
+    ] = ()
+    posterior: Annotated[str | None, Field(description="what became of it")] = None
+    offsets: Annotated[tuple[BatchOffset, ...], Field(description="rows of its offsets")] = ()
 
     def __post_init__(self) -> None:
         if self.outcome == "failed" and self.offsets:
@@ -100,13 +109,13 @@ class BatchRow:
 class OutlierArm:
     """An identified offset that is so many standard deviations of the other arms of its model off theirs."""
 
-    run: str
+    run: Annotated[str, Field(description="its name in the batch")]
     robot: str
     serial: str | None
     offset: str
     unit: str
-    estimate: float
-    off: float
+    estimate: Annotated[float, Field(description="of the offset")]
+    off: Annotated[float, Field(description="standard deviations of the other arms of its model off theirs")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +162,7 @@ class BatchDocument(JsonDocument):
     outcomes: dict[Outcome, int] = Field(description="how many runs have each outcome, the gravest first")
     runs: list[BatchRow] = Field(description="in the order of their files")
     odd: list[OutlierArm] = Field(description="identified offsets that are outliers among those of a model")
-    settings: BatchSettings
+    settings: BatchSettings = Field(description="how all runs are solved")
     versions: dict[str, str] = Field(description="of Python and the libraries")
 
     @classmethod

@@ -41,7 +41,9 @@ class ComparedOffsetRow(JsonDocument):
     dof: int | None
     p_value: float | None
     p_holm: float | None = Field(description="adjusted for the number of offsets")
-    drift: RunDrift | None = Field(description="slope in unit per `at_unit`")
+    drift: RunDrift | None = Field(
+        description="`slope` (unit per `at_unit`), `interval95`, `dof`, `p_value`, `p_holm`"
+    )
     mean: float | None = Field(description="over the runs")
     mean_interval95: Interval | None
     mean_by: Literal["prediction", "scatter"] | None = Field(description="the source of the mean's interval")
@@ -82,10 +84,15 @@ class ComparedRunRow(JsonDocument):
     at: float = Field(description="hours from the first run, or its number")
     failure: str | None = Field(description="why it has no numbers, or null")
     misfit: bool = Field(description="whether the model does not describe it")
-    odd: AgainstOthers | None = Field(description="this run against the others")
+    odd: AgainstOthers | None = Field(
+        description=(
+            "this run against the others: `chi2`, `dof` (null without covariances), `p_value`, `p_holm`"
+        )
+    )
     offsets: list[OffsetOfRun] = Field(
-        description="estimate and std without prior. `status` is that of the result, or `prior` (of a result:"
-        " a prior has a part, so it is not compared), `stated` or `not stated` (of a table)"
+        description="`name`, `unit`, `estimate` and `std` without prior, `status`: that of the result, or"
+        " `prior` (of a result: a prior has a part, so it is not compared), `stated` or `not stated` (of a"
+        " table)"
     )
 
     @classmethod
@@ -128,14 +135,15 @@ class ComparisonDocument(JsonDocument):
     drifting: list[str] = Field(description="names of the offsets that drift")
     misfit: list[str] = Field(description="names of the runs that the model does not describe")
     consistency: Consistency | None = Field(
-        description="all offsets together; `noise_dof`: degrees of freedom of an estimated noise; null"
-        " without covariances"
+        description="all offsets together: `chi2`, `dof`, `noise_dof` (degrees of freedom of an estimated"
+        " noise; null if known), `p_value`, `p_holm` (the same: there is one), `ratio` (observed over predicted"
+        " scatter, as stds) with `ratio_interval95`; null without covariances"
     )
-    offsets: list[ComparedOffsetRow]
+    offsets: list[ComparedOffsetRow] = Field(description="each over the runs")
     runs: list[ComparedRunRow] = Field(description="in the order used")
     held: list[str] = Field(description="offsets that all runs hold")
     failed: list[str] = Field(description="runs whose fit did not converge, which have no numbers")
-    settings: ComparisonSettings
+    settings: ComparisonSettings = Field(description="how runs were compared")
     versions: dict[str, str] = Field(description="of Python and the libraries")
     notes: list[str] = Field(description="in sentences")
 

@@ -47,7 +47,7 @@ class HistoryResult(JsonDocument):
     operator: str | None = Field(description="null where the run does not state it")
     run: str = Field(description="name of the run file")
     shots: int = Field(description="number of measurements")
-    verdict: Verdict
+    verdict: Verdict = Field(description="of the result")
     zerobeam: str = Field(description="the version that made the result")
     document_sha256: str = Field(description="SHA-256 of the whole result.json")
     offsets: list[StoredOffset] = Field(description="rows as in the result; null what is not determined")
@@ -79,8 +79,8 @@ class HistoryEvent(JsonDocument):
     serial: str = Field(description="serial number of the arm")
     model: str = Field(description="name of the robot")
     at: Moment = Field(description="when, UTC")
-    what: What
-    note: str | None
+    what: What = Field(description="what happened")
+    note: str | None = Field(description="null where there is none")
 
     @classmethod
     def of(cls, event: Event) -> HistoryEvent:

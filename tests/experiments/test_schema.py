@@ -1,4 +1,7 @@
+import importlib
 import json
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -66,3 +69,17 @@ def test_the_examples_of_the_design_have_only_keys_of_the_schema():
 
 def test_a_schema_that_is_not_there(refused):
     assert "did you mean 'plan'?" in refused(json_schema, "plans").remedy
+
+
+def test_the_tables_of_the_page_are_those_of_the_models():
+    """`python docs/file_tables.py` writes them."""
+    sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
+    try:
+        tables = importlib.import_module("file_tables")
+    finally:
+        del sys.path[0]
+    for path in tables.PAGES:
+        page = path.read_text(encoding="utf-8")
+        assert page.count("<!-- keys ") == page.count("<!-- end -->") > 0
+        assert tables.written(page) == page, f"{path.name}: run python docs/file_tables.py"
+    assert "| std of random offsets" in tables.table("cell")
