@@ -31,7 +31,7 @@ def app(
         raise missing_extra("the app", "app")
     from ..app.server.serve import leading_to, serve
 
-    def told(address: str) -> None:
+    def announce(address: str) -> None:
         say(f"The app: {address}")
         say("Who has this address, with its token, may do all that the app does. Ctrl-C ends it.")
         if not browser:
@@ -46,4 +46,4 @@ def app(
             return
         threading.Thread(target=webbrowser.open, args=(opened,), daemon=True).start()
 
-    serve(folder, host, port, told)
+    serve(folder, host, port, announce)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -14,8 +14,10 @@ from .console import print_json, say
 from .history import Model, Serial, Url, opened
 from .options import Json
 
+if TYPE_CHECKING:
+    from ..reports.history.certificate import VerificationCheck
+
 VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
-SCHEMA = "zerobeam/verification/1"
 _LONGEST = 1000  # bytes of a passphrase
 
 
@@ -112,33 +114,37 @@ def verify(
         require_library,
         why_not_signed,
     )
-    from ..reports.history.certificate import files_of_certificate
+    from ..reports.history.certificate import Verification, files_of_certificate
 
     require_library()
     by = public_key(public)
     read = {file: read_signed(file) for path in files for file in files_of_certificate(path)}
     checks = [_verdict(file, why_not_signed(*signed, by)) for file, signed in read.items()]
     signed = {
-        file: content for (file, (content, _)), row in zip(read.items(), checks, strict=True) if row["valid"]
+        file: content for (file, (content, _)), row in zip(read.items(), checks, strict=True) if row.valid
     }
     checks += _of_one_result(signed)
     if db is not None:
         checks += _against_history(db, list(read), signed)
     if as_json:
-        print_json({"schema": SCHEMA, "fingerprint": fingerprint(by), "checks": checks})
+        print_json(Verification(fingerprint=fingerprint(by), checks=checks).to_json())
     else:
         say(f"Key: {grouped(fingerprint(by))}")
         for row in checks:
-            words = f"NOT VALID: {row['reason']}" if not row["valid"] else "valid"
-            say(f"{row['file']}, {row['check']}: {words}")
-    raise typer.Exit(0 if all(row["valid"] for row in checks) else 1)
+            words = f"NOT VALID: {row.reason}" if not row.valid else "valid"
+            say(f"{row.file}, {row.check}: {words}")
+    raise typer.Exit(0 if all(row.valid for row in checks) else 1)
 
 
-def _verdict(file: Path, reason: str | None, check: str = "signature") -> dict[str, Any]:
-    return {"file": str(file), "check": check, "valid": reason is None, "reason": reason}
+def _verdict(
+    file: Path, reason: str | None, check: Literal["signature", "certificate", "history"] = "signature"
+) -> VerificationCheck:
+    from ..reports.history.certificate import VerificationCheck
+
+    return VerificationCheck(file=str(file), check=check, valid=reason is None, reason=reason)
 
 
-def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
+def _of_one_result(signed: dict[Path, bytes]) -> list[VerificationCheck]:
     """Of each file beside a certificate.json whether it is of that certificate."""
     from ..reports.history.certificate import JSON, read_certificate, why_not_of_certificate
 
@@ -152,7 +158,7 @@ def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
     ]
 
 
-def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[dict[str, Any]]:
+def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[VerificationCheck]:
     """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
     from ..reports.history.certificate import read_certificate, why_history_differs
 

@@ -168,13 +168,7 @@ class BatchDocument(JsonDocument):
     @classmethod
     def of(cls, done: Batch) -> BatchDocument:
         """The document of a batch."""
-        return cls(
-            outcomes=done.counts,
-            runs=list(done.rows),
-            odd=list(done.outliers),
-            settings=done.settings,
-            versions=dict(done.versions),
-        )
+        return cls.filled(done, outcomes=done.counts, runs=list(done.rows), odd=list(done.outliers))
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from ..analysis.repeatability.repeat import Kind
 from ..model.files.json_document import JsonDocument
 from .comparison import failure, headline, notes
 
+_OF_TEST = ("ratio", "ratio_interval95", "chi2", "dof", "p_value", "p_holm")
 COMPARE_SCHEMA: Literal["zerobeam/compare/1"] = "zerobeam/compare/1"
 
 
@@ -52,21 +53,11 @@ class ComparedOffsetRow(JsonDocument):
     def of(cls, row: ComparedOffset) -> ComparedOffsetRow:
         """The document of an offset."""
         mean, scatter, test = row.mean, row.scatter, row.test
-        return cls(
-            name=row.name,
-            unit=row.unit,
-            runs=row.runs,
-            unvalidated=row.unvalidated,
+        return cls.filled(
+            row,
             std=None if scatter is None else scatter.std,
             std_interval95=None if scatter is None else scatter.interval95,
-            predicted_std=row.predicted_std,
-            ratio=None if test is None else test.ratio,
-            ratio_interval95=None if test is None else test.ratio_interval95,
-            chi2=None if test is None else test.chi2,
-            dof=None if test is None else test.dof,
-            p_value=None if test is None else test.p_value,
-            p_holm=None if test is None else test.p_holm,
-            drift=row.drift,
+            **{name: None if test is None else getattr(test, name) for name in _OF_TEST},
             mean=None if mean is None else mean.value,
             mean_interval95=None if mean is None else mean.interval95,
             mean_by=None if mean is None else mean.by,
@@ -98,18 +89,7 @@ class ComparedRunRow(JsonDocument):
     @classmethod
     def of(cls, run: ComparedRun) -> ComparedRunRow:
         """The document of a run."""
-        return cls(
-            name=run.name,
-            sha256=run.sha256,
-            robot=run.robot,
-            shots=run.shots,
-            when=run.when,
-            at=run.at,
-            failure=None if run.failure is None else failure(run.failure),
-            misfit=run.misfit,
-            odd=run.odd,
-            offsets=list(run.offsets),
-        )
+        return cls.filled(run, failure=None if run.failure is None else failure(run.failure))
 
 
 class ComparisonSettings(JsonDocument):
@@ -136,8 +116,8 @@ class ComparisonDocument(JsonDocument):
     misfit: list[str] = Field(description="names of the runs that the model does not describe")
     consistency: Consistency | None = Field(
         description="all offsets together: `chi2`, `dof`, `noise_dof` (degrees of freedom of an estimated"
-        " noise; null if known), `p_value`, `p_holm` (the same: there is one), `ratio` (observed over predicted"
-        " scatter, as stds) with `ratio_interval95`; null without covariances"
+        " noise; null if known), `p_value`, `p_holm` (the same: there is one), `ratio` (observed over"
+        " predicted scatter, as stds) with `ratio_interval95`; null without covariances"
     )
     offsets: list[ComparedOffsetRow] = Field(description="each over the runs")
     runs: list[ComparedRunRow] = Field(description="in the order used")
@@ -150,27 +130,19 @@ class ComparisonDocument(JsonDocument):
     @classmethod
     def of(cls, comparison: Comparison) -> ComparisonDocument:
         """The document of a comparison."""
-        return cls(
-            kind=comparison.kind,
-            verdict=comparison.verdict,
+        by_time = comparison.by_time
+        return cls.filled(
+            comparison,
             headline=headline(comparison),
-            odd_run=comparison.odd_run,
-            differing=list(comparison.differing),
-            drifting=list(comparison.drifting),
             misfit=comparison.misfits,
-            consistency=comparison.consistency,
             offsets=[ComparedOffsetRow.of(row) for row in comparison.offsets],
             runs=[ComparedRunRow.of(run) for run in comparison.runs],
-            held=list(comparison.held),
-            failed=comparison.failed,
-            settings=ComparisonSettings(
-                seed=comparison.seed,
+            settings=ComparisonSettings.filled(
+                comparison,
                 level=LEVEL,
                 chance=CHANCE,
-                asked=list(comparison.asked),
-                order="time" if comparison.by_time else "given",
-                at_unit="h" if comparison.by_time else "run",
+                order="time" if by_time else "given",
+                at_unit="h" if by_time else "run",
             ),
-            versions=dict(comparison.versions),
             notes=list(notes(comparison)),
         )

@@ -296,7 +296,9 @@ class Jobs:
                 job.asks = "confirm"
             elif kind == "end":
                 job.answer = event
-                left = set(range(of)) - set(event["shots"]) - {own["shot"] for own in event["refused"]}
+                left = (
+                    set(range(of)) - set(event["shots"]) - {refusal["shot"] for refusal in event["refused"]}
+                )
                 if not left or event["why"] is not None:
                     await asyncio.to_thread(self.runs.end, job.command)
             done += {"recorded": 1, "refused": 1, "withdrawn": -1}.get(kind, 0)

@@ -56,20 +56,11 @@ class HistoryResult(JsonDocument):
     @classmethod
     def of(cls, result: StoredResult) -> HistoryResult:
         """The document of a result."""
-        return cls(
-            sha256=result.sha256,
-            serial=result.serial,
-            model=result.model,
-            measured_at=result.measured_at,
+        return cls.filled(
+            result,
             instrument=result.instrument or None,
             operator=result.operator or None,
-            run=result.run,
-            shots=result.shots,
-            verdict=result.verdict,
             zerobeam=result.made_by,
-            document_sha256=result.document_sha256,
-            offsets=result.offsets,
-            without_prior=result.without_prior,
         )
 
 
@@ -85,9 +76,7 @@ class HistoryEvent(JsonDocument):
     @classmethod
     def of(cls, event: Event) -> HistoryEvent:
         """The document of an event."""
-        return cls(
-            serial=event.serial, model=event.model, at=event.at, what=event.what, note=event.note or None
-        )
+        return cls.filled(event, note=event.note or None)
 
 
 class HistoryDocument(JsonDocument):
@@ -150,15 +139,10 @@ class DriftChange(JsonDocument):
         """The document of a change."""
         change = dated.change
         names = dated.instruments
-        return cls(
-            offset=change.offset,
-            unit=change.unit,
+        return cls.filled(
+            change,
             after=dated.after,
             before=dated.before,
-            p_value=change.p_value if isinstance(change, Jump) else None,
-            size=change.size,
-            interval95=change.interval95,
-            least_jump=change.least_jump if isinstance(change, Undecided) else None,
             events=[HistoryEvent.of(event) for event in dated.events],
             instruments=None if names is None else [name or None for name in names],
         )
@@ -204,9 +188,8 @@ class ArmDriftRow(JsonDocument):
     @classmethod
     def of(cls, arm: ArmDrift) -> ArmDriftRow:
         """The document of an arm's drift."""
-        return cls(
-            serial=arm.serial,
-            model=arm.model,
+        return cls.filled(
+            arm,
             used=[result.sha256 for result in arm.used],
             left_out=[LeftOutRow(sha256=left.result.sha256, reason=left.reason) for left in arm.left_out],
             offsets=offsets_now(arm),
@@ -262,18 +245,7 @@ class ModelRow(JsonDocument):
     @classmethod
     def of(cls, walk: ModelWalk) -> ModelRow:
         """The document of a model's walk."""
-        return cls(
-            model=walk.model,
-            offset=walk.offset,
-            unit=walk.unit,
-            arms=walk.arms,
-            rate=RateRow.of(walk.median),
-            between=RateRow.of(walk.between),
-            noticed=walk.noticed,
-            probability=walk.probability,
-            drifts=walk.drifts,
-            biased=list(walk.biased),
-        )
+        return cls.filled(walk, rate=RateRow.of(walk.median), between=RateRow.of(walk.between))
 
 
 class WalkRow(JsonDocument):
@@ -298,16 +270,10 @@ class ArmWalksRow(JsonDocument):
     def of(cls, arm: ArmWalks) -> ArmWalksRow:
         """The document of an arm's walks."""
         rows = [
-            WalkRow(
-                name=row.offset,
-                unit=row.unit,
-                alone=RateRow.of(row.alone),
-                rate=RateRow.of(row.shrunken),
-                borrowed=row.borrowed,
-            )
+            WalkRow.filled(row, name=row.offset, alone=RateRow.of(row.alone), rate=RateRow.of(row.shrunken))
             for row in arm.walks
         ]
-        return cls(serial=arm.serial, model=arm.model, effective_rates=arm.effective, offsets=rows)
+        return cls.filled(arm, effective_rates=arm.effective, offsets=rows)
 
 
 class SuspectRow(JsonDocument):
@@ -323,13 +289,13 @@ class SuspectRow(JsonDocument):
     @classmethod
     def of(cls, suspect: Suspect) -> SuspectRow:
         """The document of such a jump."""
-        return cls(
-            serial=suspect.serial,
-            model=suspect.model,
-            offset=suspect.jump.change.offset,
-            after=suspect.jump.after,
-            before=suspect.jump.before,
-            instruments=list(suspect.biased),
+        jump = suspect.jump
+        return cls.filled(
+            suspect,
+            offset=jump.change.offset,
+            after=jump.after,
+            before=jump.before,
+            instruments=suspect.biased,
         )
 
 
@@ -354,15 +320,11 @@ class FleetDriftRow(JsonDocument):
     @classmethod
     def of(cls, fleet: FleetDrift) -> FleetDriftRow:
         """The document of all arms' drift."""
-        return cls(
-            alarm=fleet.alarm,
+        return cls.filled(
+            fleet,
             models=[ModelRow.of(walk) for walk in fleet.models],
             arms=[ArmWalksRow.of(arm) for arm in fleet.arms],
-            biases=list(fleet.biases),
-            comparable=list(fleet.comparable),
-            unstated=fleet.unstated,
             suspects=[SuspectRow.of(suspect) for suspect in fleet.suspects],
-            too_few=fleet.too_few,
         )
 
 

@@ -136,10 +136,10 @@ def fleet_drift(
     """The drift of all these arms together; `tell` hears stages and the share of the whole."""
     counted = [(arm, arm.drift) for arm in arms if arm.drift is not None]
     by_model: dict[str, list[tuple[ArmDrift, Drift]]] = {}
-    for own, found in counted:
-        by_model.setdefault(own.model, []).append((own, found))
+    for arm, drift in counted:
+        by_model.setdefault(arm.model, []).append((arm, drift))
     models = sorted(by_model)
-    members = [[found for _, found in by_model[model]] for model in models]
+    members = [[drift for _, drift in by_model[model]] for model in models]
     several = len(counted) if len(models) > 1 else 0
     tell("models", 0.0)
     rates_of_models = _each(
@@ -147,7 +147,7 @@ def fleet_drift(
     )
     rates: dict[str, ModelRates] = dict(zip(models, rates_of_models, strict=True))
     biases = instrument_biases(
-        [MeasuredArm(found, tuple(one.instrument for one in own.used)) for own, found in counted],
+        [MeasuredArm(drift, tuple(one.instrument for one in arm.used)) for arm, drift in counted],
         lambda work, jobs: _each(
             work, jobs, len(jobs), len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
         ),
@@ -156,20 +156,20 @@ def fleet_drift(
     tests = max(sum(len(rate.names) for rate in rates.values()), 1)
     walks = tuple(
         model_walk
-        for model, own in rates.items()
-        for model_walk in _model_walks(model, by_model[model], own, biased, 1 - ALARM / tests)
+        for model, of_model in rates.items()
+        for model_walk in _model_walks(model, by_model[model], of_model, biased, 1 - ALARM / tests)
     )
     return FleetDrift(
         models=walks,
         arms=tuple(
-            _arm_walks(own, found, one, rates[model].names)
+            _arm_walks(arm, drift, one, rates[model].names)
             for model, members in by_model.items()
-            for (own, found), one in zip(members, rates[model].arms, strict=True)
+            for (arm, drift), one in zip(members, rates[model].arms, strict=True)
         ),
         biases=biases.biases,
         comparable=biases.comparable,
         unstated=biases.unstated,
-        suspects=tuple(_suspects([own for own, _ in counted], biased)),
+        suspects=tuple(_suspects([arm for arm, _ in counted], biased)),
         too_few=len(arms) - len(counted),
         alarm=ALARM,
     )
@@ -184,13 +184,13 @@ def _model_walks(
 ) -> Iterator[ModelWalk]:
     units = {
         name: unit
-        for _, own in members
-        for name, unit in zip(own.series.names, own.series.units, strict=True)
+        for _, arm in members
+        for name, unit in zip(arm.series.names, arm.series.units, strict=True)
     }
     for offset in sorted(units, key=lambda name: (len(name), name)):
         stds, instruments = [], set()
-        for own, found in members:
-            for one, result in zip(found.series.observations, own.used, strict=True):
+        for arm, drift in members:
+            for one, result in zip(drift.series.observations, arm.used, strict=True):
                 if offset in one.names:
                     stds.append(np.sqrt(one.covariance[one.names.index(offset), one.names.index(offset)]))
                     instruments.add(result.instrument)
@@ -200,7 +200,7 @@ def _model_walks(
             model=model,
             offset=offset,
             unit=units[offset],
-            arms=sum(offset in own.series.names and own.walks(offset) for _, own in members),
+            arms=sum(offset in arm.series.names and arm.walks(offset) for _, arm in members),
             median=rates.median(offset) if known else None,
             between=rates.between(offset) if known else None,
             noticed=noticed,

@@ -47,6 +47,7 @@ _ROW = (
 )
 _SAME = ("serial", "model", "verdict", "offsets", "without_prior")  # of two results: they are one
 _ASKED_AT_ONCE = 500
+Values = dict[str, Any]  # of a row of a table, by its columns
 
 
 def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -> list[Outcome]:
@@ -71,7 +72,7 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
     return outcomes
 
 
-def _row(entry: Entry) -> dict[str, Any]:
+def _row(entry: Entry) -> Values:
     return {
         **{name: getattr(entry, name) for name in _ROW},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
@@ -88,8 +89,8 @@ def _content(entry: Entry) -> bytes:
 def _inserted_all(
     connection: sa.Connection,
     entries: dict[str, Entry],
-    rows: Sequence[dict[str, Any]],
-    held: dict[str, dict[str, Any]],
+    rows: Sequence[Values],
+    held: dict[str, Values],
 ) -> set[str]:
     """Insert the first row of each run that is not `held`; the runs whose row was inserted.
 
@@ -117,8 +118,8 @@ def _inserted_all(
 def _add_again(
     connection: sa.Connection,
     entry: Entry,
-    row: dict[str, Any],
-    held: dict[str, dict[str, Any]],
+    row: Values,
+    held: dict[str, Values],
     replace: bool,
 ) -> Outcome:
     """Of a run that has a result."""
@@ -135,10 +136,10 @@ def _add_again(
     return "already there" if same else "replaced"
 
 
-def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, Values]:
     """What says which result each of the runs has in the history, of those that have one."""
     query = sa.select(result.c.sha256, *(result.c[name] for name in _SAME))
-    held: dict[str, dict[str, Any]] = {}
+    held: dict[str, Values] = {}
     for start in range(0, len(runs), _ASKED_AT_ONCE):
         part = query.where(result.c.sha256.in_(runs[start : start + _ASKED_AT_ONCE]))
         held.update((row["sha256"], dict(row)) for row in connection.execute(part).mappings())
@@ -168,7 +169,7 @@ def add_event(history: Database, happening: Event) -> bool:
         return bool(_inserted(connection, event, [asdict(happening)]))
 
 
-def _inserted(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any]]) -> list[Any]:
+def _inserted(connection: sa.Connection, table: sa.Table, rows: list[Values]) -> list[Any]:
     """Insert rows; the keys of those whose key was not there already."""
     if not rows:
         return []
@@ -245,7 +246,7 @@ def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[
     with history.reading() as connection:
         models = connection.scalars(sa.select(arm.c.model).where(arm.c.serial == serial)).all()
         if model is not None:
-            models = [own for own in models if own == model]
+            models = [name for name in models if name == model]
         if len(models) == 1:
             return serial, str(models[0])
         serials = connection.scalars(sa.select(arm.c.serial).distinct()).all() if not models else []
@@ -289,7 +290,7 @@ def results(
 
 def _stored(row: Mapping[str, Any]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = [checked_offset(own) for own in parsed(row["offsets"])]
+    offsets = [checked_offset(row_of_offset) for row_of_offset in parsed(row["offsets"])]
     alone, sensitivity = (
         None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
     )
@@ -336,7 +337,7 @@ def events(history: Database, of: tuple[str, str] | None = None, damaged: Damage
             except DAMAGED as error:
                 which = f"the event {row.what!r} of {row.at!r}"
                 damaged(_damage(history, (row.serial, row.model), which, error))
-    return sorted(happenings, key=lambda own: (own.serial, own.model, own.at, own.what, own.note))
+    return sorted(happenings, key=lambda each: (each.serial, each.model, each.at, each.what, each.note))
 
 
 def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, str]]:

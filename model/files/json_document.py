@@ -19,6 +19,12 @@ class JsonDocument(BaseModel):
         frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False, defer_build=True
     )
 
+    @classmethod
+    def filled(cls, value: object, **others: Any) -> Self:
+        """With the attributes of `value` of the same names; `others` are its other keys."""
+        names = cls.model_fields.keys() - others.keys()
+        return cls(**{name: getattr(value, name) for name in names if hasattr(value, name)}, **others)
+
     def to_json(self) -> dict[str, Any]:
         """Plain values: dicts, lists, texts, numbers, true, false and None."""
         return self.model_dump(mode="json", by_alias=True)

@@ -43,7 +43,7 @@ def require_parquet() -> None:
 
 def run_rows(done: Batch) -> Iterator[dict[str, object]]:
     """`runs.csv`: one row for each run."""
-    odd = {own.run: own.offset for own in reversed(done.outliers)}
+    outlier_of = {outlier.run: outlier.offset for outlier in reversed(done.outliers)}
     for row in done.rows:
         worst = row.worst
         yield {
@@ -60,7 +60,7 @@ def run_rows(done: Batch) -> Iterator[dict[str, object]]:
             "residuals_over_noise": row.factor,
             "p_value": row.p_value,
             "misfit": " ".join(row.misfit),
-            "odd_offset": odd.get(row.name),
+            "odd_offset": outlier_of.get(row.name),
             "posterior": row.posterior,
             "message": row.message,
             "sha256": row.sha256,

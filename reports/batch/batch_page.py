@@ -60,7 +60,11 @@ def batch_page(done: Batch) -> Page:
     key, word = ("pass", "All pass") if done.passed else ("weak", "Not all pass")
     runs = "run" if count == 1 else "runs"
     sentence = f"{passed:,} of {count:,} {runs} {'is a pass' if passed == 1 else 'are a pass'}"
-    others = [f"{done.counts[own]:,} {_WORDS[own].lower()}" for own in OUTCOMES[:-1] if done.counts[own]]
+    others = [
+        f"{done.counts[outcome]:,} {_WORDS[outcome].lower()}"
+        for outcome in OUTCOMES[:-1]
+        if done.counts[outcome]
+    ]
     return Page(
         "Batch of runs",
         ", ".join(robots[:8]) + (", …" if len(robots) > 8 else ""),
@@ -133,7 +137,7 @@ def _misfits(done: Batch) -> list[Section]:
     lines = [
         row_of(
             _run(row),
-            ", ".join(_CRITERIA.get(own, own) for own in row.misfit),
+            ", ".join(_CRITERIA.get(criterion, criterion) for criterion in row.misfit),
             _NO_NUMBER if row.factor is None else numbers.times(row.factor),
             _NO_NUMBER if row.p_value is None else numbers.p_value(row.p_value),
             tone="unvalidated",
@@ -268,7 +272,7 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
         worst = row.worst
         if worst is not None and worst.unit == "deg" and worst.u is not None and row.outcome in by_outcome:
             by_outcome[row.outcome].append(worst.u)
-    every = np.array([u for own in by_outcome.values() for u in own])
+    every = np.array([u for stds in by_outcome.values() for u in stds])
     if not len(every):
         return None
     low, high = float(every.min()) / 1.05, float(every.max()) * 1.05
@@ -279,7 +283,7 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
     with style():
         figure = new_figure(2.2)
         axes = figure.subplots()
-        shown = [name for name, own in by_outcome.items() if own]
+        shown = [name for name, stds in by_outcome.items() if stds]
         axes.hist(
             [by_outcome[name] for name in shown],
             bins=edges.tolist(),

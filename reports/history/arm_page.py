@@ -123,27 +123,11 @@ def _state(arm: ArmDrift, last: StoredResult | None, as_of: datetime | None) -> 
 def fleet_arm(state: ArmState, page: str | None) -> FleetArm:
     """The row of an arm for programs."""
     jump = state.clearest
-    return FleetArm(
-        serial=state.serial,
-        model=state.model,
-        state=state.state,
-        results=state.results,
-        counted=state.counted,
-        last=state.last,
-        verdict=state.verdict,
-        jumps=state.jumps,
-        clearest_jump=None
-        if jump is None
-        else ClearestJump(
-            offset=jump.change.offset,
-            before=jump.before,
-            p_value=jump.change.p_value,
-            events=len(jump.events),
-        ),
-        undecided=state.undecided,
-        due=DueRow.of(state.tolerance_mm, state.due, state.due_reason),
-        page=page,
-    )
+    clearest = None
+    if jump is not None:
+        clearest = ClearestJump.filled(jump.change, before=jump.before, events=len(jump.events))
+    due = DueRow.of(state.tolerance_mm, state.due, state.due_reason)
+    return FleetArm.filled(state, clearest_jump=clearest, due=due, page=page)
 
 
 def state_row(state: ArmState) -> dict[str, object]:

@@ -9,7 +9,9 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
 
 from ...analysis.status import known, versions
 from ...experiments.history.content import StoredResult
@@ -18,6 +20,7 @@ from ...experiments.history.documents import HistoryResult
 from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
+from ...model.files.json_document import JsonDocument
 from ...words.provenance import SIMULATED, by_plain_key
 from ...words.result_json import dumps
 from ..output.whole_folder import Kind, write_folder, write_page
@@ -26,12 +29,30 @@ from .certificate_page import SIGNED, certificate_page
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+Json = dict[str, Any]  # of a result.json, or of a certificate
 SCHEMA = "zerobeam/certificate/1"
 _OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
 _INTERVALS = ("name", "unit", "linear", "profile", "posterior")
 
 
-def certificate_json(result: StoredResult, answer: dict[str, Any], fingerprint: str) -> dict[str, Any]:
+class VerificationCheck(JsonDocument):
+    """Whether a file is what it says: by its signature, its certificate.json, or a history."""
+
+    file: str
+    check: Literal["signature", "certificate", "history"]
+    valid: bool
+    reason: str | None = Field(description="null where it is valid")
+
+
+class Verification(JsonDocument):
+    """`history verify`."""
+
+    schema_: Literal["zerobeam/verification/1"] = Field(default="zerobeam/verification/1", alias="schema")
+    fingerprint: str = Field(description="of the key")
+    checks: list[VerificationCheck]
+
+
+def certificate_json(result: StoredResult, answer: Json, fingerprint: str) -> Json:
     """The certificate of a result for the key of this fingerprint; `answer` is the whole result.
 
     BadInput for a misfit, for a fit that did not converge, and where no offset is determined. What the data
@@ -60,7 +81,7 @@ def certificate_json(result: StoredResult, answer: dict[str, Any], fingerprint: 
     }
 
 
-def _require_certifiable(result: StoredResult, answer: dict[str, Any]) -> None:
+def _require_certifiable(result: StoredResult, answer: Json) -> None:
     of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
@@ -79,7 +100,7 @@ def _require_certifiable(result: StoredResult, answer: dict[str, Any]) -> None:
         )
 
 
-def _offset(row: dict[str, Any], geometry: dict[str, Any]) -> dict[str, Any]:
+def _offset(row: Json, geometry: Json) -> Json:
     """`considered_std` is the uncertainty if the arm deviates from the nominal geometry that was assumed."""
     determined = known(row["status"])
     considered = geometry["consider"].get(row["name"]) if geometry["tolerance"] is None else None
@@ -90,7 +111,7 @@ def _offset(row: dict[str, Any], geometry: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _intervals(answer: dict[str, Any]) -> list[dict[str, Any]]:
+def _intervals(answer: Json) -> list[Json]:
     """Of the offsets whose 95 % interval differs from method to method."""
     offsets = {row["name"] for row in answer["parameters"] if row["group"] == "offset"}
     return [
@@ -100,7 +121,7 @@ def _intervals(answer: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _assumed(answer: dict[str, Any]) -> dict[str, Any]:
+def _assumed(answer: Json) -> Json:
     """What the result rests on besides the measurements."""
     header, geometry = answer["inputs"]["header"], answer["geometry"]
     free = [row for row in answer["parameters"] if not row["held"] and row["group"] != "noise"]
@@ -123,7 +144,7 @@ def _assumed(answer: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_certificate(content: bytes, file: Path) -> dict[str, Any]:
+def read_certificate(content: bytes, file: Path) -> Json:
     """The certificate in a file; BadInput for another file."""
     try:
         certificate = json.loads(content)
@@ -142,7 +163,7 @@ def read_certificate(content: bytes, file: Path) -> dict[str, Any]:
     return dict(certificate)
 
 
-def why_history_differs(history: Database, certificate: dict[str, Any]) -> str | None:
+def why_history_differs(history: Database, certificate: Json) -> str | None:
     """None where the history holds the very result that was certified; else what is different."""
     candidates = results(history, (certificate["serial"], certificate["model"]))
     stored = next((row for row in candidates if row.sha256 == certificate["sha256"]), None)
@@ -169,9 +190,7 @@ _KIND = Kind(
 )
 
 
-def write_certificate(
-    folder: Path | str, result: StoredResult, answer: dict[str, Any], key: Ed25519PrivateKey
-) -> str:
+def write_certificate(folder: Path | str, result: StoredResult, answer: Json, key: Ed25519PrivateKey) -> str:
     """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
 
     `answer` is the whole result. Raises BadInput where it cannot be certified, or where `folder` is a file,

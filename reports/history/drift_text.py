@@ -187,7 +187,7 @@ def _models(fleet: FleetDrift) -> Block:
                 label(model.offset),
                 str(model.arms),
                 *_model_walk(model),
-                Cell(_said(model), mark="weak" if model.drifts else ""),
+                Cell(_remark(model), mark="weak" if model.drifts else ""),
                 tone="weak" if model.drifts else "",
             )
             for model in fleet.models
@@ -195,8 +195,8 @@ def _models(fleet: FleetDrift) -> Block:
     )
 
 
-def _said(own: ModelWalk) -> str:
-    return ", ".join(part for part in ("drifts" if own.drifts else "", _cause(own)) if part)
+def _remark(model: ModelWalk) -> str:
+    return ", ".join(part for part in ("drifts" if model.drifts else "", _cause(model)) if part)
 
 
 def _model_walk(model: ModelWalk) -> tuple[str, ...]:
@@ -281,7 +281,7 @@ def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
         ordered = sorted(
             fleet.biases, key=lambda bias: (not bias.alarm, bias.p_value, -abs(bias.estimate) / bias.std)
         )
-        alarms = sum(own.alarm for own in ordered)
+        alarms = sum(bias.alarm for bias in ordered)
         shown = ordered[: max(alarms, _MOST)]
         caption = (
             "Biases of instruments, less the mean of those they are comparable to; p-values adjusted for the"
@@ -292,8 +292,8 @@ def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
         heads = ("instrument", "less", "offset", "difference", "95 % interval", "p-value", "says")
         right = ("difference", "95 % interval", "p-value")
         columns = [(head, "right" if head in right else "left") for head in heads]
-        yield table_of(caption, columns, [_bias(own) for own in shown])
-        if any(len(own.against) == 1 for own in shown):
+        yield table_of(caption, columns, [_bias(bias) for bias in shown])
+        if any(len(bias.against) == 1 for bias in shown):
             yield Paragraph("Of two instruments only the difference is known, not whose bias it is.")
     yield from map(Paragraph, _not_determined(fleet))
     for suspect in fleet.suspects[:_MOST]:
@@ -317,9 +317,9 @@ def _bias(bias: Bias) -> Row:
 def _not_determined(fleet: FleetDrift) -> Iterator[str]:
     """Sentences, one for all offsets that have the same groups of instruments."""
     alike: dict[tuple[tuple[str, ...], ...], list[str]] = {}
-    for own in fleet.comparable:
-        if len(own.groups) > 1 or any(len(group) == 1 for group in own.groups):
-            alike.setdefault(own.groups, []).append(label(own.offset))
+    for alike_offset in fleet.comparable:
+        if len(alike_offset.groups) > 1 or any(len(group) == 1 for group in alike_offset.groups):
+            alike.setdefault(alike_offset.groups, []).append(label(alike_offset.offset))
     for groups, offsets in alike.items():
         of = listed(offsets)
         if len(groups) == 1:

@@ -162,13 +162,13 @@ def _panel(axes: Axes, arm: ArmDrift, drift: Drift, name: str, ahead_years: floa
 def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_Point]:
     """What each result alone says of an offset: of one that does not determine it nothing."""
     points = []
-    for result, own in zip(arm.used, drift.series.observations, strict=True):
-        if name not in own.names:
+    for result, observation in zip(arm.used, drift.series.observations, strict=True):
+        if name not in observation.names:
             continue
-        at = own.names.index(name)
-        half = NORMAL_95 * float(np.sqrt(own.covariance[at, at] + own.shared[at, at]))
+        at = observation.names.index(name)
+        half = NORMAL_95 * float(np.sqrt(observation.covariance[at, at] + observation.shared[at, at]))
         status = next(row.status for row in result.offsets if row.name == name)
-        points.append(_Point(_day(result.measured_at), float(own.values[at]), half, status))
+        points.append(_Point(_day(result.measured_at), float(observation.values[at]), half, status))
     return points
 
 

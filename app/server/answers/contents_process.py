@@ -63,21 +63,10 @@ class Holdings(JsonDocument):
     @classmethod
     def of(cls, contents: Contents) -> Holdings:
         """The document of what was found."""
-        return cls(
-            form=contents.form,
-            why=contents.why,
-            count=contents.count,
-            layout=contents.layout,
-            columns=list(contents.columns),
-            rows=contents.rows,
-            whole=contents.whole,
+        return cls.filled(
+            contents,
             points=[Point(name=name, joints=joints) for name, joints in contents.points],
-            topics=[
-                BagTopic(name=topic.name, type=topic.type, messages=topic.messages, joints=list(topic.joints))
-                for topic in contents.topics
-            ],
-            names=list(contents.names),
-            kind=contents.kind,
+            topics=[BagTopic.filled(topic) for topic in contents.topics],
         )
 
 

@@ -112,11 +112,7 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
         return None, BriefResult(file=name, error=folder.without(error.what))
     except OSError:
         return None, BriefResult(file=name, error="the file cannot be read")
-    offsets = [
-        BriefOffset(name=row.name, unit=row.unit, status=row.status, estimate=row.estimate, std=row.std)
-        for row in result.parameters
-        if row.group == "offset" and not row.held
-    ]
+    offsets = [BriefOffset.filled(row) for row in result.parameters if row.group == "offset" and not row.held]
     return result.inputs.sha256, BriefResult(file=name, verdict=result.verdict, offsets=offsets)
 
 

@@ -528,21 +528,3 @@ def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:
     refused([], "one run cannot be compared")
     refused([one, table_file(tmp_path)], "a table is compared alone")
     refused([one, tmp_path / "none.jsonl"], "no such file")
-
-
-def test_every_key_of_the_answer_is_documented(tmp_path: Path) -> None:
-    """One with all parts: runs with a drift and an odd one."""
-    answer = compared("runs", repeats(drawn(4, seed=12)), 0)
-    answer.pop("versions")
-    keys: set[str] = set()
-
-    def collect(value: Any) -> None:
-        if isinstance(value, dict):
-            keys.update(value)
-        for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-            collect(item)
-
-    collect(answer)
-    page = (ROOT / "docs" / "compare.md").read_text(encoding="utf-8")
-    assert len(keys) > 40
-    assert not {key for key in keys if f"`{key}`" not in page}
