@@ -149,6 +149,17 @@ def test_the_common_mean_is_that_of_stacked_least_squares() -> None:
     assert common.dof == 9
 
 
+@pytest.mark.parametrize("noise_dof", [None, 6])
+def test_the_interval_of_the_ratio_is_that_of_a_variance(noise_dof: int | None) -> None:
+    """A scatter s^2 of d degrees of freedom over the predicted: s^2 / F(d, noise) holds the true ratio."""
+    own = sample(drawn(4, seed=2), noise_dof=noise_dof)
+    found = consistency(own)
+    assert found is not None
+    law = stats.chi2(9, scale=1 / 9) if noise_dof is None else stats.f(9, noise_dof)
+    assert found.ratio == pytest.approx(np.sqrt(own.common.chi2 / 9))
+    assert found.ratio_interval95 == pytest.approx(found.ratio / np.sqrt(law.ppf([0.975, 0.025])))
+
+
 def test_what_an_arm_adds_to_all_runs_is_a_covariance_between_them() -> None:
     """Generalised least squares by the covariance of all numbers of all runs."""
     rng = np.random.default_rng(5)
