@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
     from .model.kinematics.robot import Robot
-    from .reports.run.report_folder import write_report
+    from .reports.run.report import write_report
 
 __version__ = "0.2.0"
 
@@ -91,7 +91,7 @@ _HOME = {
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
     "simulate": "face.simulated",
-    "write_report": "reports.run.report_folder",
+    "write_report": "reports.run.report",
 }
 
 

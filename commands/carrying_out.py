@@ -137,8 +137,7 @@ def run(
     from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
     from ..model.files.plan import read_plan
     from ..reports.terminal.answers import print_carried
-    from ..reports.terminal.led import led_view
-    from ..reports.terminal.live import live_view
+    from ..reports.terminal.live import led_view, live_view
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TextIO, cast
 
 from ..interruption import obey
-from ..reports.style.terminal import Terminal
+from ..reports.style.console import Terminal
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1, "violated": 1}
 FAULT = 3

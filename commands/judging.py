@@ -58,7 +58,7 @@ def demo(
     """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
-    from ..reports.run.report_folder import check_target, write_report
+    from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_side_by_side
     from ..reports.terminal.check import print_verdict
     from ..words.findings import headline
@@ -91,7 +91,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     turned = aim_plan(planned)
     found = check_plan(planned, turned)
     if picture is not None:
-        from ..reports.plan.plan_file import write_plan_page
+        from ..reports.plan.plan_page import write_plan_page
 
         write_plan_page(picture, turned, found)
     if as_json:
@@ -138,7 +138,7 @@ def report(
 ) -> None:
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..model.files.run import read_run
-    from ..reports.run.report_folder import check_target, write_report
+    from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_result
     from ..words.result_json import to_json
 

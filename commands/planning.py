@@ -155,7 +155,7 @@ def plan(
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
         from ..experiments.plans.constraints import check_plan
-        from ..reports.plan.plan_file import write_plan_page
+        from ..reports.plan.plan_page import write_plan_page
 
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_plan(turned.plan, turned))

@@ -70,7 +70,7 @@ def robot(
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
     arm = typed_arm(ref, joints or [], units=units, j3=j3)
     if picture is not None:
-        from ..reports.scenes.arm_scene import write_arm_page
+        from ..reports.scenes.turnable import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
     if as_json:

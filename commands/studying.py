@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from ..model.arrays import Progress
 from ..model.errors import WorkersLost
 from .console import err, out, print_json, progress
 from .options import Camera, Json, Scheduler, Seed, Workers, asked_cluster
@@ -20,7 +21,7 @@ studies = typer.Typer(
     help="Studies over simulated runs: coverage, and the effect of each setting.", no_args_is_help=True
 )
 
-Within = AbstractContextManager[object]
+Cluster = AbstractContextManager[object]
 
 StudyFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)]
 
@@ -37,8 +38,8 @@ def study_coverage(
     """Coverage of the intervals: simulated runs with known offsets, solved again."""
     from ..experiments.studies.coverage import coverage_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
-    _study(folder, as_json, lambda tell: coverage_study(data_sets, seed, tell, store=store), store, within)
+    cluster = asked_cluster(workers, scheduler)
+    _study(folder, as_json, cluster, lambda tell, store: coverage_study(data_sets, seed, tell, store=store))
 
 
 @studies.command("cell")
@@ -54,12 +55,12 @@ def study_cell(
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell import cell_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
+    cluster = asked_cluster(workers, scheduler)
 
-    def studied(tell: Callable[[str, float], None]) -> StudyAnswer:
+    def studied(tell: Progress, store: Path) -> StudyAnswer:
         return cell_study(runs, seed, tell, camera=camera, store=store)
 
-    _study(folder, as_json, studied, store, within)
+    _study(folder, as_json, cluster, studied)
 
 
 @studies.command("geometry")
@@ -72,10 +73,10 @@ def study_geometry(
     scheduler: Scheduler = None,
 ) -> None:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
-    from ..experiments.studies.geometry.study import geometry_study
+    from ..experiments.studies.geometry import geometry_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
-    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)
+    cluster = asked_cluster(workers, scheduler)
+    _study(folder, as_json, cluster, lambda tell, store: geometry_study(arms, seed, tell, store=store))
 
 
 @studies.command("drift")
@@ -90,8 +91,8 @@ def study_drift(
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
     from ..experiments.studies.drift import drift_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
-    _study(folder, as_json, lambda tell: drift_study(arms, seed, tell, store=store), store, within)
+    cluster = asked_cluster(workers, scheduler)
+    _study(folder, as_json, cluster, lambda tell, store: drift_study(arms, seed, tell, store=store))
 
 
 @studies.command("table2")
@@ -105,8 +106,8 @@ def study_table2(
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
-    _study(folder, as_json, lambda tell: table2_study(seed, tell, store=store), store, within)
+    cluster = asked_cluster(workers, scheduler)
+    _study(folder, as_json, cluster, lambda tell, store: table2_study(seed, tell, store=store))
 
 
 Runs = Annotated[
@@ -120,7 +121,7 @@ Runs = Annotated[
 ]
 
 
-def _built_in(name: str, asked: str) -> None:
+def _built_in(name: str, question: str) -> None:
     """Make a command of a study file that comes with the package."""
 
     def study(
@@ -135,7 +136,7 @@ def _built_in(name: str, asked: str) -> None:
 
         _sweep(built_in_study(name), folder, runs, seed, as_json, asked_cluster(workers, scheduler))
 
-    studies.command(name, help=asked)(study)
+    studies.command(name, help=question)(study)
 
 
 _built_in("patterns", "X-Pattern, Y-Pattern or optimal plan, with the PSD at many positions in the cell?")
@@ -161,45 +162,42 @@ def study_file(
     _sweep(file, folder, runs, seed, as_json, asked_cluster(workers, scheduler))
 
 
-def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool, within: Within) -> NoReturn:
+def _sweep(
+    file: Path, folder: Path, runs: int | None, seed: int, as_json: bool, cluster: Cluster
+) -> NoReturn:
     from ..experiments.studies.sweeps.study_file import read_study
     from ..experiments.studies.sweeps.sweep import sweep
 
     study = read_study(file, runs)
-    store = _store(folder)
-    _study(folder, as_json, lambda tell: sweep(study, seed, tell, store=store), store, within)
-
-
-def _store(folder: Path) -> Path:
-    """Where finished cases are kept: next to the folder, which is written whole or not at all."""
-    return Path(f"{folder.resolve()}.cases.jsonl")
+    _study(folder, as_json, cluster, lambda tell, store: sweep(study, seed, tell, store=store))
 
 
 def _study(
     folder: Path,
     as_json: bool,
-    studied: Callable[[Callable[[str, float], None]], StudyAnswer],
-    store: Path,
-    within: Within,
+    cluster: Cluster,
+    studied: Callable[[Progress, Path], StudyAnswer],
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
-    Finished cases are kept in `store`, to go on with; once the study is written they are no longer needed.
+    Finished cases are kept next to the folder, which is written whole or not at all, to go on with; once the
+    study is written they are no longer needed.
     """
     from ..experiments.studies.answer import to_json
     from ..reports.studies.study_folder import check_target, write_study
     from ..reports.studies.study_terminal import print_study
 
+    store = Path(f"{folder.resolve()}.cases.jsonl")
     check_target(folder)
     try:
-        with within, progress("study") as tell:
-            answer = studied(tell)
+        with cluster, progress("study") as tell:
+            answer = studied(tell, store)
             tell("writing", 1.0)
             paths = write_study(folder, answer)
     except (KeyboardInterrupt, WorkersLost):
         if store.exists():
-            kept = f"The finished cases are kept in {store}: the same command goes on with them."
-            err.print(kept, markup=False, soft_wrap=True)
+            text = f"The finished cases are kept in {store}: the same command goes on with them."
+            err.print(text, markup=False, soft_wrap=True)
         raise
     store.unlink(missing_ok=True)
     if as_json:

@@ -10,7 +10,7 @@ from ..model.errors import BadInput
 from ..model.files.plan import Plan
 from ..model.files.run import read_run
 from ..model.kinematics.robot import same_arm
-from ..words.rehearsal import true_values
+from ..words.provenance import true_values
 from .exporters.verification import offsets_to_enter
 from .rigs.simulated.cell_file import Cell
 

@@ -20,7 +20,7 @@ from ..model.files.shot import Shot
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit
 from ..words.findings import finding_sentence, headline
-from ..words.rehearsal import SIMULATED, true_values
+from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed, person
 from .corrected_arm import corrected_arm

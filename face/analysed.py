@@ -14,13 +14,13 @@ from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
-from ..reports.output.cards import card, text
-from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, unit_of, worth_column
-from ..reports.run.report_folder import ReportPaths, write_report
-from ..reports.run.report_page import report_notes
+from ..reports.output.html import card, text
+from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, worth_column
+from ..reports.run.report import ReportPaths, report_notes, write_report
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.findings import headline
+from ..words.numbers import unit_of
 from ..words.result_json import to_json
 from ..words.verdict import VERDICT_WORDS
 from ..words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
@@ -166,13 +166,13 @@ class Plots:
 
     def offsets(self) -> Figure:
         """The offsets with their 95 % intervals, and how wide those are."""
-        from ..reports.run.offsets_figure import offsets_picture
+        from ..reports.run.parameters import offsets_picture
 
         return Figure(offsets_picture(self.solution.result))
 
     def residuals(self) -> Figure:
         """The residual of each measurement, in mm and divided by its standard deviation."""
-        from ..reports.run.diagnostics.residuals import residuals_picture
+        from ..reports.run.residuals import residuals_picture
 
         return Figure(residuals_picture(self.solution.result))
 

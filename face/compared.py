@@ -11,7 +11,7 @@ from ..analysis.repeatability.compare import Comparison
 from ..analysis.repeatability.compare import compare as compare_runs
 from ..model.errors import BadInput
 from ..model.files.run import Run
-from ..reports.output.cards import card, text
+from ..reports.output.html import card, text
 from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
 from ..reports.repeatability.comparison_json import comparison_json
 from ..reports.repeatability.comparison_page import comparison_page

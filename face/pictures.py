@@ -9,9 +9,8 @@ from pathlib import Path
 
 from ..model.errors import BadInput
 from ..model.files.whole_file import refuse_existing
-from ..reports.output.html import Turnable, scene_html
+from ..reports.output.html import Turnable, font_face, scene_html
 from ..reports.output.pdf import picture_bytes
-from ..reports.output.template import font_face
 from ..reports.style.canvas import Picture
 from ..reports.style.palette import light
 from ..words.wording import clipped

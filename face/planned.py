@@ -18,13 +18,13 @@ from ..model.files.arguments import checked, plain
 from ..model.files.header import Header, read_header
 from ..model.files.plan import Plan
 from ..model.files.plan_file import Obstacles
-from ..reports.output.cards import card, text
-from ..reports.plan.plan_page import plan_turnable, verdict_on
-from ..reports.plan.plan_scene import postures_of
-from ..reports.run.geometry import check_lines
-from ..reports.run.parameters import unit_of, worth_column
+from ..reports.output.html import card, text
+from ..reports.plan.plan_page import plan_turnable, postures_of, verdict_on
+from ..reports.run.parameters import worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, row_of, table_of
 from ..words import numbers
+from ..words.geometry import check_lines
+from ..words.numbers import unit_of
 from ..words.result_json import check_json
 from ..words.verdict import check_notes
 from ..words.wording import clipped, counted, label, sentence

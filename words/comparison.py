@@ -22,46 +22,46 @@ from .numbers import p_words
 from .wording import listed
 
 
-def headline(found: Comparison) -> str:
+def headline(runs: Comparison) -> str:
     """The answer in a sentence or two; first of all, which runs the model does not describe."""
-    if not found.misfits:
-        return _headline(found)
-    one = len(found.misfits) == 1
+    if not runs.misfits:
+        return _headline(runs)
+    one = len(runs.misfits) == 1
     return (
-        f"The model does not describe {listed(found.misfits)}: {'its' if one else 'their'} offsets, and every"
-        f" mean that they enter, are unvalidated. {_headline(found)}"
+        f"The model does not describe {listed(runs.misfits)}: {'its' if one else 'their'} offsets, and every"
+        f" mean that they enter, are unvalidated. {_headline(runs)}"
     )
 
 
-def _headline(found: Comparison) -> str:
-    if found.used < 2 or not any(row.runs for row in found.offsets):
+def _headline(comparison: Comparison) -> str:
+    if comparison.used < 2 or not any(row.runs for row in comparison.offsets):
         return "No offset is identifiable in two runs: nothing is compared."
-    if found.consistency is None and not any(row.test for row in found.offsets):
+    if comparison.consistency is None and not any(row.test for row in comparison.offsets):
         return (
-            f"The {found.used} runs give a scatter, but whether they agree cannot be tested: there is no"
+            f"The {comparison.used} runs give a scatter, but whether they agree cannot be tested: there is no"
             " predicted uncertainty that the scatter could be compared with."
         )
-    said = []
-    whole = found.consistency
+    parts = []
+    whole = comparison.consistency
     if whole is not None:
-        said.append(
-            f"the {found.used} runs scatter {whole.ratio:.2g} times as much as predicted"
+        parts.append(
+            f"the {comparison.used} runs scatter {whole.ratio:.2g} times as much as predicted"
             f" ({p_words(whole.p_value)})"
         )
-    elif found.verdict in ("agrees", "misfit"):
-        said.append(f"each offset of the {found.used} runs scatters as predicted")
-    if found.odd_run is not None:
+    elif comparison.verdict in ("agrees", "misfit"):
+        parts.append(f"each offset of the {comparison.used} runs scatters as predicted")
+    if comparison.odd_run is not None:
         others = ", the others agree without it" if whole is not None else ""
-        said.append(f"{found.odd_run} is the outlier{others}")
+        parts.append(f"{comparison.odd_run} is the outlier{others}")
     for names, verb, how in (
-        (found.differing, "scatter", " more than predicted"),
-        (found.drifting, "drift", ""),
+        (comparison.differing, "scatter", " more than predicted"),
+        (comparison.drifting, "drift", ""),
     ):
         if names:
-            said.append(f"{listed(list(names))} {verb}{'s' if len(names) == 1 else ''}{how}")
-    if not said:
-        said.append("one run is an outlier, but the data do not determine which")
-    whole_text = "; ".join(said)
+            parts.append(f"{listed(list(names))} {verb}{'s' if len(names) == 1 else ''}{how}")
+    if not parts:
+        parts.append("one run is an outlier, but the data do not determine which")
+    whole_text = "; ".join(parts)
     return f"{whole_text[0].upper()}{whole_text[1:]}."
 
 
@@ -70,9 +70,9 @@ def failure(reason: str) -> str:
     return f"the fit did not converge: {reason}"
 
 
-def notes(found: Comparison) -> Iterator[str]:
+def notes(compared: Comparison) -> Iterator[str]:
     """What must be read with the answer."""
-    for run in found.runs:
+    for run in compared.runs:
         if run.failure is not None:
             yield f"{run.name} is not compared: {failure(run.failure)}"
         if run.undetermined:
@@ -82,39 +82,41 @@ def notes(found: Comparison) -> Iterator[str]:
                 " compared by their scatter alone. Leave it out to test the others"
             )
         yield from (f"{run.name}: {sentence_of(finding)}" for finding in run.findings)
-    if apart := [row.name for row in found.offsets if not row.runs]:
+    if apart := [row.name for row in compared.offsets if not row.runs]:
         yield f"Not compared: {listed(apart)}. An offset must be identifiable in two runs"
-    if weak := sorted({own.name for run in found.runs for own in run.offsets if own.status == "weak"}):
+    if weak := sorted(
+        {offset.name for run in compared.runs for offset in run.offsets if offset.status == "weak"}
+    ):
         yield (
             f"Weakly observable in at least one run: {listed(weak)}. The part of the prior in an estimate is"
             " taken out, to first order"
         )
-    if found.consistency is not None and found.consistency.ratio_interval95[1] < 1:
+    if compared.consistency is not None and compared.consistency.ratio_interval95[1] < 1:
         yield (
-            f"The runs scatter less than predicted ({found.consistency.ratio:.2g} times): the noise may be"
+            f"The runs scatter less than predicted ({compared.consistency.ratio:.2g} times): the noise may be"
             " overstated, or part of it is the same in all runs"
         )
-    yield from _hint_of_a_drift(found)
-    if found.kind == "table":
-        yield from _on_a_table(found)
-    if found.kind == "results":
+    yield from _hint_of_a_drift(compared)
+    if compared.kind == "table":
+        yield from _on_a_table(compared)
+    if compared.kind == "results":
         yield (
             "Result files hold no covariance between offsets: each offset is tested on its own, and the"
             " p-values are adjusted for their number (Holm). Run files are tested as a whole"
         )
-        if any(isinstance(own, SharedTolerances) for run in found.runs for own in run.findings):
+        if any(isinstance(offset, SharedTolerances) for run in compared.runs for offset in run.findings):
             yield (
                 "Of a run with geometry: a result file has only the share of each variance that the"
                 " tolerances set. What the arm's deviations add to an offset is taken as the same in all"
                 " results, as with the same postures. With other postures offsets scatter more than predicted"
                 " here, so that a disagreement may be due to the geometry: compare the run files"
             )
-    if found.noise_estimated:
+    if compared.noise_estimated:
         yield (
             "The noise is estimated: one factor on the stated noise is taken for all runs together, and the"
             " tests are F instead of chi-squared"
         )
-    if found.used == 2:
+    if compared.used == 2:
         yield "Two runs cannot show a drift, nor which of them is the outlier: a third would"
     yield (
         "Errors that are the same in all runs do not show in their scatter: geometry that deviates from"
@@ -156,20 +158,20 @@ def _is(names: list[str]) -> str:
     return "is" if len(names) == 1 else "are"
 
 
-def _hint_of_a_drift(found: Comparison) -> Iterator[str]:
-    drifts = [(row.drift.p_value, row.name, row.unit, row.drift) for row in found.offsets if row.drift]
+def _hint_of_a_drift(comparison: Comparison) -> Iterator[str]:
+    drifts = [(row.drift.p_value, row.name, row.unit, row.drift) for row in comparison.offsets if row.drift]
     drifts = [drift for drift in drifts if drift[-1].p_holm < 1 - LEVEL]
-    if drifts and not found.drifting:
+    if drifts and not comparison.drifting:
         _, name, unit, drift = min(drifts, key=lambda drift: drift[0])
         yield (
             f"A hint of a drift, no more: {name} changes by {drift.slope:.2g} {unit} a"
-            f" {'hour' if found.by_time else 'run'}, nearly in a line ({p_words(drift.p_holm, 2)},"
+            f" {'hour' if comparison.by_time else 'run'}, nearly in a line ({p_words(drift.p_holm, 2)},"
             " Holm-adjusted)"
         )
 
 
-def _on_a_table(found: Comparison) -> Iterator[str]:
-    count = max(row.runs for row in found.offsets)
+def _on_a_table(comparison: Comparison) -> Iterator[str]:
+    count = max(row.runs for row in comparison.offsets)
     if count >= 2:
         low, high = of_a_std(count - 1)
         yield (

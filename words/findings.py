@@ -25,8 +25,8 @@ from ..analysis.observability.causes import Cause, NullDirection
 from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.so_far import SoFar
 from ..analysis.solution import ParameterTable, Solution
-from .causes import reason
 from .misfit import criterion_sentence, misfit_headline
+from .observability import reason
 from .verdict import verdict_sentence
 from .wording import Namer, listed
 
@@ -93,9 +93,9 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
                     " intervals by the curvature at the mode: sample it before you rely on them"
                 )
             return (
-                f"The posterior was not sampled, although the profile likelihood of"
-                f" {listed([name(own) for own in parameters], MOST_NAMED)} differs from the curvature at the"
-                " mode: sample it before you rely on these intervals"
+                "The posterior was not sampled, although the profile likelihood of"
+                f" {listed([name(each) for each in parameters], MOST_NAMED)} differs from the curvature at"
+                " the mode: sample it before you rely on these intervals"
             )
         case Displacement():
             return displacement_sentence(finding)
@@ -126,16 +126,16 @@ def _measurements(numbers: Sequence[int]) -> str:
     return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
 
 
-def displacement_sentence(found: Displacement) -> str:
-    """What a reader must know of a significant displacement, and what to do."""
-    p_value = f"= {found.p_value:.0e}" if found.p_value > _NEVER else f"< {_NEVER:.0e}"
-    others = [_where(point) for point in found.elsewhere[:_MOST_EXPLANATIONS]]
-    if found.alone is not None:
-        others.append(f"measurement {found.alone} alone is wrong")
+def displacement_sentence(moved: Displacement) -> str:
+    """What a reader must know of a significant moved, and what to do."""
+    p_value = f"= {moved.p_value:.0e}" if moved.p_value > _NEVER else f"< {_NEVER:.0e}"
+    others = [_where(point) for point in moved.elsewhere[:_MOST_EXPLANATIONS]]
+    if moved.alone is not None:
+        others.append(f"measurement {moved.alone} alone is wrong")
     doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
     return (
-        f"Target {found.at.target} seems to have moved{_by(found)} between measurements"
-        f" {found.at.after_shot} and {found.at.before_shot} (p {p_value}).{doubt} Discard the measurements"
+        f"Target {moved.at.target} seems to have moved{_by(moved)} between measurements"
+        f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}).{doubt} Discard the measurements"
         " before or after, or give them another target name"
     )
 
@@ -144,12 +144,12 @@ def _where(point: ChangePoint) -> str:
     return f"{point.target} moved between {point.after_shot} and {point.before_shot}"
 
 
-def _by(found: Displacement) -> str:
-    if found.size_mm is not None and found.size_std_mm is not None:
-        return f" by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm"
+def _by(moved: Displacement) -> str:
+    if moved.size_mm is not None and moved.size_std_mm is not None:
+        return f" by {moved.size_mm:.1f} ± {moved.size_std_mm:.1f} mm"
     along = [
         f"{shift:.1f} ± {std:.1f} mm along {axis}"
-        for axis, shift, std in zip("xyz", found.shift_mm, found.std_mm, strict=True)
+        for axis, shift, std in zip("xyz", moved.shift_mm, moved.std_mm, strict=True)
         if shift is not None and std is not None
     ]
     return f" by {' and '.join(along)}" if along else ""
@@ -215,7 +215,7 @@ def robust_message(robust: Robust) -> str:
     )
 
 
-def place(accuracy: Accuracy, name: Namer = str) -> str:
+def tcp_words(accuracy: Accuracy, name: Namer = str) -> str:
     """What the point is whose accuracy is stated."""
     match accuracy.place:
         case "stated point":
@@ -235,11 +235,13 @@ def accuracy_reason(accuracy: Accuracy, name: Namer = str) -> str | None:
     if not accuracy.converged:
         return "the fit did not converge"
     parts: dict[tuple[str, Cause | None], list[str]] = {}
-    for own, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
-        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(own)
-    said = []
+    for parameter, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
+        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(parameter)
+    reasons = []
     for (state, cause), names in parts.items():
         why = "" if cause is None else f": {reason(cause, name)}"
         verb = "is" if len(names) == 1 else "are"
-        said.append(f"the TCP depends on {listed([name(own) for own in names])}, which {verb} {state}{why}")
-    return "; ".join(said) or None
+        reasons.append(
+            f"the TCP depends on {listed([name(each) for each in names])}, which {verb} {state}{why}"
+        )
+    return "; ".join(reasons) or None

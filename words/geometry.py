@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from ..analysis.observability.causes import Cause, NotResolvable
+from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import Confounded, GeometryResult, Rung, RungName, Tolerance
 from . import numbers
-from .wording import Namer, listed
+from .wording import Namer, listed, person
 
 IF_IT_DEVIATES = "u if the arm deviates"
 SET_BY_TOLERANCES = "set by tolerances"
@@ -22,7 +23,7 @@ _MOSTLY = 0.5  # a share of the variance, or a correlation, from which it is wor
 _UNKNOWN = "unknown"  # where the curvature at the mode does not say
 
 
-class Offset(Protocol):
+class OffsetRow(Protocol):
     """An offset of a result, of a check, of a run that has ended."""
 
     @property
@@ -35,38 +36,38 @@ class Offset(Protocol):
     def tolerance_share(self) -> float | None: ...
 
 
-def tolerances_words(own: GeometryResult) -> str:
+def tolerances_words(geometry: GeometryResult) -> str:
     """The tolerances of the links: 0.3 mm and 0.1°; of lists the smallest and the largest."""
-    return f"{tolerance_words(own.length_mm, 'mm')} and {tolerance_words(own.angle_deg, 'deg')}"
+    return f"{tolerance_words(geometry.length_mm, 'mm')} and {tolerance_words(geometry.angle_deg, 'deg')}"
 
 
-def tolerance_words(stated: Tolerance, unit: str) -> str:
+def tolerance_words(tolerance: Tolerance, unit: str) -> str:
     """One tolerance; of a list the smallest and the largest."""
-    if isinstance(stated, int | float):
-        return numbers.exact(float(stated), unit)
-    low, high = min(stated), max(stated)
+    if isinstance(tolerance, int | float):
+        return numbers.exact(float(tolerance), unit)
+    low, high = min(tolerance), max(tolerance)
     if low == high:
         return numbers.exact(low, unit)
     return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
 
 
-def worth_sentence(own: GeometryResult, offsets: Sequence[Offset]) -> str | None:
+def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow]) -> str | None:
     """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u."""
-    stated = {row.name: row.std for row in offsets if row.std is not None}
+    std = {row.name: row.std for row in offsets if row.std is not None}
     units = {row.name: row.unit for row in offsets}
-    considered = _range(own.consider, units)
-    if not stated or considered is None:
+    considered = _range(geometry.consider, units)
+    if not std or considered is None:
         return None
-    present = _range(stated, units)
-    if not own.stated:
+    present = _range(std, units)
+    if not geometry.stated:
         return (
-            f"With nominal geometry u is {present}; if the arm deviates from it by {tolerances_words(own)},"
-            f" {considered}. State geometry in the header to estimate it."
+            f"With nominal geometry u is {present}; if the arm deviates from it by"
+            f" {tolerances_words(geometry)}, {considered}. State geometry in the header to estimate it."
         )
-    half, twice = _range(own.at_half, units), _range(own.at_twice, units)
-    factors = "" if own.factors is None else ", multiplied by the factors that the data give them"
+    half, twice = _range(geometry.at_half, units), _range(geometry.at_twice, units)
+    factors = "" if geometry.factors is None else ", multiplied by the factors that the data give them"
     return (
-        f"With the geometry estimated within its tolerances ({tolerances_words(own)}{factors}) u is"
+        f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) u is"
         f" {present}. With half the tolerances it would be {half or _UNKNOWN}, with twice"
         f" {twice or _UNKNOWN}; with nominal geometry, if the arm deviates from it by these tolerances,"
         f" {considered}."
@@ -75,29 +76,29 @@ def worth_sentence(own: GeometryResult, offsets: Sequence[Offset]) -> str | None
 
 def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str]) -> str | None:
     """The smallest to the largest, by unit."""
-    said = []
+    ranges = []
     for unit in dict.fromkeys(units[name] for name in uncertainties if name in units):
         of_unit = [u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
         if not of_unit:
             continue
         low, high = (numbers.spread(end, unit) for end in (min(of_unit), max(of_unit)))
-        said.append(low if low == high else f"{low} to {high}")
-    return " and ".join(said) or None
+        ranges.append(low if low == high else f"{low} to {high}")
+    return " and ".join(ranges) or None
 
 
 def confounded_sentence(
-    own: GeometryResult, offset: str, share: float | None, name: Namer = str
+    geometry: GeometryResult, offset: str, share: float | None, name: Namer = str
 ) -> str | None:
     """Why an offset is known no better: the tolerances, and what it is confounded with; None where most of
     its variance is of the noise."""
     if share is None or share < _MOSTLY:
         return None
-    said = f"{name(offset)}: {percent(share)} of the variance is set by the tolerances"
-    rivals = [row for row in own.confounded if row.offset == offset and abs(row.correlation) >= _MOSTLY]
+    text = f"{name(offset)}: {percent(share)} of the variance is set by the tolerances"
+    rivals = [row for row in geometry.confounded if row.offset == offset and abs(row.correlation) >= _MOSTLY]
     if not rivals:
-        return f"{said}; it is confounded with no single parameter."
+        return f"{text}; it is confounded with no single parameter."
     named = [f"{name(row.parameter)} (correlation {correlation(row)})" for row in rivals]
-    return f"{said}; it is confounded with {listed(named)}."
+    return f"{text}; it is confounded with {listed(named)}."
 
 
 def by_tolerances(cause: Cause, share: float | None) -> str | None:
@@ -116,12 +117,12 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}{numbers.NO_BREAK}%"
 
 
-def factors_sentence(own: GeometryResult) -> str | None:
+def factors_sentence(geometry: GeometryResult) -> str | None:
     """By what the data multiply the tolerances; u is that of a factor of lognormal distribution."""
-    if own.factors is None:
+    if geometry.factors is None:
         return None
-    length, angle = own.factors.length, own.factors.angle
-    by_length, by_angle = own.factors.log_u
+    length, angle = geometry.factors.length, geometry.factors.angle
+    by_length, by_angle = geometry.factors.log_u
     return (
         f"The data multiply the tolerances of lengths by {numbers.significant(length, 2)} (relative u"
         f" {percent(by_length)}) and those of angles by {numbers.significant(angle, 2)} (relative u"
@@ -131,20 +132,39 @@ def factors_sentence(own: GeometryResult) -> str | None:
 
 def rung_reason(ladder: Sequence[Rung], i: int) -> str:
     """Why rung `i` is kept, or not."""
-    own = ladder[i]
-    if own.rung == "offsets":
+    rung = ladder[i]
+    if rung.rung == "offsets":
         return "for comparison"
-    if own.rung == "geometry":
+    if rung.rung == "geometry":
         return "stated"
-    best = [rung for rung in ladder[:i] if rung.kept][-1]
-    found, before = own.held_out_rms_mm, best.held_out_rms_mm
-    if found is None or before is None:
-        return "asked for" if own.kept else "no second placement to predict"
-    predicts, evidence = found < before, own.log_evidence > best.log_evidence
+    best = [lower for lower in ladder[:i] if lower.kept][-1]
+    now, before = rung.held_out_rms_mm, best.held_out_rms_mm
+    if now is None or before is None:
+        return "asked for" if rung.kept else "no second placement to predict"
+    predicts, evidence = now < before, rung.log_evidence > best.log_evidence
     if predicts and evidence:
         return "predicts better, evidence rises"
-    if own.kept:
+    if rung.kept:
         return "asked for"
     against = [] if predicts else ["predicts no better"]
     against += [] if evidence else ["evidence falls"]
     return ", ".join(against)
+
+
+def check_lines(check: Check) -> list[str]:
+    """What a check says of the geometry, a line each."""
+    offsets = [row for row in check.parameters if row.group == "offset"]
+    worth = worth_sentence(check.geometry, offsets)
+    lines = [] if worth is None else [worth]
+    known = [row for row in offsets if row.std is not None]
+    worst = max(known, key=lambda row: row.std or 0.0, default=None)
+    if worst is not None:
+        why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
+        lines += [] if why is None else [why]
+    rows = [row for row in check.parameters if row.group == "geometry" and not row.held]
+    if rows:
+        determined = sum(row.std is not None for row in rows)
+        lines.append(
+            f"Geometry: {determined} of {len(rows)} parameters will be determined, the others prior only."
+        )
+    return lines

@@ -99,6 +99,16 @@ def with_unit(text: str, unit: str) -> str:
     return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")
 
 
+def symbol(unit: str) -> str:
+    """A unit in the head of a column or on an axis: ° for degrees."""
+    return _UNITS.get(unit, unit).strip(NO_BREAK)
+
+
+def unit_of(unit: str) -> str:
+    """What follows a number in this unit; a noise factor is so many times the stated noise."""
+    return "times" if unit == "1" else unit
+
+
 def or_words(value: float | None, words: str, unit: str = "", digits: int = 3) -> str:
     """A number as `significant`, or the words for what there is instead."""
     return words if value is None else significant(value, digits, unit)

@@ -1,14 +1,214 @@
-"""What is observable, and what would make more of it so, in words: directions, rank, a plan's outlook."""
+"""Observability in words: why the data do not determine a parameter or a combination, what to do about it,
+and a plan's outlook.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..analysis.observability.causes import NullDirection
+from ..analysis.observability.causes import (
+    BaseFrame,
+    Cause,
+    CommonMotion,
+    Held,
+    LocalOptima,
+    NoiseSplit,
+    NotResolvable,
+    NotTheModel,
+    NullDirection,
+    OnAxis,
+    OnePosition,
+    ParallelAxes,
+    TargetUnseen,
+    ToleranceOnly,
+    TooFewMeasurements,
+    ToolAgainstTarget,
+    ToolRotation,
+    Unconverged,
+    Unexplained,
+)
+from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
+from ..model.likelihood.tool import ToolKind
 from . import numbers
-from .wording import label, listed, shown
+from .wording import Namer, label, listed, shown
+
+_BASE_FRAME = (
+    "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
+    " (section 3.3)"
+)
+_MOST_AT_OPTIMA = 3
+_TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated laser (section 3.1)"
+
+
+def reason(cause: Cause, name: Namer = str) -> str:
+    """Why, as what can follow a colon; `name` writes names of parameters and targets."""
+    match cause:
+        case Held(by="base frame") | BaseFrame():
+            return _BASE_FRAME
+        case Held(by="tool rotation") | ToolRotation(tool="laser"):
+            return _TOOL_ROTATION
+        case Held(by="first link"):
+            return "it moves the arm and every target alike, as the choice of the base frame does"
+        case Held(by="free tool"):
+            return "the free tool takes up what the last link does"
+        case Held():
+            return "held by the header"
+        case Unconverged():
+            return "the fit did not converge"
+        case NotTheModel():
+            return "the model does not describe the measurements"
+        case NotResolvable():
+            return "not resolvable at this noise level"
+        case ToleranceOnly():
+            return "prior only: the measurements say no more of it than its tolerance"
+        case TargetUnseen(target, 1):
+            return f"the target {name(target)} has one measurement only"
+        case TargetUnseen(target, _):
+            return f"the target {name(target)} is measured from too few directions to locate it"
+        case NoiseSplit():
+            return (
+                "the scatter of these residuals does not separate the noise of the joints from that of the"
+                " spot"
+            )
+        case OnAxis(tool, joint):
+            return (
+                f"the {_tool(tool)} lies on or near the axis of joint {joint}: a rotation of that joint"
+                " hardly moves it"
+            )
+        case ToolRotation(_, joint):
+            return f"joint {joint} and a free probe tip rotate together: only the sum of both moves the tip"
+        case CommonMotion():
+            return _common_motion(cause)
+        case ParallelAxes(first, second):
+            return (
+                f"the axes of joints {first} and {second} stay parallel, so that the measurements do not"
+                " separate their offsets"
+            )
+        case ToolAgainstTarget():
+            return "the tool rotates too little over the measurements to be separated from the target"
+        case TooFewMeasurements(measurements, numbers, unknowns, _):
+            return f"too few measurements: {measurements} give {numbers} numbers for {unknowns} unknowns"
+        case OnePosition():
+            return "all measurements are at one position, and a motion that keeps it is free"
+        case LocalOptima():
+            return _local_optima(cause, name)
+        case Unexplained():
+            return "no known mechanism"
+
+
+def remedy(cause: Cause, name: Namer = str) -> str:
+    """What to do, as an imperative without a full stop."""
+    match cause:
+        case Held(by="base frame") | BaseFrame():
+            return f"hold {name('delta1')} (the default): it is a choice of base frame and costs no accuracy"
+        case Held(by="header"):
+            return "leave it out of held to estimate it"
+        case Held(by="first link"):
+            return "nothing: it is a choice of base frame and costs no accuracy"
+        case Held(by="free tool"):
+            return "nothing: it is part of the tool, which is estimated"
+        case Held() | ToolRotation():
+            joint = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
+            return f"hold {joint}, or calibrate the tool separately and state it as calibrated"
+        case Unconverged():
+            return "look for a wrong measurement, or state a better guess of target and tool"
+        case NotTheModel():
+            return "find what is wrong first: joint columns, signs, zeros, units, targets, geometry"
+        case NotResolvable():
+            return "add measurements, or measure with less noise"
+        case ToleranceOnly():
+            return "add measurements in postures that differ in the joints around this link"
+        case TargetUnseen(target, _):
+            return f"add measurements of {name(target)} from other directions"
+        case NoiseSplit():
+            return "state one of the two, or add measurements with shorter and longer beams"
+        case OnAxis(tool, joint):
+            return (
+                f"mount the tool so that the {_tool(tool)} is off the axis of joint {joint}, or hold"
+                f" {name(f'delta{joint}')}"
+            )
+        case CommonMotion():
+            return _vary(cause)
+        case ParallelAxes(_, second):
+            return (
+                f"add measurements that differ in the joints up to {second}: vary joint {second} by 30°"
+                " or more"
+            )
+        case ToolAgainstTarget():
+            return "add measurements with the wrist at very different angles"
+        case TooFewMeasurements(needed=needed):
+            return f"record at least {needed} measurements in varied postures, better twice as many"
+        case OnePosition():
+            return "add measurements of a second target, some hundred millimetres away"
+        case LocalOptima():
+            return "add measurements in postures that differ in every joint, until one optimum is left"
+        case Unexplained():
+            return "add measurements in postures that differ in every joint, then check again"
+
+
+def _tool(kind: ToolKind) -> str:
+    return "beam" if kind == "laser" else "probe tip"
+
+
+def _local_optima(cause: LocalOptima, name: Namer) -> str:
+    named = []
+    for row in cause.parameters[:_MOST_AT_OPTIMA]:
+        here, there = (numbers.estimate(value, row.std, _unit(row.unit)) for value in row.values)
+        named.append(f"{name(row.name)} = {here} or {there}")
+    more = len(cause.parameters) - len(named)
+    count = "two" if cause.count == 2 else str(cause.count)
+    values = ", ".join(named) + (f" and {more} more parameters" if more else "")
+    return f"{count} local optima explain the data about equally well: {values}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _before(cause: CommonMotion) -> str:
+    last = cause.joint - 1
+    return "joint 1" if last == 1 else "joints 1 and 2" if last == 2 else f"joints 1 to {last}"
+
+
+def _common_motion(cause: CommonMotion) -> str:
+    k = cause.joint
+    turning = cause.revolute[-1]
+    before, one = _before(cause), k == 2
+    motion = "rotation" if turning else "translation"
+    so = (
+        f"an offset of joint {k} is equivalent to a {motion} of everything after joint {k - 1}, the target"
+        " included"
+    )
+    x_pattern = " (the X-Pattern of section 3.2)" if one and cause.revolute == (True, True) else ""
+    if cause.constant:
+        return f"{before} {'does' if one else 'do'} not change over the measurements, so {so}{x_pattern}"
+    parts = []
+    if cause.range_deg is not None:
+        parts.append(f"{numbers.significant(cause.range_deg, 2)}°")
+    if cause.range_mm is not None:
+        parts.append(f"{numbers.significant(cause.range_mm, 2)} mm")
+    ranges = " and ".join(parts)
+    verb = "varies" if one else "vary"
+    if cause.nearly_constant:
+        return (
+            f"{before} {verb} by no more than {ranges} over the measurements, so within the noise"
+            f" {so}{x_pattern}"
+        )
+    about = f"rotation about the axis of joint {k}" if turning else f"translation along the axis of joint {k}"
+    return (
+        f"a {about} moves the target nearly the same way in every measurement, although {before} {verb} by"
+        f" up to {ranges}"
+    )
+
+
+def _vary(cause: CommonMotion) -> str:
+    if cause.constant or cause.nearly_constant:
+        amount = "30° or more" if all(cause.revolute[:-1]) else "a third of the range or more"
+        return f"vary {_before(cause)} by {amount} between measurements"
+    return f"add measurements with the axis of joint {cause.joint} at very different places or angles"
+
 
 _MOST_TERMS = 6
 
@@ -73,3 +273,12 @@ def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
         f" measurements hit, and the largest standard uncertainty is that of {label(name)}:"
         f" {numbers.spread(worst, units[name])}."
     )
+
+
+def outlook_lines(check: Check) -> list[str]:
+    """The change of a plan that helps most, and what becomes of the plan if the target is elsewhere."""
+    lines = [] if check.advice is None else [advice_sentence(check.advice)]
+    if check.over_target is not None:
+        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
+        lines.append(over_target_sentence(check.over_target, units))
+    return lines

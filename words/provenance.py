@@ -1,4 +1,4 @@
-"""What a run's provenance says of its origin: by which keys a person may state it."""
+"""What a run's provenance says of its origin, by which keys, and the true values of a simulated run."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def by_plain_key(provenance: Mapping[str, object]) -> dict[str, object]:
     return {re.sub(r"[\s_-]+", " ", key).strip().casefold(): value for key, value in provenance.items()}
 
 
-def stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
+def provenance_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
     """What is stated by any of the `keys`; "" for nothing. `provenance` as of `by_plain_key`."""
     return ", ".join(shown(str(provenance[key])) for key in keys if key in provenance)
 
 
-def first_stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
+def first_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
     """The same by the first of the `keys` alone that is there."""
     return next((shown(str(provenance[key])) for key in keys if key in provenance), "")
 
@@ -48,4 +48,20 @@ def first_stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str
 def instrument(provenance: Mapping[str, object], tool: str) -> str:
     """The instruments of a laser or a probe, their makers and serial numbers; "" where none is stated."""
     rows = [keys for name, keys in INSTRUMENTS[tool] if "serial" in name]
-    return ", ".join(text for text in (stated(provenance, keys) for keys in rows) if text)
+    return ", ".join(text for text in (provenance_entry(provenance, keys) for keys in rows) if text)
+
+
+SIMULATED = "simulated"  # of the provenance key `origin`
+_TRUE = re.compile(r"true (\S+) \((?:deg|mm|1)\)")
+
+
+def true_values(provenance: Mapping[str, object]) -> dict[str, float]:
+    """The true values by parameter (deg, mm) that the provenance of a simulated run states; else none."""
+    if provenance.get("origin") != SIMULATED:
+        return {}
+    matches = ((_TRUE.fullmatch(key), value) for key, value in provenance.items())
+    return {
+        match.group(1): float(value)
+        for match, value in matches
+        if match is not None and isinstance(value, int | float) and not isinstance(value, bool)
+    }

@@ -18,20 +18,19 @@ from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import GeometryResult
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.solution import ParameterResult
-from .causes import reason, remedy
-from .diagnosis import explanation_sentence
 from .findings import (
     accuracy_reason,
     headline,
     hold_out_message,
     likelihood_message,
     notes,
-    place,
     posterior_message,
     robust_message,
+    tcp_words,
 )
-from .misfit import criterion_sentence
+from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps
+from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
@@ -68,7 +67,7 @@ def document_of(result: Result) -> document.ResultDocument:
         ),
         intervals=tuple(document.IntervalsDocument.filled(row) for row in result.intervals),
         accuracy=document.AccuracyDocument.filled(
-            result.accuracy, place=place(result.accuracy), reason=accuracy_reason(result.accuracy)
+            result.accuracy, place=tcp_words(result.accuracy), reason=accuracy_reason(result.accuracy)
         ),
         budget=tuple(document.BudgetDocument.filled(row) for row in result.budget),
         robust=robust

@@ -18,7 +18,7 @@ from ..analysis.observability.check import (
 )
 from ..analysis.status import Status, Verdict
 from . import numbers
-from .causes import reason
+from .observability import reason
 from .wording import Namer, counted, listed
 
 VERDICT_WORDS: dict[PlanVerdict, str] = {
@@ -58,7 +58,9 @@ def verdict_sentence(
     unvalidated = offsets("unvalidated")
     sentences = []
     if unknown:
-        reasons = dict.fromkeys(reason(worst_direction(null_space, own).cause, name) for own in unknown)
+        reasons = dict.fromkeys(
+            reason(worst_direction(null_space, parameter).cause, name) for parameter in unknown
+        )
         sentences.append(
             f"{_are(unknown, name)} unidentifiable from these measurements: {'; '.join(reasons)}."
         )
@@ -72,7 +74,7 @@ def verdict_sentence(
 
 
 def _are(names: list[str], name: Namer) -> str:
-    return f"{listed([name(own) for own in names])} {'is' if len(names) == 1 else 'are'}"
+    return f"{listed([name(each) for each in names])} {'is' if len(names) == 1 else 'are'}"
 
 
 def tone_of(verdict: PlanVerdict) -> Verdict:
@@ -97,18 +99,18 @@ def check_headline(check: Check, name: Namer = str) -> str:
 
 def violation_words(violation: Violation) -> str:
     """What a posture breaks of its plan's constraints, without the posture's number."""
-    found, lowest, highest = violation.at, violation.lowest, violation.highest
+    at_value, lowest, highest = violation.at, violation.lowest, violation.highest
     where = "" if violation.via is None else f"intermediate posture {violation.via}: "
-    if found is None or lowest is None or highest is None:
+    if at_value is None or lowest is None or highest is None:
         planned = ", before the wrist is turned onto the target" if violation.planned else ""
         return f"{where}{_TOUCHED[violation.condition]}{planned}"
     unit = violation.unit or ""
-    at, low, high = (numbers.exact(round(value, 2), unit) for value in (found, lowest, highest))
+    at, low, high = (numbers.exact(round(value, 2), unit) for value in (at_value, lowest, highest))
     match violation.condition:
         case "facing":
-            side = "from behind, " if found > 90 else ""
+            side = "from behind, " if at_value > 90 else ""
             return f"the beam meets the target's face {side}at {at} to its normal (at most {high} allowed)"
-        case "beam_mm" if found <= 0:
+        case "beam_mm" if at_value <= 0:
             return "the target is behind the laser"
         case "beam_mm":
             return f"the beam is {at} long ({low} to {high} allowed)"

@@ -37,8 +37,8 @@ def visible(text: str, escape: Callable[[str], str] | None = None) -> str:
     """`text` with what cannot be seen, but for line breaks, as `escape` writes it (default: `escaped`)."""
     write = escape or escaped
 
-    def one(found: re.Match[str]) -> str:
-        letter = found.group()
+    def one(match: re.Match[str]) -> str:
+        letter = match.group()
         return write(letter) if letter in _TURNING or unicodedata.category(letter) in _UNSEEN else letter
 
     return _PERHAPS.sub(one, text)
@@ -56,10 +56,10 @@ def clipped(name: str, width: int = NAME_WIDTH) -> str:
 def label(name: str, width: int = NAME_WIDTH) -> str:
     """A parameter's name as people write it: `delta2` is J2 (δ2), `link2.alpha` is link 2, α; others stay as
     they are."""
-    if found := re.fullmatch(r"delta(\d+)", name):
-        return f"J{found.group(1)} (δ{found.group(1)})"
-    if found := _GEOMETRY.fullmatch(name):
-        body, number, axis = found.groups()
+    if match := re.fullmatch(r"delta(\d+)", name):
+        return f"J{match.group(1)} (δ{match.group(1)})"
+    if match := _GEOMETRY.fullmatch(name):
+        body, number, axis = match.groups()
         return f"{'link ' if body == 'link' else 'J'}{number}, {_GREEK.get(axis, axis)}"
     return clipped(name, width)
 

@@ -25,7 +25,7 @@ from ...model.errors import BadInput, ZerobeamError
 from ...model.files.confinement import confined
 from ...model.files.reading import LARGEST_YAML, parse_json
 from ...model.files.whole_file import write_whole
-from ...reports.output.template import TEMPLATES, sheet
+from ...reports.output.html import TEMPLATES, sheet
 from ...reports.style import typeface
 from .answers.results import read_result, report_files
 from .archive import archive

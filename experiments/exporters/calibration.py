@@ -19,9 +19,9 @@ from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
-from ...words.causes import reason
 from ...words.findings import displacement_sentence
 from ...words.misfit import criterion_sentence, misfit_headline
+from ...words.observability import reason
 from ...words.wording import listed
 from .ascii_line import one_line
 from .corrected import (

@@ -18,7 +18,7 @@ from ...analysis.status import Status, known
 from ...model.arrays import Matrix
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, rms_length
-from ...words.causes import reason
+from ...words.observability import reason
 
 # What a kind of file has room for: the offsets, these and the links, or every parameter.
 Holds = Literal["offsets", "links", "all"]

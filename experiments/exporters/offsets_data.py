@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from ...words import spreadsheet
-from ...words.causes import reason
+from ...words.observability import reason
 from .ascii_line import one_line
 from .calibration import MEANING, SEED, Calibration, Offset
 

@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, read_text
-from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, by_plain_key, first_stated, instrument, stated
+from ...words.provenance import (
+    DATE,
+    KEYS,
+    OPERATOR,
+    SERIAL,
+    by_plain_key,
+    first_entry,
+    instrument,
+    provenance_entry,
+)
 from .content import (
     DAMAGED,
     checked_offset,
@@ -126,8 +135,8 @@ class _Origin:
 
 def _origin(provenance: Mapping[str, object], path: Path, serial: str | None, when: str | None) -> _Origin:
     provenance = by_plain_key(provenance)
-    serial = first_stated(provenance, KEYS[SERIAL]) or serial
-    when = first_stated(provenance, KEYS[DATE]) or when
+    serial = first_entry(provenance, KEYS[SERIAL]) or serial
+    when = first_entry(provenance, KEYS[DATE]) or when
     for value, what, key in (
         (serial, "serial number of the arm", "serial"),
         (when, "date of the measurements", "when"),
@@ -141,7 +150,7 @@ def _origin(provenance: Mapping[str, object], path: Path, serial: str | None, wh
             )
     assert serial is not None
     assert when is not None
-    return _Origin(serial, moment(when, path), stated(provenance, KEYS[OPERATOR]), provenance)
+    return _Origin(serial, moment(when, path), provenance_entry(provenance, KEYS[OPERATOR]), provenance)
 
 
 def _entry(result: ReadResult, text: str, origin: _Origin) -> Entry:

@@ -8,18 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
-from pydantic import TypeAdapter
+import numpy as np
+from pydantic import JsonValue, TypeAdapter
+from scipy import special, stats
 
 from ...analysis.status import Status, require_no_more_than
+from ...model.arrays import Matrix
+from ...model.likelihood.problem import Problem
 
 SCHEMA = "zerobeam/study/1"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyAnswer:
-    """What is asked, the answer in a sentence, and whether all that must agree agrees."""
+    """The question, the answer in a sentence, and whether all that must agree agrees."""
 
     study: str
     title: str
@@ -37,6 +41,10 @@ class NoiseLevel:
     joint_deg: float
     spot_mm: float
 
+    @classmethod
+    def of_problem(cls, problem: Problem) -> NoiseLevel:
+        return cls(float(np.degrees(problem.noise.joint[0])), float(problem.noise.spot))
+
 
 @dataclass(frozen=True)
 class Share:
@@ -50,6 +58,15 @@ class Share:
     low: float
     high: float
     agrees: bool
+
+
+class Accuracy(NamedTuple):
+    """Bias with its Monte Carlo standard error, rmse and predicted standard uncertainty, or None for each."""
+
+    bias: float | None = None
+    bias_mcse: float | None = None
+    rmse: float | None = None
+    predicted_std: float | None = None
 
 
 @dataclass(frozen=True)
@@ -71,21 +88,69 @@ class ObservedParameter:
         raise NotImplementedError
 
 
-def require_sound(what: str, control: bool, parameters: Iterable[ObservedParameter]) -> None:
-    """Raise UnsoundResult if a parameter that is not determined has a number, and `what` is no control."""
-    for own in () if control else parameters:
+@dataclass(frozen=True)
+class ParameterWithShare(ObservedParameter):
+    """The same with the share of its intervals of one level; None where no run determines the parameter."""
+
+    coverage: Share | None = None
+
+    @property
+    def shares(self) -> tuple[Share, ...]:
+        return () if self.coverage is None else (self.coverage,)
+
+
+def require_sound(subject: str, control: bool, parameters: Iterable[ObservedParameter]) -> None:
+    """Raise UnsoundResult if a parameter of `subject` that is not determined has a number, and it is no
+    control."""
+    for row in () if control else parameters:
         require_no_more_than(
-            f"{own.name} of {what}",
-            own.status,
-            bias=own.bias,
-            bias_mcse=own.bias_mcse,
-            rmse=own.rmse,
-            predicted_std=own.predicted_std,
-            coverage=own.shares or None,
+            f"{row.name} of {subject}",
+            row.status,
+            bias=row.bias,
+            bias_mcse=row.bias_mcse,
+            rmse=row.rmse,
+            predicted_std=row.predicted_std,
+            coverage=row.shares or None,
         )
 
 
-def to_json(answer: StudyAnswer) -> dict[str, Any]:
+def to_json(answer: StudyAnswer) -> dict[str, JsonValue]:
     """The content of `study.json`."""
     content = TypeAdapter(type(answer)).dump_python(answer, mode="json", by_alias=True)
     return {"schema": SCHEMA, **content}
+
+
+def accuracy(error: Matrix, std: Matrix) -> Accuracy:
+    """Of R estimates of one parameter: `error` (R,) is estimate minus truth, `std` (R,) the standard
+    uncertainty stated with each; without any number where there are fewer than two."""
+    if len(error) < 2:
+        return Accuracy()
+    return Accuracy(
+        bias=float(error.mean()),
+        bias_mcse=float(error.std(ddof=1) / np.sqrt(len(error))),
+        rmse=float(np.sqrt((error**2).mean())),
+        predicted_std=float(np.sqrt((std**2).mean())),
+    )
+
+
+def held_share(held: int, of: int, level: float, alarm: float) -> Share:
+    """The share of intervals of `level` that hold the truth.
+
+    It agrees unless the p-value of the exact binomial test is below `alarm`.
+    """
+    agrees = bool(stats.binomtest(held, of, level).pvalue >= alarm)
+    return Share(level, held, of, held / of, *share_interval(held, of), agrees)
+
+
+def share_interval(held: int, of: int) -> tuple[float, float]:
+    """The exact 95 % interval of a share (Clopper and Pearson 1934), by quantiles of beta distributions."""
+    low = special.betaincinv(held, of - held + 1, 0.025) if held > 0 else 0.0
+    high = special.betaincinv(held + 1, of - held, 0.975) if held < of else 1.0
+    return float(low), float(high)
+
+
+def agreement_words(agrees: bool, control: bool) -> str:
+    """Whether intervals hold the truth as often as stated; of a control, whether it is detected."""
+    if control:
+        return "not detected" if agrees else "detected as wrong"
+    return "as stated" if agrees else "not as stated"

@@ -29,7 +29,8 @@ from ..rigs.simulated.simulator import SimulatedRig
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
-    """What is carried out again and again; a `tolerance` (deg; mm) asks for the adaptive order."""
+    """A plan, and the cell that it is carried out in many times; with a `tolerance` (deg; mm) in the adaptive
+    order."""
 
     plan: Plan
     cell: Cell
@@ -38,7 +39,7 @@ class Repeated:
 
 @dataclass(frozen=True, eq=False)
 class CellRun:
-    """What one run came to.
+    """A simulated run.
 
     `truth` has the true offsets and tool by name, deg and mm; `seconds` of the cell's clock by phase.
     `state` is None where no measurement was recorded or the rig stopped, and `failure` says why. `computing`
@@ -69,7 +70,7 @@ class MemoryJournal:
         self._shots.append(shot)
 
 
-def seeds(seed: int, count: int) -> tuple[int, ...]:
+def seeds_of(seed: int, count: int) -> tuple[int, ...]:
     """One for each run; the first of many are those of fewer."""
     return tuple(int(np.random.SeedSequence([seed, run]).generate_state(1)[0]) for run in range(count))
 
@@ -90,8 +91,8 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
         truth = rig.truth.values()
         procedure = Procedure(plan, rig, journal, order, _silent)
         seconds = procedure.seconds
-        found = procedure.carry_out()
-        refused, state = found.refused, found.state
+        session = procedure.carry_out()
+        refused, state = session.refused, session.state
         if state is None:
             failure = "; ".join(dict.fromkeys(refusal.found for refusal in refused))
     except ZerobeamError as error:
@@ -101,22 +102,21 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
 
 
 def campaign(
-    works: Sequence[Repeated], of: Sequence[int], progress: ShareDone, processes: int | None = None
-) -> list[list[CellRun]]:
-    """Each of `works` with each of the seeds `of`, in that order; as many `processes` as there are cores.
+    repeated: Repeated, seeds: Sequence[int], progress: ShareDone, processes: int | None = None
+) -> list[CellRun]:
+    """A run with each of the seeds, in that order; as many `processes` as there are cores.
 
     Ctrl-C breaks off the runs that are under way.
     """
-    jobs = [(work, seed) for work in works for seed in of]
-    found: dict[int, CellRun] = {}
-    with closing(side_by_side(_one, jobs, processes)) as answers:
+    runs: dict[int, CellRun] = {}
+    with closing(side_by_side(_run, [(repeated, seed) for seed in seeds], processes)) as answers:
         for job, run in answers:
-            found[job] = run
-            progress(len(found) / len(jobs))
-    return [[found[k * len(of) + i] for i in range(len(of))] for k in range(len(works))]
+            runs[job] = run
+            progress(len(runs) / len(seeds))
+    return [runs[i] for i in range(len(seeds))]
 
 
-def _one(job: tuple[Repeated, int]) -> CellRun:
+def _run(job: tuple[Repeated, int]) -> CellRun:
     return carried(*job)
 
 

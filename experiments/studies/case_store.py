@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from io import FileIO
 from pathlib import Path
@@ -13,8 +13,9 @@ from typing import Generic, TypeVar
 
 from pydantic import TypeAdapter
 
-from ...analysis.status import UnsoundResult
+from ...analysis.status import UnsoundResult, versions
 from ...interruption import obey, uninterrupted
+from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten
 from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import Closing, lock
@@ -100,8 +101,8 @@ class CaseStore(Closing, Generic[Case]):
     def _read(self, content: bytes, heading: Mapping[str, object]) -> None:
         lines = content.splitlines()
         try:
-            found = parse_json(lines[0].decode(), file=self._path, line=1)
-            if not isinstance(found, dict) or found.get("schema") != CASES_SCHEMA:
+            first = parse_json(lines[0].decode(), file=self._path, line=1)
+            if not isinstance(first, dict) or first.get("schema") != CASES_SCHEMA:
                 raise ValueError
         except (ValueError, IndexError):
             raise BadInput(
@@ -111,10 +112,10 @@ class CaseStore(Closing, Generic[Case]):
                 file=self._path,
             ) from None
         for key, value in heading.items():
-            if found.get(key) != value:
+            if first.get(key) != value:
                 raise BadInput(
                     f"the finished cases that are kept here are of another {self._of}: {key} differs",
-                    found=shown(found.get(key)),
+                    found=shown(first.get(key)),
                     allowed=shown(value),
                     remedy="resume with the same settings, remove the file to begin again, or name"
                     f" another folder for the {self._of}",
@@ -134,6 +135,11 @@ class CaseStore(Closing, Generic[Case]):
                 ) from None
 
 
+def heading_of(study: str, seed: int, **settings: object) -> dict[str, object]:
+    """What the finished cases of a study must have in common to belong together."""
+    return {"study": study, "seed": seed, **settings, "versions": versions()}
+
+
 def each_case(
     store: Path | None,
     heading: Mapping[str, object],
@@ -141,16 +147,14 @@ def each_case(
     count: int,
     work: Callable[[int], Case],
 ) -> list[Case]:
-    """The answers of so many cases in turn: those that the store has, else worked out, and kept at once."""
-    with contextlib.nullcontext() if store is None else CaseStore(store, heading, kind) as kept:
-        answers = {} if kept is None else kept.done
-        for number in range(count):
-            if number not in answers:
-                obey()
-                answers[number] = work(number)
-                if kept is not None:
-                    kept.add(number, answers[number])
-    return [answers[number] for number in range(count)]
+    """The answers of so many cases in turn: those that the store has, else by `work`, and kept at once."""
+
+    def answers(numbers: Sequence[int]) -> Generator[tuple[int, Case], None, None]:
+        for number in numbers:
+            obey()
+            yield number, work(number)
+
+    return _completed(store, heading, kind, count, answers, lambda done: None)
 
 
 def each_piece(
@@ -159,26 +163,46 @@ def each_piece(
     kind: type[Case],
     work: Callable[[Piece], Case],
     pieces: Sequence[Piece],
-    tell: Callable[[str, float], None],
+    progress: Progress,
     processes: int | None = None,
+    *,
+    called: str = "piece",
 ) -> list[Case]:
     """The answers of all pieces: those that the store has, else worked out side by side by `work`, a function
-    of a module, and kept at once."""
+    of a module, and kept at once. `called` is the name of a piece in the progress."""
+
+    def answers(numbers: Sequence[int]) -> Generator[tuple[int, Case], None, None]:
+        jobs = [pieces[number] for number in numbers]
+        with closing(side_by_side(work, jobs, processes)) as answered:
+            for job, answer in answered:
+                yield numbers[job], answer
+
+    def tell(done: int) -> None:
+        progress(f"{called} {done}/{len(pieces)}", done / len(pieces))
+
+    return _completed(store, heading, kind, len(pieces), answers, tell)
+
+
+def _completed(
+    store: Path | None,
+    heading: Mapping[str, object],
+    kind: type[Case],
+    count: int,
+    answers: Callable[[Sequence[int]], Generator[tuple[int, Case], None, None]],
+    tell: Callable[[int], None],
+) -> list[Case]:
+    """The answers of the store, and `answers` of the numbers that it lacks; `tell` is called with how many
+    there are."""
     with contextlib.nullcontext() if store is None else CaseStore(store, heading, kind) as kept:
-        answers = {} if kept is None else kept.done
-        left = [number for number in range(len(pieces)) if number not in answers]
-
-        def told() -> None:
-            tell(f"piece {len(answers)}/{len(pieces)}", len(answers) / len(pieces))
-
-        told()
-        with closing(side_by_side(work, [pieces[number] for number in left], processes)) as found:
-            for job, answer in found:
-                answers[left[job]] = answer
+        finished = {} if kept is None else kept.done
+        tell(len(finished))
+        with closing(answers([number for number in range(count) if number not in finished])) as answered:
+            for number, answer in answered:
+                finished[number] = answer
                 if kept is not None:
-                    kept.add(left[job], answer)
-                told()
-    return [answers[number] for number in range(len(pieces))]
+                    kept.add(number, answer)
+                tell(len(finished))
+    return [finished[number] for number in range(count)]
 
 
 def _line(value: Mapping[str, object]) -> bytes:

@@ -6,58 +6,55 @@ the truth in 95 % of the data sets, and the rank of the truth among the posterio
 (Talts et al. 2018). Two wrong estimators are carried along as negative controls.
 
 The fits are those of `analyse` (`fit_each`, the batch of `fit_likelihood`), and so are density, coordinates,
-moves and walk of the posterior (`drawn_together` says what is not).
+moves and steps of the posterior (`drawn_together` says what is not).
 """
 
 from __future__ import annotations
 
-import os
+import base64
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import closing, nullcontext
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
-from ...analysis.posterior.many_posteriors import LEAST_STEPS
+from ...analysis.posterior.many_posteriors import LEAST_STEPS, TOGETHER, drawn_together
 from ...analysis.posterior.sampler import ROUND
 from ...analysis.status import Status, known, versions
 from ...model.arrays import Index, Matrix, Progress
-from ...model.files.header import Header
-from ...model.files.robot_file import load_robot
+from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
-from ..plans.candidates import candidates
-from ..plans.optimal import Planner
-from ..plans.patterns import pattern
-from ..processes import side_by_side
-from .answer import NoiseLevel, ObservedParameter, Share, StudyAnswer, require_sound
-from .binomial import Accuracy, accuracy, held_share
-from .case_store import CaseStore
-from .coverage_pieces import SIZE, Piece, PieceAnswer, answer_of, estimated, joined
-from .data_sets import DataSets, drawn
-from .estimators import Estimates
-from .ranks import BINS, DRAWS, Calibration, calibration
+from .answer import (
+    Accuracy,
+    NoiseLevel,
+    ObservedParameter,
+    Share,
+    StudyAnswer,
+    accuracy,
+    agreement_words,
+    held_share,
+    require_sound,
+)
+from .case_store import each_piece, heading_of
+from .data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint, pseudo_inverse, understated
+from .laser_plans import MEASUREMENTS, SIGMA_MM, laser_header, optimal_postures, robot_of, y_postures
 
-_TARGET, _SIGMA_MM = (950.0, 150.0, 100.0), 30.0
-_SHOTS, _CANDIDATES, _SHORT = 7, 2000, 0.4
-_HEADER = {
-    "robot": "irb1600",
-    "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
-    "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
-    "targets": {"psd": {"guess_mm": list(_TARGET), "sigma_mm": _SIGMA_MM}},
-}
-
+SIZE = TOGETHER  # data sets of a piece
+DRAWS = 199  # of each posterior: central intervals of 50, 90, 95 and 99 % are then exact by ranks
+BINS = 20
 LEVELS = (0.5, 0.9, 0.95, 0.99)
+_CANDIDATES, _SHORT = 2000, 0.4
 _SENTENCE_LEVEL = 0.95
-_CHANCE = 0.01  # of a false alarm over all levels and parameters of an estimator
+_ALARM = 0.01  # probability of a false alarm over all levels and parameters of an estimator
+_POWER_RATIOS = (0.9, 0.8, 0.7)
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class CoveredParameter(ObservedParameter):
 
 @dataclass(frozen=True)
 class Estimator:
-    """What an estimator came to on a plan; `converged` counts its data sets with a fit.
+    """The coverage of an estimator on a plan; `converged` counts its data sets with a fit.
 
     Raises UnsoundResult where an unidentifiable parameter has a number, unless it is a control.
     """
@@ -88,6 +85,30 @@ class Estimator:
 
     def __post_init__(self) -> None:
         require_sound(self.name, self.control, self.parameters)
+
+
+@dataclass(frozen=True)
+class RankedParameter:
+    """How often the rank of the truth fell into each bin, and the chi-squared test for uniform ranks; the
+    test is None where there are no ranks."""
+
+    name: str
+    unit: str
+    ranks: tuple[int, ...]
+    chi2: float | None
+    p_value: float | None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The rank histograms of one sampler; `power` says which errors the test would detect."""
+
+    name: str
+    control: bool
+    agrees: bool
+    sentence: str
+    parameters: tuple[RankedParameter, ...]
+    power: str
 
 
 @dataclass(frozen=True)
@@ -142,36 +163,64 @@ class StudiedPlan:
 
 def studied_plans(seed: int) -> list[StudiedPlan]:
     """From good to degenerate, for the built-in arm: a laser, one target, seven measurements."""
-    header = Header.model_validate(_HEADER)
-    robot = load_robot(header.robot, Path())
-    place = np.array(_TARGET)
-
-    def planned(postures: Matrix, own: Header = header) -> Problem:
-        return Problem.build(own, robot, postures, ["psd"] * len(postures))
-
-    found = candidates(header, robot, place, _CANDIDATES, seed=seed)
-    best = Planner(header, robot, place, found).optimal(_SHOTS, seed=seed).postures
-    freed = header.model_copy(update={"held": ()})
+    header = laser_header(0.01, 0.05, SIGMA_MM)
+    robot, psd = robot_of(header), ["psd"] * MEASUREMENTS
+    best = optimal_postures(header, _CANDIDATES, seed)
     return [
-        StudiedPlan("good", f"{_SHOTS} A-optimal measurements of {_CANDIDATES} postures", planned(best)),
+        StudiedPlan(
+            "good",
+            f"{MEASUREMENTS} A-optimal measurements of {_CANDIDATES} postures",
+            Problem.build(header, robot, best, psd),
+        ),
         StudiedPlan(
             "weak",
-            f"Y-Pattern of {_SHOTS} measurements over the arm's whole reach",
-            planned(pattern(header, robot, place, "y", _SHOTS)),
+            f"Y-Pattern of {MEASUREMENTS} measurements over the arm's whole reach",
+            Problem.build(header, robot, y_postures(header), psd),
         ),
         StudiedPlan(
             "nearly degenerate",
-            f"Y-Pattern of {_SHOTS} measurements over {_SHORT:g} of the reach",
-            planned(pattern(header, robot, place, "y", _SHOTS, span=_SHORT)),
+            f"Y-Pattern of {MEASUREMENTS} measurements over {_SHORT:g} of the reach",
+            Problem.build(header, robot, y_postures(header, _SHORT), psd),
             curved=True,
         ),
         StudiedPlan(
             "degenerate",
             "the good plan with joint 1 free: its offset is equivalent to a rotation of arm and target",
-            planned(best, freed),
+            Problem.build(header.model_copy(update={"held": ()}), robot, best, psd),
             degenerate=True,
         ),
     ]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Data sets of one plan, and the random numbers of their posteriors."""
+
+    data: DataSets
+    degenerate: bool
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True)
+class PieceEstimates:
+    """`Estimates` of a piece; of the arrays their bytes, so that they are kept to the last bit."""
+
+    name: str
+    words: str
+    control: bool
+    value: str
+    std: str
+    kept: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class PieceAnswer:
+    """The estimates of a piece, the posterior's second; `ranks` of the truths among the draws; the share of
+    proposals that were `accepted`."""
+
+    estimates: tuple[PieceEstimates, ...]
+    ranks: str
+    accepted: float
 
 
 def coverage_study(
@@ -185,31 +234,23 @@ def coverage_study(
     """Carry out the whole study.
 
     It agrees if the intervals of the posterior, those of the likelihood's curvature where the plan is not
-    nearly degenerate, and the ranks are as stated, and every control is detected. The midpoint fit is the
+    nearly degenerate, and the ranks are as header, and every control is detected. The midpoint fit is the
     paper's: where its intervals do not hold, that is a finding. With a `store` the answer of each piece (some
     data sets of a plan) is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
     with one_blas_thread(), compiled_at_once():
         plans = studied_plans(seed)
-    heading = {
-        "study": "coverage",
-        "seed": seed,
-        "data_sets": data_sets,
-        "piece": SIZE,
-        "versions": versions(),
-    }
-    with nullcontext() if store is None else CaseStore(store, heading, PieceAnswer) as kept:
-        answers = studied(plans, data_sets, seed, progress, kept, processes)
+    answers = studied(plans, data_sets, seed, progress, store, processes)
     must, findings, detected = [part.agrees for answer in answers for part in answer.sbc], [], []
     for plan, answer in zip(plans, answers, strict=True):
-        for own in answer.estimators:
-            if own.control:
-                detected.append(not own.agrees)
-            elif own.name == "midpoint" or (own.name == "likelihood" and plan.curved):
-                findings += [] if own.agrees else [f"{own.name} on {plan.name}"]
+        for estimator in answer.estimators:
+            if estimator.control:
+                detected.append(not estimator.agrees)
+            elif estimator.name == "midpoint" or (estimator.name == "likelihood" and plan.curved):
+                findings += [] if estimator.agrees else [f"{estimator.name} on {plan.name}"]
             else:
-                must.append(own.agrees)
+                must.append(estimator.agrees)
     return CoverageStudy(
         study="coverage",
         title="Do the intervals hold the truth as often as stated?",
@@ -221,16 +262,16 @@ def coverage_study(
             levels=LEVELS,
             draws=DRAWS,
             bins=BINS,
-            chance=_CHANCE,
-            posterior=f"at least {ROUND + LEAST_STEPS} steps for each of {DRAWS} walkers",
+            chance=_ALARM,
+            posterior=f"at least {ROUND + LEAST_STEPS} steps of emcee for each of {DRAWS} walkers",
         ),
         seconds=time.perf_counter() - began,
         versions=versions(),
         plans=tuple(answers),
         notes=(
             "Every data set has true parameters of its own, drawn from the priors of the fits: offsets of 5°"
-            f" (one standard deviation), the target {_SIGMA_MM:g} mm about its guess.",
-            f"An estimator agrees if the p-value of none of its shares is below {_CHANCE:.0%} over all levels"
+            f" (one standard deviation), the target {SIGMA_MM:g} mm about its guess.",
+            f"An estimator agrees if the p-value of none of its shares is below {_ALARM:.0%} over all levels"
             " and offsets together (exact binomial test, Bonferroni). The intervals shown are 95 % (Clopper"
             " and Pearson).",
             "Intervals from the curvature at the mode are for plans that are not nearly degenerate: where a"
@@ -258,42 +299,97 @@ def studied(
     count: int,
     seed: int,
     progress: Progress,
-    kept: CaseStore[PieceAnswer] | None = None,
+    store: Path | None = None,
     processes: int | None = None,
 ) -> list[CoveragePlan]:
     """The answers of the plans, `count` data sets each. Data sets and random numbers are those of the seed,
     the plan and the piece, whoever works it out."""
-    pieces = -(-count // SIZE)
-    found = {} if kept is None else kept.done
-    numbers: list[int] = []
     data: list[DataSets] = []
-
-    def tell() -> None:
-        progress(f"piece {len(found)}/{pieces * len(plans)}", len(found) / (pieces * len(plans)))
-
-    def left() -> Iterator[Piece]:
-        for k, plan in enumerate(plans):
-            rng = np.random.default_rng([seed, *plan.name.encode()])
-            with one_blas_thread(), compiled_at_once():
-                drawn_sets = drawn(plan.problem, count, rng)
-            data.append(drawn_sets)
-            for c, own in enumerate(rng.spawn(-(-len(drawn_sets.truths) // SIZE))):
-                if k * pieces + c not in found:
-                    numbers.append(k * pieces + c)
-                    yield Piece(drawn_sets.some(slice(c * SIZE, (c + 1) * SIZE)), plan.degenerate, own)
-
-    tell()
-    processes = min(processes or os.cpu_count() or 1, pieces * len(plans))
-    with closing(side_by_side(answer_of, left(), processes)) as answers:
-        for job, answer in answers:
-            found[numbers[job]] = answer
-            if kept is not None:
-                kept.add(numbers[job], answer)
-            tell()
+    pieces: list[list[Piece]] = []
+    for plan in plans:
+        rng = np.random.default_rng([seed, *plan.name.encode()])
+        with one_blas_thread(), compiled_at_once():
+            data_sets = drawn(plan.problem, count, rng)
+        starts = range(0, len(data_sets.truths), SIZE)
+        data.append(data_sets)
+        pieces.append(
+            [
+                Piece(data_sets.some(slice(start, start + SIZE)), plan.degenerate, piece_rng)
+                for start, piece_rng in zip(starts, rng.spawn(len(starts)), strict=True)
+            ]
+        )
+    heading = heading_of("coverage", seed, data_sets=count, piece=SIZE)
+    answers = iter(each_piece(store, heading, PieceAnswer, answer_of, [*chain(*pieces)], progress, processes))
     return [
-        _joined(plan, own, [found[k * pieces + c] for c in range(-(-len(own.truths) // SIZE))])
-        for k, (plan, own) in enumerate(zip(plans, data, strict=True))
+        _joined(plan, data_sets, [next(answers) for _ in of_plan])
+        for plan, data_sets, of_plan in zip(plans, data, pieces, strict=True)
     ]
+
+
+def estimated(problem: Problem) -> Index:
+    """(m,) indices of the offsets that are estimated."""
+    parameters = problem.parameters
+    return np.flatnonzero(parameters.free & parameters.group("offset"))
+
+
+def answer_of(piece: Piece) -> PieceAnswer:
+    """All estimators of the data sets of a piece."""
+    data, problem = piece.data, piece.data.problem
+    which, parameters = estimated(problem), problem.parameters
+    fits = fitted(data)
+    estimates = [likelihood(data, fits, which), understated(data, which)]
+    if piece.degenerate:
+        estimates.append(pseudo_inverse(data, fits, which))
+    else:
+        estimates.insert(1, midpoint(data, which))
+    draws, accepted = drawn_together(Density(problem, data.joints, data.spots), fits, DRAWS, piece.rng)
+    draws = draws[:, :, parameters.among_free[which]]
+    scale, mean, true = parameters.prior_std[which], parameters.prior_mean[which], data.truths[:, which]
+    ranks = (draws < ((true - mean) / scale)[:, None]).sum(axis=1)
+    of_draws = Estimates(
+        "posterior",
+        f"posterior, intervals between quantiles of {DRAWS} draws",
+        False,
+        draws.mean(axis=1) * scale + mean,
+        draws.std(axis=1, ddof=1) * scale,
+        fits.converged,
+    )
+    estimates.insert(1, of_draws)
+    return PieceAnswer(tuple(map(_packed, estimates)), _bytes(ranks.astype(float)), accepted)
+
+
+def joined(answers: Sequence[PieceAnswer], offsets: int) -> tuple[list[Estimates], Index]:
+    """The estimators of all pieces of a plan with so many `offsets`, and the ranks (W, m)."""
+
+    def table(texts: Sequence[str]) -> Matrix:
+        return np.concatenate([_array(text).reshape(-1, offsets) for text in texts])
+
+    estimates = []
+    for parts in zip(*(answer.estimates for answer in answers), strict=True):
+        first = parts[0]
+        value, std = table([part.value for part in parts]), table([part.std for part in parts])
+        kept = np.concatenate([np.array(part.kept, dtype=bool) for part in parts])
+        estimates.append(Estimates(first.name, first.words, first.control, value, std, kept))
+    return estimates, table([answer.ranks for answer in answers]).astype(np.int64)
+
+
+def _packed(estimates: Estimates) -> PieceEstimates:
+    return PieceEstimates(
+        estimates.name,
+        estimates.words,
+        estimates.control,
+        _bytes(estimates.value),
+        _bytes(estimates.std),
+        tuple(map(bool, estimates.kept)),
+    )
+
+
+def _bytes(values: Matrix) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
+
+
+def _array(text: str) -> Matrix:
+    return np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float)
 
 
 def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[PieceAnswer]) -> CoveragePlan:
@@ -308,15 +404,15 @@ def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[PieceAnswer]) -
         words=plan.words,
         robot=problem.robot.name,
         shots=problem.shots,
-        noise=NoiseLevel(float(np.degrees(problem.noise.joint[0])), float(problem.noise.spot)),
+        noise=NoiseLevel.of_problem(problem),
         data_sets=len(data.truths),
         failed=data.failed,
         acceptance=float(np.average([answer.accepted for answer in answers], weights=sizes)),
         estimators=tuple(
-            _estimator(own, items, status, true, ranks if own.name == "posterior" else None)
-            for own in estimates
+            _estimator(one, items, status, true, ranks if one.name == "posterior" else None)
+            for one in estimates
         ),
-        sbc=(calibration(items, ranks, _CHANCE),),
+        sbc=(calibration(items, ranks, _ALARM),),
     )
 
 
@@ -325,17 +421,17 @@ def _estimator(
     items: Sequence[Parameter],
     status: Sequence[Status],
     truth: Matrix,
-    ranks: NDArray[np.int64] | None = None,
+    ranks: Index | None = None,
 ) -> Estimator:
-    """Bias, rmse and coverage of one estimator; by `ranks` among the draws where they are given.
+    """Bias, rmse and coverage of one estimator; by `ranks` among the draws where there are any.
 
     An unidentifiable offset has no interval in any result, so it has none here; but a control is judged by
     the numbers that it would have given.
     """
     kept = estimates.kept
     error = (estimates.value - truth)[kept]
-    judged = [estimates.control or known(own) for own in status]
-    alarm = _CHANCE / max(sum(judged) * len(LEVELS), 1)
+    judged = [estimates.control or known(one) for one in status]
+    alarm = _ALARM / max(sum(judged) * len(LEVELS), 1)
     rows = []
     for j, item in enumerate(items):
         errors = Accuracy()
@@ -387,6 +483,43 @@ def _sentence(rows: Sequence[CoveredParameter], agrees: bool, control: bool) -> 
         return "All offsets are unidentifiable"
     _, name, share = max(shares)
     worst = f"95 % intervals hold the truth in {share:.1%} at the worst ({label(name)})"
-    if control:
-        return f"{worst}: {'not detected on this plan' if agrees else 'detected as wrong'}"
-    return f"{worst}: {'as stated' if agrees else 'not as stated'}"
+    on_this_plan = " on this plan" if control and agrees else ""
+    return f"{worst}: {agreement_words(agrees, control)}{on_this_plan}"
+
+
+def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) -> Calibration:
+    """The ranks (W, m) of the parameters `items` among DRAWS draws.
+
+    It agrees if no p-value is below `false_alarm` over the number of parameters (Bonferroni).
+    """
+    rows = []
+    for j, item in enumerate(items):
+        counts = np.bincount(ranks[:, j] * BINS // (DRAWS + 1), minlength=BINS)
+        chi2, p = stats.chisquare(counts)
+        rows.append(RankedParameter(item.name, item.unit, tuple(map(int, counts)), float(chi2), float(p)))
+    least = min((float(row.p_value or 0.0) for row in rows), default=1.0)
+    alarm = false_alarm / max(len(rows), 1)
+    return Calibration(
+        name="posterior",
+        control=False,
+        agrees=least >= alarm,
+        sentence=f"The ranks of the truth among the draws are {'' if least >= alarm else 'not '}uniform"
+        f" (smallest p-value {least:.2g} of {len(rows)})",
+        parameters=tuple(rows),
+        power=power_sentence(len(ranks), alarm),
+    )
+
+
+def power(count: int, alarm: float, ratio: float) -> float:
+    """Probability that the chi-squared test of `count` ranks detects stds that are `ratio` of the right
+    ones."""
+    edges = stats.norm.cdf(stats.norm.ppf(np.linspace(0, 1, BINS + 1)) * ratio)
+    excess = float(count * BINS * ((np.diff(edges) - 1 / BINS) ** 2).sum())
+    return float(stats.ncx2.sf(stats.chi2.isf(alarm, BINS - 1), BINS - 1, excess))
+
+
+def power_sentence(count: int, alarm: float) -> str:
+    return "stds too small by " + ", by ".join(
+        f"{1 - ratio:.0%} would be detected with probability {power(count, alarm, ratio):.2f}"
+        for ratio in _POWER_RATIOS
+    )

@@ -1,4 +1,4 @@
-"""Do the intervals and alarms of `history drift` hold? Arms with known walks and jumps, simulated and judged.
+"""Do the intervals and alarms of `history drift` hold? Arms with known drift and jumps, simulated and judged.
 
 Each arm has results at equal intervals with the covariance of a real plan, some without one of the offsets.
 Every other arm has one jump. The control ignores the correlation of the offsets of a result.
@@ -24,15 +24,14 @@ from ...model.files.run import read_run
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.problem import Problem
 from ..demos import demo_runs
-from .answer import Share, StudyAnswer
-from .binomial import held_share, share_interval
-from .case_store import each_piece
+from .answer import Share, StudyAnswer, held_share, share_interval
+from .case_store import each_piece, heading_of
 
 _RESULTS, _QUARTER = 12, 0.25  # results of an arm, years between two
 _LOST = 0.1  # share of the results that do not determine the first offset
 _BETTER, _WORSE = 0.5, 2.0  # a result's standard uncertainties over those of the plan
 _SIZES = (2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # of a jump, in u of the plan
-_CHANCE = 0.001  # of a false alarm of each comparison of this study
+_FALSE_ALARM = 0.001  # of a false alarm of each comparison of this study
 _SIZE = 5  # arms of a piece: a second or two of work
 
 
@@ -125,103 +124,99 @@ class JudgedArm:
 
 
 @dataclass(frozen=True)
-class PieceAnswer:
+class DriftPieceAnswer:
     """The arms of a piece, judged."""
 
     arms: tuple[JudgedArm, ...]
 
 
 def drift_study(
-    arms: int, seed: int, tell: Progress, *, store: Path | None = None, processes: int | None = None
+    arms: int, seed: int, progress: Progress, *, store: Path | None = None, processes: int | None = None
 ) -> DriftStudy:
     """Simulate and judge so many arms. With a `store` the answer of each piece (some arms) is kept in that
     file at once, and a study that was stopped goes on from there."""
     began = time.monotonic()
-    judged = _judged(arms, seed, tell, store, processes)
-    held, on_axis, by_control = (
-        sum(getattr(own, name) for own in judged) for name in ("held", "on_axis", "by_control")
+    judged = _judged(arms, seed, progress, store, processes)
+    intervals, along_axis, control = (
+        held_share(sum(getattr(arm, name) for arm in judged), arms, LEVEL, _FALSE_ALARM)
+        for name in ("held", "on_axis", "by_control")
     )
-    still = [own for own in judged if own.p_value is not None]
-    quiet, alarmed = len(still), sum(own.alarmed for own in still)
-    singles = [own.p_value for own in still]
-    found = {size: [own.found for own in judged if own.size_u == size] for size in _SIZES}
-    shares = (held_share(own, arms, LEVEL, _CHANCE) for own in (held, on_axis, by_control))
-    intervals, along_axis, wrong = shares
+    still = [arm for arm in judged if arm.p_value is not None]
+    quiet, alarmed = len(still), sum(arm.alarmed for arm in still)
     low, high = share_interval(alarmed, quiet)
-    p_uniform = float(stats.kstest(singles, "uniform").pvalue)
-    too_many = stats.binomtest(alarmed, quiet, ALARM, alternative="greater").pvalue < _CHANCE
-    told = Alarms(
-        quiet, alarmed, alarmed / quiet, low, high, p_uniform, bool(not too_many and p_uniform >= _CHANCE)
-    )
+    p_uniform = float(stats.kstest([arm.p_value for arm in still], "uniform").pvalue)
+    too_many = stats.binomtest(alarmed, quiet, ALARM, alternative="greater").pvalue < _FALSE_ALARM
+    agreeing = bool(not too_many and p_uniform >= _FALSE_ALARM)
+    alarms = Alarms(quiet, alarmed, alarmed / quiet, low, high, p_uniform, agreeing)
     hold = intervals.agrees and along_axis.agrees
-    agrees = hold and told.agrees and not wrong.agrees
+    detections = {size: [arm.found for arm in judged if arm.size_u == size] for size in _SIZES}
     return DriftStudy(
         study="drift",
         title="Do intervals and alarms of a drift hold?",
-        headline=_headline(hold, told, wrong),
-        agrees=agrees,
+        headline=_headline(hold, alarms, control),
+        agrees=hold and alarms.agrees and not control.agrees,
         seconds=time.monotonic() - began,
         versions=versions(),
         notes=(),
-        settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _CHANCE, seed),
+        settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, seed),
         intervals=intervals,
         along_axis=along_axis,
-        control=wrong,
-        alarms=told,
-        power=tuple(_power(size, own) for size, own in found.items() if own),
+        control=control,
+        alarms=alarms,
+        power=tuple(_power(size, detected) for size, detected in detections.items() if detected),
     )
 
 
 def _judged(
-    arms: int, seed: int, tell: Progress, store: Path | None, processes: int | None
+    arms: int, seed: int, progress: Progress, store: Path | None, processes: int | None
 ) -> list[JudgedArm]:
     with one_blas_thread(), compiled_at_once():
         names, units, covariance = _plan()
-    heading = {"study": "drift", "seed": seed, "arms": arms, "piece": _SIZE, "versions": versions()}
+    heading = heading_of("drift", seed, arms=arms, piece=_SIZE)
     pieces = [
         _Piece(seed, tuple(range(first, min(first + _SIZE, arms))), names, units, covariance)
         for first in range(0, arms, _SIZE)
     ]
     return [
-        own
-        for piece in each_piece(store, heading, PieceAnswer, _answer_of, pieces, tell, processes)
-        for own in piece.arms
+        arm
+        for answer in each_piece(store, heading, DriftPieceAnswer, _answer_of, pieces, progress, processes)
+        for arm in answer.arms
     ]
 
 
-def _answer_of(piece: _Piece) -> PieceAnswer:
+def _answer_of(piece: _Piece) -> DriftPieceAnswer:
     axis = _principal_axis(piece.covariance)
-    return PieceAnswer(tuple(_judged_arm(piece, number, axis) for number in piece.numbers))
+    return DriftPieceAnswer(tuple(_judged_arm(piece, number, axis) for number in piece.numbers))
 
 
 def _judged_arm(piece: _Piece, number: int, axis: Matrix) -> JudgedArm:
     names, random = piece.names, np.random.default_rng([piece.seed, number])
-    own = _simulated(random, names, piece.units, piece.covariance, number)
-    judged, control = drift(own.series, seed=number), drift(_uncorrelated(own.series), seed=number)
+    arm = _simulated(random, names, piece.units, piece.covariance, number)
+    judged, control = drift(arm.series, seed=number), drift(_uncorrelated(arm.series), seed=number)
     t, along = int(random.integers(_RESULTS)), random.normal(size=len(names))
     held = (
-        _holds(judged, t, along, own.true[t]),
-        _holds(judged, t, axis, own.true[t]),
-        _holds(control, t, axis, own.true[t]),
+        _holds(judged, t, along, arm.true[t]),
+        _holds(judged, t, axis, arm.true[t]),
+        _holds(control, t, axis, arm.true[t]),
     )
-    if own.jump is None:
+    if arm.jump is None:
         p_value = float(random.choice(judged.p_first[np.isfinite(judged.p_first)]))
         return JudgedArm(*held, bool(judged.jumps), p_value, None, False)
-    after, joint, size = own.jump
-    found = any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps)
-    return JudgedArm(*held, bool(judged.jumps), None, size, found)
+    after, joint, size = arm.jump
+    detected = any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps)
+    return JudgedArm(*held, bool(judged.jumps), None, size, detected)
 
 
 def _headline(hold: bool, alarms: Alarms, control: Share) -> str:
-    said = "hold" if hold else "do not hold"
+    held = "hold" if hold else "do not hold"
     rate = "at most as often as stated" if alarms.agrees else "not as stated"
     other = "is found wrong" if not control.agrees else "is not found wrong"
-    return f"The intervals {said}, false alarms are {rate}; the control without correlations {other}."
+    return f"The intervals {held}, false alarms are {rate}; the control without correlations {other}."
 
 
-def _power(size: float, found: list[bool]) -> Power:
-    low, high = share_interval(sum(found), len(found))
-    return Power(size, sum(found), len(found), sum(found) / len(found), low, high)
+def _power(size: float, detected: list[bool]) -> Power:
+    count, of = sum(detected), len(detected)
+    return Power(size, count, of, count / of, *share_interval(count, of))
 
 
 def _plan() -> tuple[tuple[str, ...], tuple[str, ...], Matrix]:
@@ -257,11 +252,11 @@ def _simulated(
         true[after + 1 :, joint] += jump[2] * np.sqrt(covariance[joint, joint])
     observations = []
     for t in range(_RESULTS):
-        own = covariance * random.uniform(_BETTER, _WORSE) ** 2
-        values = random.multivariate_normal(true[t], own)
+        scaled = covariance * random.uniform(_BETTER, _WORSE) ** 2
+        values = random.multivariate_normal(true[t], scaled)
         kept = np.arange(int(random.random() < _LOST), size)
         named = tuple(names[i] for i in kept)
-        part = own[np.ix_(kept, kept)]
+        part = scaled[np.ix_(kept, kept)]
         observations.append(Observation(t * _QUARTER, named, values[kept], part, np.zeros_like(part)))
     return _Arm(series_of(observations, dict(zip(names, units, strict=True))), true, jump)
 
@@ -271,7 +266,7 @@ def _uncorrelated(series: Series) -> Series:
     return replace(
         series,
         observations=tuple(
-            replace(own, covariance=np.diag(np.diag(own.covariance))) for own in series.observations
+            replace(one, covariance=np.diag(np.diag(one.covariance))) for one in series.observations
         ),
     )
 

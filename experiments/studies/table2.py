@@ -7,41 +7,27 @@ the noise. So the scatter determines the noise, and tests whether one noise expl
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from scipy import optimize, stats
 
-from ...analysis.status import versions
+from ...analysis.estimation.midpoint import fit_midpoints
+from ...analysis.observability.aim import aim, servo_joints
+from ...analysis.observability.identifiability import identify
+from ...analysis.status import Status, known, require_no_more_than, versions
 from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
+from ...model.likelihood.problem import Problem
 from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, Cell
-from .campaign import Repeated, campaign, seeds
-from .case_store import each_case
-from .cell import CANDIDATES, SHOTS, header, optimal_plan, paper_plan
-from .scatter import (
-    LEAST_DEG,
-    LEVEL,
-    MOST_DEG,
-    Explained,
-    Prediction,
-    along_axes,
-    explained,
-    scatter,
-    unevenness,
-)
-from .table2_answer import (
-    Paper,
-    PrincipalAxis,
-    ScatterParameter,
-    SimulatedStd,
-    Table2Plan,
-    Table2Settings,
-    Table2Study,
-)
+from .answer import StudyAnswer
+from .campaign import Repeated, campaign, seeds_of
+from .case_store import each_case, heading_of
+from .cell import CANDIDATES, optimal_plan, paper_plan
+from .laser_plans import MEASUREMENTS, laser_header
 
 OFFSETS = ("delta2", "delta3", "delta4", "delta5", "delta6")
 EXPERIMENTS = np.array(
@@ -57,7 +43,225 @@ PRINTED_STD = (0.0804, 0.0408, 0.0224, 0.0659, 0.0035)
 TRIPLES = 9999
 _SPOT_MM = 0.001  # negligible: the joints' noise is to explain all
 _NOMINAL_DEG = 0.01  # for the choice of the optimal plan: next to no spot noise, any will do
-_CHANCE = 0.01  # of a false alarm over both plans
+_ALARM = 0.01  # probability of a false alarm over both plans
+_LEAST_DEG, _MOST_DEG = 1e-6, 1.0  # between which a joint noise is sought
+_LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class SimulatedStd:
+    """Quantiles of the std of three simulated runs, deg."""
+
+    q2_5: float
+    median: float
+    q97_5: float
+
+
+@dataclass(frozen=True)
+class ScatterParameter:
+    """An offset: the paper's std of three runs with its 95 % interval, the std predicted at the joint noise
+    that explains the scatter best, the joint noise that this offset alone requires, the std of three runs in
+    the simulated cell, and of many simulated triples.
+
+    Raises UnsoundResult where an unidentifiable offset has one of the latter four.
+    """
+
+    name: str
+    unit: str
+    status: Status
+    paper_std: float
+    low: float
+    high: float
+    predicted_std: float | None = None
+    alone_deg: float | None = None
+    simulated_std: float | None = None
+    simulated: SimulatedStd | None = None
+
+    def __post_init__(self) -> None:
+        require_no_more_than(
+            self.name,
+            self.status,
+            predicted_std=self.predicted_std,
+            alone_deg=self.alone_deg,
+            simulated_std=self.simulated_std,
+            simulated=self.simulated,
+        )
+
+    @property
+    def is_known(self) -> bool:
+        return known(self.status)
+
+
+@dataclass(frozen=True)
+class PrincipalAxis:
+    """A principal axis of the predicted covariance, with the joint noise that it alone requires."""
+
+    combination: dict[str, float]
+    predicted_std: float
+    paper_std: float
+    alone_deg: float
+
+
+@dataclass(frozen=True)
+class Table2Plan:
+    """One plan: the joint noise that explains the paper's scatter best with its 95 % interval, the p-value of
+    one noise for all offsets; `chi2`, `dof` and `chance` (its p-value) compare runs in the cell with the
+    prediction. None where there is no result."""
+
+    name: str
+    words: str
+    shots: int
+    spot_mm: float
+    joint_deg: float | None
+    low: float | None
+    high: float | None
+    p_value: float | None
+    agrees: bool
+    chi2: float | None
+    dof: int
+    chance: float | None
+    sentence: str
+    axes: tuple[PrincipalAxis, ...]
+    parameters: tuple[ScatterParameter, ...]
+
+
+@dataclass(frozen=True)
+class PaperTable:
+    """Table 2 of the paper, deg: the runs, mean and std as printed, and as they follow from the runs."""
+
+    offsets: tuple[str, ...]
+    experiments: tuple[tuple[float, ...], ...]
+    mean: tuple[float, ...]
+    std: tuple[float, ...]
+    printed_mean: tuple[float, ...]
+    printed_std: tuple[float, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table2Settings:
+    """How the study was carried out; `simulated` triples, `chance` is the probability of a
+    false alarm over both plans."""
+
+    seed: int
+    runs: int
+    simulated: int
+    chance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table2Study(StudyAnswer):
+    """The whole answer."""
+
+    settings: Table2Settings
+    paper: PaperTable
+    plans: tuple[Table2Plan, ...]
+
+
+def scatter(values: Matrix) -> Matrix:
+    """(..., p, p) sums of squares and products about the mean of runs (..., n, p)."""
+    off = values - values.mean(axis=-2, keepdims=True)
+    return np.asarray(np.swapaxes(off, -1, -2) @ off)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The covariances that a plan predicts for the free offsets of an arm; `truth` are its true offsets by
+    name, deg."""
+
+    plan: Plan
+    truth: dict[str, float]
+    _problem: Problem = field(init=False)
+    _x: Matrix = field(init=False)
+
+    def __post_init__(self) -> None:
+        problem = Problem.from_plan(self.plan)
+        x = problem.nominal()
+        for name, value in self.truth.items():
+            i = problem.parameters.index(name)
+            x[i] = value / problem.parameters.items[i].display
+        aimed = aim(problem, x, servo_joints(problem)).problem
+        object.__setattr__(self, "_problem", aimed)
+        object.__setattr__(self, "_x", x)
+
+    def _at(self, joint_deg: float) -> Problem:
+        noise = self._problem.noise
+        joint = np.full_like(noise.joint, np.radians(joint_deg))
+        return replace(self._problem, noise=replace(noise, joint=joint))
+
+    def covariance(self, joint_deg: float) -> Matrix:
+        """(p, p) deg^2 of the likelihood's estimates, at that joint noise and the plan's spot noise,
+        without prior."""
+        problem = self._at(joint_deg)
+        parameters, free = problem.parameters, problem.parameters.free
+        jacobian = problem.whiten(self._x).jacobian[:, free]
+        inverse = np.linalg.inv(jacobian.T @ jacobian)
+        scale = (parameters.prior_std * parameters.display)[free]
+        offsets = parameters.group("offset")[free]
+        return np.asarray((inverse * np.outer(scale, scale))[np.ix_(offsets, offsets)])
+
+    def midpoint_covariance(self, joint_deg: float) -> Matrix:
+        """(p, p) deg^2 of the estimates by eq. 8, which the paper fits: its sandwich."""
+        problem = self._at(joint_deg)
+        fits = fit_midpoints(problem, problem.joints[None])
+        scale = (problem.parameters.prior_std * problem.parameters.display)[fits.free]
+        return np.asarray(fits.covariance[0] * np.outer(scale, scale))
+
+    def statuses(self, joint_deg: float) -> dict[str, Status]:
+        status = identify(self._at(joint_deg), self._x).status
+        return dict(zip(self._problem.parameters.names, status, strict=True))
+
+
+@dataclass(frozen=True)
+class ExplainingNoise:
+    """The joint noise, deg, that explains a scatter best, and the 95 % interval."""
+
+    joint_deg: float
+    low: float
+    high: float
+
+
+def explained(covariance: Callable[[float], Matrix], scattered: Matrix, dof: int) -> ExplainingNoise:
+    """The joint noise by maximum likelihood: `scattered` (p, p) is Wishart with `dof` degrees of freedom.
+
+    tr(C^-1 A) is chi-squared with p dof degrees of freedom at the true noise, whatever the spot adds to C.
+    The interval has the noises for which it is not in the tails; where the spot's share is negligible that
+    is the usual interval of a standard deviation.
+    """
+
+    def deviance(log_joint: float) -> float:
+        predicted = covariance(float(np.exp(log_joint)))
+        return float(dof * np.linalg.slogdet(predicted)[1] + np.trace(np.linalg.solve(predicted, scattered)))
+
+    def excess(log_joint: float, quantile: float) -> float:
+        return float(np.trace(np.linalg.solve(covariance(float(np.exp(log_joint))), scattered))) - quantile
+
+    least, most = np.log(_LEAST_DEG), np.log(_MOST_DEG)
+    best = optimize.minimize_scalar(deviance, bounds=(least, most), method="bounded", options={"xatol": 1e-6})
+    ends = []
+    for tail in ((1 + _LEVEL) / 2, (1 - _LEVEL) / 2):
+        quantile = float(stats.chi2.ppf(tail, dof * len(scattered)))
+        # Where the spot alone scatters more than that, the joints' noise may be as small as one likes.
+        none = excess(least, quantile) <= 0
+        ends.append(0.0 if none else float(np.exp(optimize.brentq(excess, least, most, args=(quantile,)))))
+    return ExplainingNoise(float(np.exp(best.x)), ends[0], ends[1])
+
+
+def unevenness(covariance: Matrix, scattered: Matrix, dof: int) -> Matrix:
+    """(T,) how much better a noise for each principal axis of `covariance` (p, p) explains the scatters
+    (T, p, p) than one for all: twice the logarithm of the likelihoods' ratio (Bartlett 1937).
+
+    With fewer runs than offsets nothing more general can be asked. It does not change with the noise.
+    """
+    variance = along_axes(covariance, scattered) / dof
+    return np.asarray(dof * (len(covariance) * np.log(variance.mean(axis=1)) - np.log(variance).sum(axis=1)))
+
+
+def along_axes(covariance: Matrix, scattered: Matrix) -> Matrix:
+    """(T, p) sums of squares along the principal axes, the best observable first, over the
+    variances predicted."""
+    variance, axes = np.linalg.eigh(covariance)
+    return np.asarray(np.einsum("pa,...pq,qa->...a", axes, scattered, axes) / variance)
 
 
 def table2_study(
@@ -71,29 +275,37 @@ def table2_study(
     """Carry out the whole study.
 
     It agrees if three runs through the simulated cell, at the noise that explains the paper's scatter,
-    scatter as predicted: what is asked of the paper's numbers is a comparison. With a `store` the answer of
+    scatter as predicted: the paper's numbers are only compared. With a `store` the answer of
     each plan is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
-    own = header(_NOMINAL_DEG, _SPOT_MM)
+    header = laser_header(_NOMINAL_DEG, _SPOT_MM)
     progress("plans", 0.0)
     truth = dict(zip(OFFSETS, EXPERIMENTS.mean(axis=0).tolist(), strict=True))
-    asked = [
-        ("y-pattern", f"our Y-Pattern of {SHOTS} measurements over the arm's whole reach", paper_plan(own)),
-        ("optimal", f"{SHOTS} A-optimal measurements of {CANDIDATES} postures", optimal_plan(own, seed)),
+    plans = [
+        (
+            "y-pattern",
+            f"our Y-Pattern of {MEASUREMENTS} measurements over the arm's whole reach",
+            paper_plan(header),
+        ),
+        (
+            "optimal",
+            f"{MEASUREMENTS} A-optimal measurements of {CANDIDATES} postures",
+            optimal_plan(header, seed),
+        ),
     ]
     dof = len(EXPERIMENTS) - 1
-    predictions = [Prediction(plan, truth) for _, _, plan in asked]
-    found = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
+    predictions = [Prediction(plan, truth) for _, _, plan in plans]
+    noises = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
     cell = Cell(arm=ArmInCell(offsets_deg=truth))
-    normal = np.random.default_rng(seed).normal(size=(len(asked), triples, *EXPERIMENTS.shape))
+    normal = np.random.default_rng(seed).normal(size=(len(plans), triples, *EXPERIMENTS.shape))
 
     def studied(k: int) -> Table2Plan:
-        name, words, plan = asked[k]
-        (runs,) = campaign(
-            [Repeated(_with_noise(plan, found[k].joint_deg), cell)],
-            seeds(seed, len(EXPERIMENTS)),
-            lambda share: progress(name, 0.1 + 0.9 * (k + 0.9 * share) / len(asked)),
+        name, words, plan = plans[k]
+        runs = campaign(
+            Repeated(_with_noise(plan, noises[k].joint_deg), cell),
+            seeds_of(seed, len(EXPERIMENTS)),
+            lambda share: progress(name, 0.1 + 0.9 * (k + 0.9 * share) / len(plans)),
             processes,
         )
         estimates = np.array(
@@ -104,21 +316,20 @@ def table2_study(
             ],
             dtype=float,
         )
-        return compared(name, words, len(plan.postures), predictions[k], found[k], estimates, normal[k])
+        return compared(name, words, len(plan.postures), predictions[k], noises[k], estimates, normal[k])
 
-    heading = {"study": "table2", "seed": seed, "triples": triples, "versions": versions()}
-    plans = each_case(store, heading, Table2Plan, len(asked), studied)
-    agrees = all(plan.agrees for plan in plans)
+    answers = each_case(store, heading_of("table2", seed, triples=triples), Table2Plan, len(plans), studied)
+    agrees = all(answer.agrees for answer in answers)
     return Table2Study(
         study="table2",
         title="What joint noise does the paper's Table 2 imply?",
         headline=(
-            f"{_one_for_all(plans[0].words, found[0], plans[0].p_value)} Three simulated runs at that"
+            f"{_one_for_all(answers[0].words, noises[0], answers[0].p_value)} Three simulated runs at that"
             f" noise {'scatter' if agrees else 'do not scatter'} as predicted."
         ),
         agrees=agrees,
-        settings=Table2Settings(seed=seed, runs=len(EXPERIMENTS), simulated=triples, chance=_CHANCE),
-        paper=Paper(
+        settings=Table2Settings(seed=seed, runs=len(EXPERIMENTS), simulated=triples, chance=_ALARM),
+        paper=PaperTable(
             offsets=OFFSETS,
             experiments=tuple(tuple(run) for run in EXPERIMENTS.tolist()),
             mean=tuple(EXPERIMENTS.mean(axis=0).tolist()),
@@ -127,14 +338,14 @@ def table2_study(
             printed_std=PRINTED_STD,
             notes=tuple(_on_the_paper()),
         ),
-        plans=tuple(plans),
+        plans=tuple(answers),
         notes=(
             "The paper prints neither its postures nor the position of its PSD. All this holds for our plans:"
             " where a scatter is smaller than predicted, that offset was better observable from the paper's"
             " postures than from ours, or the paper's noise was smaller.",
             f"The spot noise is taken as {_SPOT_MM:g} mm, so that the joint noise explains all: with a larger"
             " spot noise the joint noise would be smaller.",
-            _on_eq_8(predictions[0], found[0].joint_deg),
+            _on_eq_8(predictions[0], noises[0].joint_deg),
             "Whether one noise explains all is tested along the principal axes of the predicted covariance"
             " (likelihood ratio; its p-value from the simulated triples, which follow the linear model). It"
             " is the second statistic that was tried, after one factor for each offset, which does not detect"
@@ -157,7 +368,7 @@ def compared(
     words: str,
     shots: int,
     prediction: Prediction,
-    noise: Explained,
+    noise: ExplainingNoise,
     estimates: Matrix,
     normal: Matrix,
 ) -> Table2Plan:
@@ -166,18 +377,20 @@ def compared(
     covariance = prediction.covariance(noise.joint_deg)
     simulated = normal @ np.linalg.cholesky(covariance).T
     spread = np.quantile(simulated.std(axis=1, ddof=1), [0.025, 0.5, 0.975], axis=0)
-    own = unevenness(covariance, scatter(EXPERIMENTS)[None], dof)[0]
-    p_value = (1 + int((unevenness(covariance, scatter(simulated), dof) >= own).sum())) / (1 + len(normal))
-    chi2, chance = None, 0.0  # a run without a result leaves no triple to compare
+    observed = unevenness(covariance, scatter(EXPERIMENTS)[None], dof)[0]
+    p_value = (1 + int((unevenness(covariance, scatter(simulated), dof) >= observed).sum())) / (
+        1 + len(normal)
+    )
+    chi2, chi2_p_value = None, 0.0  # a run without a result leaves no triple to compare
     if estimates.shape == EXPERIMENTS.shape:
         chi2 = float(np.trace(np.linalg.solve(covariance, scatter(estimates))))
         below = float(stats.chi2.cdf(chi2, dof * size))
-        chance = 2 * min(below, 1 - below)
+        chi2_p_value = 2 * min(below, 1 - below)
     status, axes = prediction.statuses(noise.joint_deg), _axes(covariance, noise.joint_deg)
     rows = []
     for k, offset in enumerate(OFFSETS):
         std = float(EXPERIMENTS[:, k].std(ddof=1))
-        low, high = (float(std * np.sqrt(dof / stats.chi2.ppf((1 + s * LEVEL) / 2, dof))) for s in (1, -1))
+        low, high = (float(std * np.sqrt(dof / stats.chi2.ppf((1 + s * _LEVEL) / 2, dof))) for s in (1, -1))
         row = ScatterParameter(offset, "deg", status[offset], std, low, high)
         if row.is_known:
             row = replace(
@@ -197,10 +410,10 @@ def compared(
         low=noise.low,
         high=noise.high,
         p_value=p_value,
-        agrees=chance >= _CHANCE / 2,
+        agrees=chi2_p_value >= _ALARM / 2,
         chi2=chi2,
         dof=dof * size,
-        chance=None if chi2 is None else chance,
+        chance=None if chi2 is None else chi2_p_value,
         sentence=_sentence(words, noise, p_value, rows, axes),
         axes=axes,
         parameters=tuple(rows),
@@ -214,7 +427,7 @@ def _alone(prediction: Prediction, k: int, std: float) -> float:
     def excess(log_joint: float) -> float:
         return float(np.log(prediction.covariance(float(np.exp(log_joint)))[k, k] / std**2))
 
-    least, most = np.log(LEAST_DEG), np.log(MOST_DEG)
+    least, most = np.log(_LEAST_DEG), np.log(_MOST_DEG)
     return 0.0 if excess(least) >= 0 else float(np.exp(optimize.brentq(excess, least, most)))
 
 
@@ -236,39 +449,39 @@ def _axes(covariance: Matrix, joint_deg: float) -> tuple[PrincipalAxis, ...]:
 
 def _sentence(
     words: str,
-    noise: Explained,
+    noise: ExplainingNoise,
     p_value: float,
     rows: Sequence[ScatterParameter],
     axes: Sequence[PrincipalAxis],
 ) -> str:
-    known = [(row, row.alone_deg, row.predicted_std) for row in rows]
-    alone = sorted((needed, row.name) for row, needed, _ in known if needed is not None)
+    needs = [(row, row.alone_deg, row.predicted_std) for row in rows]
+    alone = sorted((needed, row.name) for row, needed, _ in needs if needed is not None)
     (least, lowest), (most, highest) = alone[0], alone[-1]
-    said = (
+    text = (
         f"{_one_for_all(words, noise, p_value)} Taken alone, {label(lowest)} requires {least:.2g}° and"
         f" {label(highest)} {most:.2g}°; the worst observable combination of offsets of this plan requires"
         f" {axes[-1].alone_deg:.2g}°, the best observable one {axes[0].alone_deg:.2g}°."
     )
-    far, needed, predicted = max(known, key=lambda own: (own[2] or 0.0) / own[0].paper_std)
+    far, needed, predicted = max(needs, key=lambda need: (need[2] or 0.0) / need[0].paper_std)
     if predicted is not None and predicted > far.high:
-        said += (
+        text += (
             f" At {noise.joint_deg:.2g}° this plan predicts a std of {predicted:.2g}° for {label(far.name)},"
             f" the paper has {far.paper_std:.2g}°: so small a scatter requires postures from which"
             f" {label(far.name)} is better observable, or a noise of {needed:.2g}°."
         )
-    return said
+    return text
 
 
-def _one_for_all(words: str, noise: Explained, p_value: float | None) -> str:
+def _one_for_all(words: str, noise: ExplainingNoise, p_value: float | None) -> str:
     best = f"{noise.joint_deg:.2g}° ({noise.low:.2g}° to {noise.high:.2g}°)"
-    if p_value is not None and p_value >= 1 - LEVEL:
-        said = f"one joint noise, of {best}, explains the scatter of all five offsets (p = {p_value:.2g})"
+    if p_value is not None and p_value >= 1 - _LEVEL:
+        verdict = f"one joint noise, of {best}, explains the scatter of all five offsets (p = {p_value:.2g})"
     else:
-        said = (
+        verdict = (
             f"no one joint noise explains the scatter of all five offsets (p = {p_value:.2g}); the nearest is"
             f" {best}"
         )
-    return f"If the paper's measurements were {words}: {said}."
+    return f"If the paper's measurements were {words}: {verdict}."
 
 
 def _on_eq_8(prediction: Prediction, joint_deg: float) -> str:
@@ -284,13 +497,13 @@ def _on_eq_8(prediction: Prediction, joint_deg: float) -> str:
 def _on_the_paper() -> list[str]:
     """What is printed against what follows from the printed experiments, to the last printed digit."""
     sentences = []
-    for word, printed, own in (
+    for word, printed, recomputed in (
         ("mean", PRINTED_MEAN, EXPERIMENTS.mean(axis=0)),
         ("standard deviation", PRINTED_STD, EXPERIMENTS.std(axis=0, ddof=1)),
     ):
         off = [
             f"the {word} of {label(name)} is {value:.5f}°, printed as {shown:.4f}°"
-            for name, shown, value in zip(OFFSETS, printed, own, strict=True)
+            for name, shown, value in zip(OFFSETS, printed, recomputed, strict=True)
             if abs(shown - value) > 0.5001e-4
         ]
         sentences += off or [f"every {word} follows from the three experiments, to the last printed digit"]

@@ -17,7 +17,7 @@ from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import read_run
 from ...model.files.whole_file import write_whole
 from ..output.whole_folder import names_in, write_folder
-from ..run.report_folder import REPORT, RESULT
+from ..run.report import REPORT, RESULT
 from .batch_folder import FILES, write_batch
 from .batch_page import Batch
 from .solving import TOGETHER, BatchAnswer, BatchRun, Piece, failed, solved_piece

@@ -23,7 +23,7 @@ from ...words.findings import headline
 from ...words.result_json import dumps, to_json
 from ...words.wording import person
 from ..run.inputs import when_and_serial
-from ..run.report_folder import RESULT, write_report
+from ..run.report import RESULT, write_report
 
 TOGETHER = 16  # runs of a piece: their starts climb side by side in one thread
 

@@ -10,8 +10,7 @@ import numpy as np
 from ...experiments.batch.rows import BatchRow
 from ...words import numbers
 from ...words.wording import counted
-from ..style.canvas import Picture, new_figure, style, to_svg
-from ..style.log_axis import set_log_scale
+from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
 from ..style.palette import light
 
 _BINS = 36

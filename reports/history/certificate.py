@@ -12,8 +12,7 @@ from ...experiments.history.one_result import whole_answer
 from ...experiments.history.signing import ALGORITHM
 from ...experiments.history.store import StoredResult, results
 from ...model.errors import BadInput
-from ...words.provenance import by_plain_key
-from ...words.rehearsal import SIMULATED
+from ...words.provenance import SIMULATED, by_plain_key
 from .lists import result_json
 
 SCHEMA = "zerobeam/certificate/1"

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...experiments.history.signing import fingerprint, sign, signature_file
 from ...experiments.history.store import StoredResult
 from ...words.result_json import dumps
-from ..output.page_files import write_page
-from ..output.whole_folder import Kind, write_folder
+from ..output.whole_folder import Kind, write_folder, write_page
 from .certificate import SCHEMA, certificate_json
 from .certificate_page import SIGNED, certificate_page
 

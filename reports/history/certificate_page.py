@@ -10,18 +10,19 @@ from ...analysis.status import known
 from ...experiments.history.signing import grouped
 from ...words import numbers
 from ...words.geometry import IF_IT_DEVIATES, tolerance_words
+from ...words.numbers import unit_of
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import NOT_DETERMINED, clipped, ended, label, listed, sentence, shown
-from ..run.parameters import NO_NUMBER, OFFSETS, legend, unit_of
+from ..run.parameters import NO_NUMBER, OFFSETS, legend
 from ..style.blocks import (
     Block,
     Cell,
     Commands,
     Facts,
     Legend,
+    LegendEntry,
     Page,
     Paragraph,
-    Reason,
     Row,
     Table,
     Verdict,
@@ -107,7 +108,9 @@ def _offsets(own: Mapping[str, Any]) -> Iterator[Block]:
     for row in rows:
         if row["reason"]:
             grouped_by.setdefault((row["status"], row["reason"]), []).append(label(row["name"]))
-    reasons = [Reason(f"{listed(names)}:", key, _named(text)) for (key, text), names in grouped_by.items()]
+    reasons = [
+        LegendEntry(key, f"{listed(names)}:", _named(text)) for (key, text), names in grouped_by.items()
+    ]
     tolerance = {"tolerance": assumed["tolerance"]}
     yield Legend(legend((row["status"] for row in rows), tolerance), reasons)
 

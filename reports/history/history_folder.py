@@ -16,8 +16,7 @@ from ...experiments.history.fleet_drift import fleet_drift
 from ...experiments.processes import side_by_side
 from ...words.result_json import dumps
 from ..output import whole_folder
-from ..output.page_files import write_page
-from ..output.whole_folder import LITTER, Kind, write_folder
+from ..output.whole_folder import LITTER, Kind, write_folder, write_page
 from .arm_page import ArmHistory, arm_page, headline
 from .arm_state import ArmState, state_json, state_row
 from .drift_text import drift_json

@@ -1,44 +1,105 @@
-"""Pages as HTML: one self-contained file. No network, light and dark, phone and paper."""
+"""Pages as self-contained HTML files: no network, light and dark, phone and paper; cards for notebooks."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+import functools
+import hashlib
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ..style.blocks import Page
+from markupsafe import Markup
+
+from ..style.blocks import Page, Table
 from ..style.canvas import Picture, themed
-from .template import style, template
+from ..style.palette import css_variables
+from ..style.typeface import FAMILY, Cut, font_file
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
+    from jinja2 import Template
 
-PageKind = Literal["report", "study"]
+TEMPLATES = Path(__file__).parent / "templates"
+_WEIGHTS: dict[Cut, str] = {
+    "Regular": "font-weight: 400",
+    "Bold": "font-weight: 700",
+    "Italic": "font-weight: 400; font-style: italic",
+}
+
+
+@functools.cache
+def template(name: str) -> Template:
+    """A page of `templates`; what is filled in is escaped unless it is marked as ours."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    script = template_text("scene.js")
+    environment.globals["scene_js"] = Markup(script)
+    environment.globals["scene_hash"] = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template(name)
+
+
+@functools.cache
+def template_text(name: str) -> str:
+    """A file of `templates` as it is."""
+    return (TEMPLATES / name).read_text(encoding="utf-8")
+
+
+@functools.cache
+def style() -> str:
+    """The style sheet of every page: the typeface, embedded, and the palette in both themes."""
+    faces = "\n".join(font_face(cut) for cut in _WEIGHTS)
+    return f"{faces}\n{sheet()}"
+
+
+def sheet() -> str:
+    """The same without the typeface."""
+    return _coloured(template_text("page.css"))
+
+
+def _coloured(sheet: str) -> str:
+    return sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
+
+
+def font_face(cut: Cut) -> str:
+    """The CSS rule that embeds one cut of the typeface."""
+    data = base64.b64encode(font_file(cut, "woff2").read_bytes()).decode()
+    return (
+        f'@font-face {{ font-family: "{FAMILY}"; {_WEIGHTS[cut]}; font-display: block; '
+        f'src: url("data:font/woff2;base64,{data}") format("woff2"); }}'
+    )
+
+
+PageKind = Literal["report", "study", "plan"]
 LARGEST_ATTACHMENT = 200_000
 
 
 @dataclass(frozen=True)
 class Turnable:
-    """What a page needs for its scene: what is said about it (`one` is what a posture is called), how many
-    postures it has (`count`), what its key explains, the still drawing, the style, the data and the script,
-    and the script's hash for the page's policy, which then runs no other."""
+    """A scene made ready for a page: what is said about it (`one` is what a posture is called), how many
+    postures it has (`count`), what its key explains, by how much ellipsoids are exaggerated at first
+    (`factor`), the still drawing, and the data for `scene.js`."""
 
     alt: str
     caption: str
     paper: str
     one: str
-    laser: bool
     count: int
-    misses: bool
-    placed: bool
+    beams: bool
+    unreached: bool
+    located: bool
     undetermined: bool
     factor: int | None
     drawing: Markup
-    style: Markup
     data: Markup
-    script: Markup
-    script_hash: str
 
 
 def html(
@@ -52,8 +113,6 @@ def html(
 
     `turnable` is shown where a block `scene` is; its script is the only one that the page allows.
     """
-    from markupsafe import Markup
-
     data = attached.encode()
     return template("page.html.j2").render(
         view=page,
@@ -62,8 +121,7 @@ def html(
             name: {"picture": picture, "svg": Markup(themed(picture.svg))}
             for name, picture in pictures.items()
         },
-        # Our own text, with nothing of a run in it.
-        css=Markup(style()) + (turnable.style if turnable else ""),
+        css=_css(turnable),
         turnable=turnable,
         attachment=base64.b64encode(data).decode() if 0 < len(data) < LARGEST_ATTACHMENT else None,
     )
@@ -71,7 +129,39 @@ def html(
 
 def scene_html(title: str, turnable: Turnable) -> str:
     """A scene alone as an HTML page: one self-contained file."""
-    from markupsafe import Markup
+    return template("scene_page.html.j2").render(title=title, turnable=turnable, css=_css(turnable))
 
-    css = Markup(style()) + turnable.style
-    return template("scene_page.html.j2").render(title=title, turnable=turnable, css=css)
+
+def _css(turnable: Turnable | None) -> Markup:
+    """Our own text, with nothing of a run in it."""
+    return Markup(style() + ("" if turnable is None else template_text("scene.css")))
+
+
+_WIDTH = 96
+_MOST_ROWS = 8  # with verdict and heads, text stays below fifteen lines
+_MOST_LINES = 3  # of a headline
+
+
+def card(page: Page, tables: Sequence[Table]) -> str:
+    """The heading, verdict and notes of a page with some tables, as HTML for another page."""
+    return template("card.html.j2").render(
+        view=page, tables=tables, css=Markup(_coloured(template_text("card.css")))
+    )
+
+
+def text(page: Page, table: Table) -> str:
+    """The same as text of at most 14 lines: title, verdict, one table; long ones are cut short."""
+    headline = textwrap.wrap(
+        f"{page.verdict.word}. {page.verdict.sentence}", _WIDTH, max_lines=_MOST_LINES, placeholder=" …"
+    )
+    rows = [[cell.text for cell in row.cells] for row in table.rows]
+    if len(rows) > _MOST_ROWS:
+        rest = len(rows) - _MOST_ROWS + 1
+        rows = [*rows[: _MOST_ROWS - 1], [f"… {rest} more"]]
+    cells = [[column.text for column in table.columns], *rows]
+    widths = [max(len(row[k]) for row in cells if k < len(row)) for k in range(len(table.columns))]
+    lines = (
+        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
+        for row in cells
+    )
+    return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in (*headline, *lines))])

@@ -14,7 +14,7 @@ from ..style.blocks import Page
 from ..style.canvas import Picture
 from ..style.palette import PALETTE
 from ..style.typeface import FAMILY, FOLDER, in_font
-from .template import TEMPLATES
+from .html import TEMPLATES
 
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"
 
@@ -81,5 +81,7 @@ def _writable(value: Any) -> Any:
         return in_font(value)
     if dataclasses.is_dataclass(value):
         kind = {"kind": value.kind} if hasattr(value, "kind") else {}
-        return kind | {own.name: _writable(getattr(value, own.name)) for own in dataclasses.fields(value)}
+        return kind | {
+            field.name: _writable(getattr(value, field.name)) for field in dataclasses.fields(value)
+        }
     return [_writable(item) for item in value] if isinstance(value, list | tuple) else value

@@ -8,7 +8,8 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -17,6 +18,11 @@ from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput, NotWritten
 from ...model.files.confinement import require_within
 from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
+from ...words.spreadsheet import Row, csv_text
+from ..style.blocks import Page
+from ..style.canvas import Picture
+from .html import PageKind, Turnable, html
+from .pdf import pdf
 
 # What file managers leave behind in any folder that was looked at.
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -50,15 +56,15 @@ def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -
         remove_abandoned(target.parent, _TAKEN_AWAY, remove=_put_back)
         remove_abandoned(target.parent, _UNFINISHED, remove=shutil.rmtree)
         try:
-            aside = _folder_beside(target, "new", kind)
+            new = _folder_beside(target, "new", kind)
             try:
                 with interruptible():
-                    filled = fill(aside)
-                _swap(aside, target, kind)
+                    filled = fill(new)
+                _swap(new, target, kind)
             except OSError as error:
                 raise _cannot_write(target, kind, error) from error
             finally:
-                shutil.rmtree(aside, ignore_errors=True)
+                shutil.rmtree(new, ignore_errors=True)
         except BaseException:
             for parent in made:
                 _remove_if_empty(parent)
@@ -138,9 +144,9 @@ def _folder_beside(target: Path, purpose: str, kind: Kind) -> Path:
 def _put_back(left: Path) -> None:
     """What a process that was killed amid `_swap` had taken away: back in its place, unless that is taken."""
     for before in left.iterdir():
-        place = left.parent / before.name
-        if not place.exists():
-            before.rename(place)
+        target = left.parent / before.name
+        if not target.exists():
+            before.rename(target)
     shutil.rmtree(left)
 
 
@@ -175,3 +181,32 @@ def _cannot_write(where: Path, kind: Kind, error: OSError) -> NotWritten:
         found=error.strerror or str(error),
         remedy="name a folder that may be written to",
     )
+
+
+def write_page(
+    folder: Path,
+    stem: str,
+    page: Page,
+    pictures: Mapping[str, Picture],
+    kind: PageKind,
+    *,
+    answer: tuple[str, str],
+    tables: Mapping[str, Iterable[Row]] | None = None,
+    turnable: Turnable | None = None,
+) -> list[str]:
+    """Write `stem`.html and .pdf, `answer` (file name and text), the tables by file name and the figures into
+    an empty folder; returns the names of the figures. The HTML of a report carries its answer."""
+    name, text = answer
+    (folder / name).write_text(text, encoding="utf-8")
+    for file, rows in (tables or {}).items():
+        (folder / file).write_text(csv_text(rows), encoding="utf-8")
+    attached = text if kind == "report" else ""
+    with ThreadPoolExecutor(1) as beside:  # typst leaves the interpreter to others
+        document = beside.submit(pdf, page, pictures)
+        text = html(page, pictures, kind, attached, turnable)
+        (folder / f"{stem}.html").write_text(text, encoding="utf-8")
+        (folder / f"{stem}.pdf").write_bytes(document.result())
+    (folder / "figures").mkdir()
+    for name, picture in pictures.items():
+        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+    return [f"{name}.svg" for name in pictures]

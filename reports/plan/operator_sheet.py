@@ -14,8 +14,8 @@ from ...model.kinematics.robot import J3
 from ...words import numbers
 from ...words.wording import clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf
-from ..scenes.scene import Placed, Posed, Scene3D, floor_of
-from ..scenes.turnable import SceneWords, still_picture, turnable
+from ..scenes.scene import Placed, Scene3D, floor_of
+from ..scenes.turnable import still_picture, turnable
 from ..style.blocks import (
     Facts,
     FigureBlock,
@@ -29,8 +29,7 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from .plan_page import verdict_on
-from .plan_scene import Postures, postures_of
+from .plan_page import Postures, posture_in_scene, postures_of, verdict_on
 
 _DIGITS = {"deg": 3, "mm": 3, "rad": 5, "pulse": 0}  # decimals, as pendants show them
 _FIELD = "\u2009".join(["_"] * 9)
@@ -44,10 +43,10 @@ _TO_DO = (
 def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> bytes:
     """The PDF of a plan; `check` is the judgement of the same aimed plan. Joints are those of the pendant, by
     the robot file or `j3`. BadInput where neither says what joint 3 is counted from."""
-    plan, seen = aimed.plan, postures_of(aimed)
+    plan, postures = aimed.plan, postures_of(aimed)
     pendant = pendant_of(plan.robot, j3)
     laser = plan.header.tool.kind == "laser"
-    pictures = {f"posture-{i}": _picture(plan, seen, i, laser) for i in range(len(plan.postures))}
+    pictures = {f"posture-{i}": _picture(plan, postures, i, laser) for i in range(len(plan.postures))}
     targets = listed([clipped(name, 24) for name in plan.target_names])
     page = Page(
         title=f"Operator's sheet: {clipped(check.inputs.plan, 60)}",
@@ -61,8 +60,8 @@ def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> byte
             *([] if pendant.sentence is None else [sentence(f"As on the pendant, {pendant.sentence}.")]),
         ],
         sections=[
-            section_of("In their order", _overview(plan, seen, pendant)),
-            *(_posture(plan, seen, i, laser, pendant) for i in range(len(plan.postures))),
+            section_of("In their order", _overview(plan, postures, pendant)),
+            *(_posture(plan, postures, i, laser, pendant) for i in range(len(plan.postures))),
         ],
         facts=[
             ("Robot, serial number", _FIELD),
@@ -86,9 +85,11 @@ def _names(pendant: Pendant) -> list[tuple[str, str]]:
     return [(pendant.names[i], "right") for i in pendant.order]
 
 
-def _overview(plan: Plan, seen: Postures, pendant: Pendant) -> Table:
+def _overview(plan: Plan, postures: Postures, pendant: Pendant) -> Table:
     rows = [
-        row_of(str(i), clipped(target, 24), *_joints(pendant, plan.postures[i]), _millimetres(seen.length[i]))
+        row_of(
+            str(i), clipped(target, 24), *_joints(pendant, plan.postures[i]), _millimetres(postures.length[i])
+        )
         for i, target in enumerate(plan.targets)
     ]
     columns = [("posture", "right"), ("target", "left"), *_names(pendant), ("beam", "right")]
@@ -99,14 +100,14 @@ def _millimetres(value: float) -> str:
     return numbers.with_unit(numbers.fixed(float(value), 0), "mm")
 
 
-def _posture(plan: Plan, seen: Postures, i: int, laser: bool, pendant: Pendant) -> Section:
-    reach = float(np.linalg.norm(seen.origin[i][:2]))
+def _posture(plan: Plan, postures: Postures, i: int, laser: bool, pendant: Pendant) -> Section:
+    reach = float(np.linalg.norm(postures.origin[i][:2]))
     where = [
-        ("Laser at" if laser else "Probe at", _place(seen.origin[i])),
+        ("Laser at" if laser else "Probe at", _coordinates(postures.origin[i])),
         ("Distance from axis z", _millimetres(reach)),
     ]
     if laser:
-        where.append(("Beam to the target", _millimetres(seen.length[i])))
+        where.append(("Beam to the target", _millimetres(postures.length[i])))
     rows: list[Row] = [
         row_of(f"by way of {k}", *_joints(pendant, between))
         for k, between in enumerate(plan.via_of(i), start=1)
@@ -121,36 +122,29 @@ def _posture(plan: Plan, seen: Postures, i: int, laser: bool, pendant: Pendant) 
         ("Time, remarks", _FIELD),
     ]
     note = None
-    if not seen.reaches[i]:
+    if not postures.reaches[i]:
         note = Paragraph("By the model this posture does not reach its target: see zerobeam check.")
     title = f"Posture {i}, target {clipped(plan.targets[i], 24)}"
     blocks = (note, FigureBlock(f"posture-{i}"), Facts(where), table, Facts(filled))
     return section_of(title, *blocks, new_page=True)
 
 
-def _place(point: np.ndarray) -> str:
-    said = ", ".join(numbers.fixed(float(value), 0) for value in point)
-    return f"{said}\u00a0mm (x, y, z of the base)"
+def _coordinates(point: np.ndarray) -> str:
+    coordinates = ", ".join(numbers.fixed(float(value), 0) for value in point)
+    return f"{coordinates}\u00a0mm (x, y, z of the base)"
 
 
-def _picture(plan: Plan, seen: Postures, i: int, laser: bool) -> Picture:
+def _picture(plan: Plan, postures: Postures, i: int, laser: bool) -> Picture:
     """One posture, drawn as the first one of a page is."""
-    posed = Posed(
-        name=f"posture {i}",
-        arm=seen.arm[i],
-        tool=seen.origin[i],
-        end=seen.end[i] if laser else None,
-        reaches=bool(seen.reaches[i]),
-    )
+    posed = posture_in_scene(plan, postures, i, f"posture {i}")
     target = plan.target_index[i]
-    placed = Placed(plan.target_names[target], seen.targets[target], "nominal")
+    placed = Placed(plan.target_names[target], postures.targets[target], "nominal")
     scene = Scene3D([posed], [placed], floor_of(plan.robot))
-    words = SceneWords(
-        f"The arm in posture {i}{' and its beam to the target' if laser else ', the probe at the target'}.",
-        f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
-        "",
-        "posture",
-        laser,
+    what = " and its beam to the target" if laser else ", the probe at the target"
+    view = turnable(
+        scene,
+        alt=f"The arm in posture {i}{what}.",
+        caption=f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
+        paper="",
     )
-    drawn = still_picture(turnable(scene, words))
-    return Picture(f"posture-{i}", drawn.title, drawn.alt, drawn.svg)
+    return still_picture(view, f"posture-{i}")

@@ -3,85 +3,139 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
-from markupsafe import Markup
+import numpy as np
+from numpy.typing import NDArray
 
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry import GeometryResult
+from ...model.arrays import Matrix
+from ...model.errors import BadInput
 from ...model.files.plan import Plan
+from ...model.files.whole_file import write_whole
 from ...words import numbers
-from ...words.observability import advice_sentence, over_target_sentence, rank_facts
+from ...words.geometry import check_lines
+from ...words.numbers import unit_of
+from ...words.observability import outlook_lines, rank_facts
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
 from ...words.wording import clipped, counted, label, listed, person, sentence, shown
-from ..output.html import Turnable
-from ..output.template import TEMPLATES, style, template
-from ..run.geometry import check_lines
-from ..run.parameters import legend, reasons, unit_of, worth_column
+from ..output.html import Turnable, html
+from ..run.parameters import legend, reasons, worth_column
 from ..run.unobservable import beside_tolerances, direction_words, tolerance_only
-from ..scenes.drawing import MOST_DRAWN
-from ..scenes.scene import Scene3D
-from ..scenes.turnable import SceneWords, turnable
+from ..scenes.scene import Placed, Posed, Scene3D, floor_of
+from ..scenes.turnable import MOST_DRAWN, turnable
 from ..style.blocks import (
     Cell,
+    Commands,
     Directions,
     Facts,
     Legend,
+    Page,
+    Paragraph,
     Row,
+    SceneBlock,
     Table,
     Verdict,
     row_of,
+    section_of,
     table_of,
 )
-from .plan_scene import Postures, plan_scene, postures_of
+
+
+class Postures(NamedTuple):
+    """The postures of a plan as places in the base frame, where the servo can turn them onto their targets.
+
+    `joints` (N, n) rad or mm, as planned where `hit` (N,) is False; `arm` (N, n + 2, 3), `origin` (N, 3) and
+    `end` (N, 3) of the beam (the tip of a probe), `targets` (K, 3) mm; `length` (N,) mm along the beam to the
+    point nearest to the target, negative where the laser points away from it; `reaches` (N,) whether beam or
+    probe comes to the target: a laser shines one way only.
+    """
+
+    joints: Matrix
+    hit: NDArray[np.bool_]
+    arm: Matrix
+    origin: Matrix
+    end: Matrix
+    targets: Matrix
+    length: Matrix
+    reaches: NDArray[np.bool_]
+
+
+def postures_of(aimed_plan: AimedPlan) -> Postures:
+    """What `check` judges: no offsets, targets at their nominal places. A beam that does not reach its target
+    is as long as that is far."""
+    problem, x, aimed = aimed_plan.problem, aimed_plan.x, aimed_plan.aimed
+    joints = np.where(aimed.hit[:, None], aimed.problem.joints, problem.joints)
+    with one_blas_thread():
+        parts = problem.split(x)
+        (points,) = problem.functions.kernel("skeleton")(joints, parts.arm)
+        origin, direction = problem.moved(joints).beams(x)
+    between = parts.targets[problem.target_index] - origin
+    along = (between * direction).sum(axis=1)
+    reaches = aimed.hit & aimed.ahead
+    length = np.where(reaches, along, np.linalg.norm(between, axis=1))
+    end = origin + length[:, None] * direction
+    return Postures(joints, aimed.hit, points.transpose(0, 2, 1), origin, end, parts.targets, along, reaches)
+
+
+def plan_scene(plan: Plan, postures: Postures) -> Scene3D:
+    """The scene of a plan; there is no beam for a probe."""
+    count = len(plan.postures)
+    return Scene3D(
+        [posture_in_scene(plan, postures, i, f"posture {i} (of 0 to {count - 1})") for i in range(count)],
+        [Placed(name, at, "nominal") for name, at in zip(plan.target_names, postures.targets, strict=True)],
+        floor_of(plan.robot),
+    )
+
+
+def posture_in_scene(plan: Plan, postures: Postures, i: int, name: str) -> Posed:
+    end = postures.end[i] if plan.header.tool.kind == "laser" else None
+    return Posed(name, postures.arm[i], postures.origin[i], end, bool(postures.reaches[i]))
+
 
 NOT_DETERMINED = "unidentifiable from these measurements"
-MARK = '<meta name="generator" content="zerobeam plan page">'
+_MARK = b'<meta name="generator" content="zerobeam plan page">'
+_HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
 _NEAR_MM = 0.01
-
-
-@dataclass(frozen=True)
-class PlanView:
-    """The display strings of the page."""
-
-    title: str
-    subtitle: str
-    verdict: Verdict
-    notes: Sequence[str]
-    predicted: Table
-    legend: Legend
-    undetermined: str
-    directions: Directions
-    rank: Facts
-    about_postures: str
-    postures: Table
-    joints: str
-    inputs: Facts
+_ABOUT_COPIES = (
+    "Each row is one posture’s joints_deg: degrees, millimetres for a prismatic joint. One click selects all."
+)
 
 
 def plan_page(aimed: AimedPlan, check: Check) -> str:
     """The page as HTML: one file, no network. `check` is the judgement of the same aimed plan."""
-    seen = postures_of(aimed)
-    shown = plan_turnable(aimed, seen)
-    return template("plan.html.j2").render(
-        mark_of_ours=Markup(MARK),
-        view=_view(aimed.plan, check, seen),
-        turnable=shown,
-        # Our own text, with nothing of the plan in it.
-        css=Markup(style() + (TEMPLATES / "plan.css").read_text(encoding="utf-8")) + shown.style,
+    postures = postures_of(aimed)
+    page = _page(aimed.plan, check, postures)
+    return html(page, {}, "plan", turnable=plan_turnable(aimed, postures))
+
+
+def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
+    """The scene of a plan made ready for a page, with what is said about it."""
+    plan, scene = aimed.plan, plan_scene(aimed.plan, postures)
+    count = len(plan.postures)
+    targets = [
+        f"{clipped(name, 24)} at {', '.join(numbers.fixed(value, 0) for value in at)}\u00a0mm"
+        for name, at in zip(plan.target_names, postures.targets.tolist(), strict=True)
+    ]
+    laser = plan.header.tool.kind == "laser"
+    what = "and its beam to the target" if laser else "with the probe at the target"
+    few = f" Drawn on paper: the first {MOST_DRAWN} postures." if count > MOST_DRAWN else ""
+    return turnable(
+        scene,
+        alt=f"The arm as a line through its joints in {counted(count, 'posture')}, {what}, above a floor"
+        f" grid. Targets (x, y, z in the base frame): {listed(targets)}."
+        " The table of postures on this page says the same in numbers.",
+        caption=f"{scene.grid_words}; x, y and z are the base frame."
+        " No joint offsets; targets at their nominal places.",
+        paper=f"On paper: posture 0 in black, the others in grey.{few}",
     )
-
-
-def plan_turnable(aimed: AimedPlan, seen: Postures) -> Turnable:
-    """The scene of a plan made ready for a page; `seen` are its postures as places."""
-    scene = plan_scene(aimed.plan, seen)
-    return turnable(scene, _scene_words(aimed.plan, seen, scene))
-
-
-# ── what the page says ────────────────────────────────────────────────────────────────────────
 
 
 def verdict_on(check: Check) -> Verdict:
@@ -90,69 +144,56 @@ def verdict_on(check: Check) -> Verdict:
     return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], said)
 
 
-def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
+def _page(plan: Plan, check: Check, postures: Postures) -> Page:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
     header = plan.header.model_dump(mode="json", include={"tolerance"})
+    geometry = {row.name for row in check.parameters if row.group == "geometry"}
     others = [row for row in check.parameters if row.group != "geometry"]
-    shown_directions = beside_tolerances(
-        facts.null_space, {row.name for row in check.parameters if row.group == "geometry"}
-    )
-    return PlanView(
+    directions = beside_tolerances(facts.null_space, geometry)
+    undetermined = [_undetermined(check, directions), tolerance_only(check.parameters)]
+    versions = ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items())
+    return Page(
         title=f"Plan {clipped(inputs.plan, 60)}",
         subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(inputs.robot)} at"
         f" {counted(len(targets), 'target')}: {listed(targets)}",
         verdict=verdict_on(check),
-        notes=[*(sentence(note) for note in check_notes(check)), *_outlook(check)],
-        predicted=_predicted(check),
-        legend=Legend(legend((row.status for row in others), header), reasons(others)),
-        undetermined=" ".join(
-            filter(None, [_undetermined(check, shown_directions), tolerance_only(check.parameters)])
-        ),
-        directions=Directions([direction_words(direction) for direction in shown_directions]),
-        rank=Facts(rank_facts(facts)),
-        about_postures=_about_postures(check, seen),
-        postures=_postures(plan, check, seen),
-        joints=_joints_to_copy(plan, seen),
-        inputs=Facts(
-            [
-                ("Plan", shown(inputs.plan)),
-                ("SHA-256 of the plan", inputs.sha256),
-                ("Robot", shown(inputs.robot)),
-                ("Versions", ", ".join(f"{shown(k)} {shown(v)}" for k, v in inputs.versions.items())),
-            ]
-        ),
+        notes=[*map(sentence, check_notes(check)), *check_lines(check), *outlook_lines(check)],
+        sections=[
+            section_of("", SceneBlock()),
+            section_of(
+                "Predicted uncertainties",
+                _predicted(check),
+                Legend(legend((row.status for row in others), header), reasons(others)),
+            ),
+            section_of(
+                "What is not observable",
+                Paragraph(" ".join(text for text in undetermined if text)),
+                Directions([direction_words(direction) for direction in directions]),
+                Facts(rank_facts(facts)),
+            ),
+            section_of(
+                "Postures", Paragraph(_about_postures(check, postures)), _postures(plan, check, postures)
+            ),
+            section_of(
+                "The same to copy into a plan",
+                Paragraph(_ABOUT_COPIES),
+                Commands(_joints_to_copy(plan, postures)),
+                level=2,
+            ),
+            section_of(
+                "Inputs",
+                Facts(
+                    [
+                        ("Plan", shown(inputs.plan)),
+                        ("SHA-256 of the plan", inputs.sha256),
+                        ("Robot", shown(inputs.robot)),
+                        ("Versions", versions),
+                    ]
+                ),
+            ),
+        ],
     )
-
-
-def _outlook(check: Check) -> list[str]:
-    """What `check` says besides the verdict."""
-    said = [*check_lines(check), *([] if check.advice is None else [advice_sentence(check.advice)])]
-    units = {row.name: unit_of(row.unit) for row in check.parameters}
-    return said if check.over_target is None else [*said, over_target_sentence(check.over_target, units)]
-
-
-def _scene_words(plan: Plan, seen: Postures, scene: Scene3D) -> SceneWords:
-    """What is said about the picture."""
-    count = len(plan.postures)
-    places = [
-        f"{clipped(name, 24)} at {', '.join(numbers.fixed(value, 0) for value in place)}\u00a0mm"
-        for name, place in zip(plan.target_names, seen.targets.tolist(), strict=True)
-    ]
-    laser = plan.header.tool.kind == "laser"
-    what = "and its beam to the target" if laser else "with the probe at the target"
-    alt = (
-        f"The arm as a line through its joints in {counted(count, 'posture')}, {what}, above a floor grid. "
-        f"Targets (x, y, z in the base frame): {listed(places)}. "
-        "The table of postures on this page says the same in numbers."
-    )
-    caption = (
-        f"{scene.grid_words}; x, y and z are the base frame. "
-        "No joint offsets; targets at their nominal places."
-    )
-    few = f" Drawn on paper: the first {MOST_DRAWN} postures." if count > MOST_DRAWN else ""
-    paper = "On paper: posture 0 in black, the others in grey." + few
-    return SceneWords(alt, caption, paper, "posture", laser)
 
 
 def _predicted(check: Check) -> Table:
@@ -196,21 +237,21 @@ def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
     return f"Every {what} that is not held is identifiable."
 
 
-def _about_postures(check: Check, seen: Postures) -> str:
+def _about_postures(check: Check, postures: Postures) -> str:
     off_mm = max(posture.off_mm for posture in check.postures)
-    said = (
+    text = (
         "The joints are those of the aimed postures: the servo turns the arm until the beam hits the target."
     )
     if off_mm > 0.05:
-        said += f" As planned, they miss it by up to {numbers.significant(off_mm, 2, 'mm')}."
-    if not seen.hit.all():
-        said += (
+        text += f" As planned, they miss it by up to {numbers.significant(off_mm, 2, 'mm')}."
+    if not postures.hit.all():
+        text += (
             " Where the target cannot be hit the joints are the planned ones, and no measurement is counted."
         )
-    return said
+    return text
 
 
-def _postures(plan: Plan, check: Check, seen: Postures) -> Table:
+def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
     laser = plan.header.tool.kind == "laser"
     columns = [("posture", "right"), ("target", "left")]
     columns += [(f"joint {j + 1}", "right") for j in range(plan.robot.n)]
@@ -221,23 +262,64 @@ def _postures(plan: Plan, check: Check, seen: Postures) -> Table:
     for i, posture in enumerate(check.postures):
         joints = [
             numbers.with_unit(numbers.fixed(float(value) * joint.display, 2), joint.unit)
-            for value, joint in zip(seen.joints[i], plan.robot.joints, strict=True)
+            for value, joint in zip(postures.joints[i], plan.robot.joints, strict=True)
         ]
-        length = numbers.with_unit(numbers.fixed(float(seen.length[i]), 0), "mm")
-        beam = [length if seen.reaches[i] else "behind it" if posture.hit else "misses"] if laser else []
+        length = numbers.with_unit(numbers.fixed(float(postures.length[i]), 0), "mm")
+        beam = [length if postures.reaches[i] else "behind it" if posture.hit else "misses"] if laser else []
         off = near if posture.off_mm < _NEAR_MM else numbers.significant(posture.off_mm, 2, "mm")
-        tone = "" if seen.reaches[i] else "weak"
+        tone = "" if postures.reaches[i] else "weak"
         rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, *beam, off, tone=tone))
     return table_of("Postures, turned onto their targets", columns, rows)
 
 
-def _joints_to_copy(plan: Plan, seen: Postures) -> str:
+def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:
     """The aimed postures as in a plan file: degrees, or mm for a prismatic joint."""
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]
-    for row, name in zip((seen.joints * plan.robot.display).tolist(), plan.targets, strict=True):
+    for row, name in zip((postures.joints * plan.robot.display).tolist(), plan.targets, strict=True):
         values = json.dumps([round(value, 6) + 0.0 for value in row])
         lines.append(
             f"  - {{joints_deg: {values}, target: {json.dumps(name)}}}" if several else f"  - {values}"
         )
-    return "\n".join(lines)
+    return lines
+
+
+def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
+    """Write the page of a plan (`plan_page`) to `path`, replacing nothing but such a page.
+
+    BadInput if something else is there or the folder does not exist, NotWritten where it cannot be written.
+    """
+    path = Path(path)
+    target = Path(os.path.realpath(path))
+    _check_target(path, target)
+    text = plan_page(aimed, check)
+    write_whole(target, text, force=True)
+
+
+def _check_target(path: Path, target: Path) -> None:
+    allowed = "a file that does not exist, or a picture of a plan that zerobeam wrote"
+    if not target.parent.is_dir():
+        raise BadInput(
+            "the folder to write the picture into does not exist",
+            found=path.parent,
+            remedy="make it first",
+            file=path,
+        )
+    if target.is_dir():
+        raise BadInput("there is a folder of this name", allowed=allowed, file=path)
+    if target.exists() and not _is_plan_page(target):
+        raise BadInput(
+            "the file exists already and is no picture of a plan; it would be lost",
+            allowed=allowed,
+            remedy="choose another name, or move it away first",
+            file=path,
+        )
+
+
+def _is_plan_page(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
+    return head.startswith(b"<!doctype html>") and _MARK in head

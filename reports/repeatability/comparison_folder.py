@@ -9,8 +9,7 @@ from pathlib import Path
 from ...analysis.repeatability.compare import Comparison
 from ...words.result_json import dumps
 from ..output import whole_folder
-from ..output.page_files import write_page
-from ..output.whole_folder import Kind, write_folder
+from ..output.whole_folder import Kind, write_folder, write_page
 from .comparison_json import SCHEMA, comparison_json
 from .comparison_page import comparison_page
 from .figure_runs import runs_picture

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...analysis.observability.check import Check
+from ...analysis.answer.result import Result
+from ...analysis.observability.geometry import Rung
 from ...words import numbers
 from ...words.geometry import (
     RUNGS,
@@ -15,13 +16,17 @@ from ...words.geometry import (
     factors_sentence,
     percent,
     rung_reason,
-    worth_sentence,
 )
+from ...words.numbers import unit_of
 from ...words.wording import counted, label, listed, person
-from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from .parameters import NO_NUMBER, reasons, unit_of
+from ..style.blocks import FigureBlock, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
+from ..style.palette import light
+from .parameters import NO_NUMBER, reasons
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
@@ -35,14 +40,14 @@ def geometry_section(result: Result) -> Section | None:
         return None
     rows = [row for row in result.parameters if row.group == "geometry"]
     held = [row for row in rows if row.held]
-    said = [
+    sentences = [
         *confounded_lines(result)[:_MOST_SAID],
         factors_sentence(result.geometry),
     ]
     unknown = prior_only(rows)
     return section_of(
         "Geometry",
-        *(Paragraph(text) for text in said if text),
+        *(Paragraph(text) for text in sentences if text),
         _offsets(result),
         _links(rows),
         None if unknown is None else Paragraph(unknown),
@@ -57,19 +62,19 @@ def confounded_lines(result: Result) -> list[str]:
     if result.misfit is not None:
         return []
     offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
-    said = (
+    sentences = (
         confounded_sentence(result.geometry, row.name, row.tolerance_share, person)
         for row in sorted(offsets, key=lambda row: -(row.std or 0.0))
     )
-    return [text for text in said if text]
+    return [text for text in sentences if text]
 
 
 def _offsets(result: Result) -> Table | None:
     """What the tolerances do to each offset."""
-    own = result.geometry
-    if result.misfit is not None or not any(value is not None for value in own.at_half.values()):
+    geometry = result.geometry
+    if result.misfit is not None or not any(value is not None for value in geometry.at_half.values()):
         return None
-    columns = [
+    columns: list[Head] = [
         ("name", "left"),
         ("u", "right"),
         (SET_BY_TOLERANCES, "right"),
@@ -82,9 +87,9 @@ def _offsets(result: Result) -> Table | None:
     for row in result.parameters:
         if row.group != "offset" or row.std is None or row.tolerance_share is None:
             continue
-        rivals = [rival for rival in own.confounded if rival.offset == row.name]
+        rivals = [rival for rival in geometry.confounded if rival.offset == row.name]
         most = max(rivals, key=lambda rival: abs(rival.correlation), default=None)
-        others = (own.at_half, own.at_twice, own.consider)
+        others = (geometry.at_half, geometry.at_twice, geometry.consider)
         rows.append(
             row_of(
                 label(row.name),
@@ -106,13 +111,7 @@ def _spread(value: float | None, unit: str) -> str:
 
 def _links(rows: Sequence[ParameterResult]) -> Table | None:
     """The parameters that the measurements determine, as deviations from nominal."""
-    columns = [
-        ("name", "left"),
-        ("estimate", "right"),
-        ("u", "right"),
-        ("tolerance", "right"),
-        ("reduced by", "right"),
-    ]
+    columns = ["name", "estimate", "u", "tolerance", "reduced by"]
     shown = [
         row_of(
             label(row.name),
@@ -143,11 +142,11 @@ def prior_only(rows: Sequence[ParameterResult]) -> str | None:
             )
     if not by_body:
         return None
-    said = listed([f"{body} ({', '.join(axes)})" for body, axes in by_body.items()], 99)
+    names = listed([f"{body} ({', '.join(axes)})" for body, axes in by_body.items()], 99)
     count = sum(map(len, by_body.values()))
     return (
         f"Prior only, without an estimate: {counted(count, 'geometry parameter')} of which these measurements"
-        f" say no more than the tolerances: {said}."
+        f" say no more than the tolerances: {names}."
     )
 
 
@@ -156,13 +155,7 @@ def ladder_table(result: Result) -> Table | None:
     ladder = result.geometry.ladder
     if not ladder:
         return None
-    columns = [
-        ("model", "left"),
-        ("parameters", "right"),
-        ("held-out, rms", "right"),
-        ("log evidence", "right"),
-        ("kept", "left"),
-    ]
+    columns: list[Head] = ["model", "parameters", "held-out, rms", "log evidence", ("kept", "left")]
     rows = [
         row_of(
             RUNGS[rung.rung],
@@ -178,40 +171,75 @@ def ladder_table(result: Result) -> Table | None:
 
 def geometry_lines(result: Result) -> list[str]:
     """What the terminal says of the geometry, a line each."""
-    own = result.geometry
-    if not own.stated or result.misfit is not None or not result.likelihood.converged:
+    geometry = result.geometry
+    if not geometry.stated or result.misfit is not None or not result.likelihood.converged:
         return []
     lines = confounded_lines(result)[:1]
-    if own.factors is not None:
-        lines.append(factors_sentence(own) or "")
+    if geometry.factors is not None:
+        lines.append(factors_sentence(geometry) or "")
     determined = sum(row.group == "geometry" and row.std is not None for row in result.parameters)
     free = sum(row.group == "geometry" and not row.held for row in result.parameters)
-    kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in own.ladder if rung.kept]
+    kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in geometry.ladder if rung.kept]
     left = [
-        f"{RUNGS[rung.rung].removeprefix('+ ')} ({rung_reason(own.ladder, i)})"
-        for i, rung in enumerate(own.ladder)
+        f"{RUNGS[rung.rung].removeprefix('+ ')} ({rung_reason(geometry.ladder, i)})"
+        for i, rung in enumerate(geometry.ladder)
         if not rung.kept and rung.rung != "offsets"
     ]
-    said = f"Geometry: {determined} of {free} parameters determined, the others prior only"
-    said += f"; kept: {listed(kept)}" if kept else ""
-    said += f"; not kept: {listed(left)}" if left else ""
-    return [*lines, f"{said}."]
+    text = f"Geometry: {determined} of {free} parameters determined, the others prior only"
+    text += f"; kept: {listed(kept)}" if kept else ""
+    text += f"; not kept: {listed(left)}" if left else ""
+    return [*lines, f"{text}."]
 
 
-def check_lines(check: Check) -> list[str]:
-    """What a check says of the geometry, a line each."""
-    offsets = [row for row in check.parameters if row.group == "offset"]
-    said = worth_sentence(check.geometry, offsets)
-    lines = [] if said is None else [said]
-    known = [row for row in offsets if row.std is not None]
-    worst = max(known, key=lambda row: row.std or 0.0, default=None)
-    if worst is not None:
-        why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
-        lines += [] if why is None else [why]
-    rows = [row for row in check.parameters if row.group == "geometry" and not row.held]
-    if rows:
-        determined = sum(row.std is not None for row in rows)
-        lines.append(
-            f"Geometry: {determined} of {len(rows)} parameters will be determined, the others prior only."
+def ladder_picture(result: Result) -> Picture | None:
+    """A dot for each model, filled where it is kept; None without a ladder."""
+    ladder = result.geometry.ladder
+    if not ladder or not result.likelihood.converged:
+        return None
+    predicted = [rung.held_out_rms_mm for rung in ladder]
+    panels: list[tuple[Sequence[float | None], str, str]] = [
+        ([rung.log_evidence for rung in ladder], "log evidence", "")
+    ]
+    if any(value is not None for value in predicted):
+        panels.insert(0, (predicted, "held-out residual, mm rms", "mm"))
+    with style():
+        figure = new_figure(0.27 * len(ladder) + 0.75)
+        axes = figure.subplots(1, len(panels), squeeze=False)[0]
+        for k, (panel, (values, title, unit)) in enumerate(zip(axes, panels, strict=True)):
+            _panel(panel, ladder, values, unit, "identified" if result.misfit is None else "unvalidated")
+            panel.set_xlabel(title)
+            panel.tick_params(axis="y", labelleft=k == 0)
+        axes[0].tick_params(axis="y", labelcolor=light("ink"), labelsize=9.5)
+        svg = to_svg(figure, LADDER)
+    return Picture(LADDER, "The model ladder: filled dots are kept", _alt(ladder), svg)
+
+
+def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], unit: str, role: str) -> None:
+    axes.set_ylim(len(ladder) - 0.4, -0.6)
+    axes.set_yticks(range(len(ladder)), [RUNGS[rung.rung] for rung in ladder])
+    bare_y(axes)
+    for y, (rung, value) in enumerate(zip(ladder, values, strict=True)):
+        if value is None:
+            continue
+        colour = light(role if rung.kept else "held")
+        face = colour if rung.kept else light("ground")
+        axes.plot([value], [y], "o", markersize=6, markerfacecolor=face, color=colour)
+        text = numbers.significant(value) if unit else numbers.fixed(value, 1)
+        beside(axes, value, y, text, xytext=(8, 0))
+    shown = [value for value in values if value is not None]
+    low, high = min(shown), max(shown)
+    room = (high - low) or abs(high) or 1.0
+    axes.set_xlim(0 if unit else low - 0.12 * room, high + 0.4 * room)
+    axes.locator_params(axis="x", nbins=4)
+
+
+def _alt(ladder: Sequence[Rung]) -> str:
+    parts = []
+    for rung in ladder:
+        residual = numbers.or_words(rung.held_out_rms_mm, "no", "mm")
+        kept = "kept" if rung.kept else "not kept"
+        parts.append(
+            f"{RUNGS[rung.rung]}: {residual} held-out residual,"
+            f" log evidence {numbers.fixed(rung.log_evidence, 1)}, {kept}"
         )
-    return lines
+    return f"Model ladder. {'; '.join(parts)}."

@@ -17,10 +17,10 @@ from ...words.provenance import (
     SERIAL,
     by_plain_key,
     instrument,
-    stated,
+    provenance_entry,
 )
 from ...words.wording import clipped, listed, shown
-from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Facts, Head, Paragraph, Section, row_of, section_of, table_of
 
 
 def head_facts(result: Result) -> list[tuple[str, str]]:
@@ -36,7 +36,7 @@ def when_and_serial(inputs: Inputs) -> tuple[str | None, str | None]:
 
 def _head(inputs: Inputs) -> list[tuple[str, str]]:
     provenance = by_plain_key(inputs.provenance)
-    return [(name, stated(provenance, KEYS[name])) for name in _HEAD]
+    return [(name, provenance_entry(provenance, KEYS[name])) for name in _HEAD]
 
 
 def inputs_sections(inputs: Inputs) -> list[Section]:
@@ -78,27 +78,27 @@ def traceability_section(result: Result) -> Section:
     """A form with a field a row; what nobody has stated is left empty."""
     provenance = by_plain_key(result.inputs.provenance)
     fields = [*MEASURED, *INSTRUMENTS[result.inputs.tool]]
-    rows = [row_of(name, stated(provenance, keys)) for name, keys in fields]
+    rows = [row_of(name, provenance_entry(provenance, keys)) for name, keys in fields]
     rows += [row_of("SHA-256 of the run", result.inputs.sha256)]
     rows += [row_of(name, "") for name in _SIGNED]
-    said = "To be completed by hand. Entries that are there were stated in the run’s provenance."
+    about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
     if provenance.get("origin") == "simulated":
-        said += " These measurements were simulated: no instrument took part, and nothing here is traceable."
-    columns = [("field", "left"), ("entry", "left")]
-    return section_of("Traceability", Paragraph(said), table_of("For a person", columns, rows))
+        about += " These measurements were simulated: no instrument took part, and nothing here is traceable."
+    columns: list[Head] = ["field", ("entry", "left")]
+    return section_of("Traceability", Paragraph(about), table_of("For a person", columns, rows))
 
 
 def origin_of(header: Mapping[str, Any]) -> dict[str, str]:
     """What a run's header says of its origin: robot's serial number, date, operator and instruments; and
     the rig; an empty text where it says nothing."""
-    own = header.get("provenance")
-    provenance = by_plain_key(own if isinstance(own, dict) else {})
+    entries = header.get("provenance")
+    provenance = by_plain_key(entries if isinstance(entries, dict) else {})
     tool = header.get("tool")
     kind = "probe" if isinstance(tool, dict) and tool.get("kind") == "probe" else "laser"
     return {
-        "serial": stated(provenance, KEYS[SERIAL]),
-        "when": stated(provenance, KEYS[DATE]),
-        "who": stated(provenance, KEYS[OPERATOR]),
+        "serial": provenance_entry(provenance, KEYS[SERIAL]),
+        "when": provenance_entry(provenance, KEYS[DATE]),
+        "who": provenance_entry(provenance, KEYS[OPERATOR]),
         "instrument": instrument(provenance, kind),
-        "origin": stated(provenance, ("origin",)),
+        "origin": provenance_entry(provenance, ("origin",)),
     }

@@ -1,33 +1,40 @@
-"""The parameters of an answer: a table of them, what their status means, and why."""
+"""The parameters of an answer: a table of them, what their status means and why; the figure of the offsets; a
+rehearsal's true values.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from ...analysis.answer.result import Result
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
+from ...analysis.solution import ParameterResult
 from ...analysis.status import Status
 from ...model.likelihood.parameters import Group
 from ...words import numbers
-from ...words.causes import reason
 from ...words.geometry import (
     IF_IT_DEVIATES,
     SET_BY_TOLERANCES,
-    Offset,
+    OffsetRow,
     by_tolerances,
     percent,
     worth_sentence,
 )
+from ...words.numbers import unit_of
+from ...words.observability import reason
+from ...words.provenance import true_values
 from ...words.wording import NOT_DETERMINED, label, listed, person, sentence
 from ..style.blocks import (
     Cell,
     Column,
     FigureBlock,
+    Head,
     Legend,
     LegendEntry,
     Paragraph,
-    Reason,
     Row,
     Section,
     Table,
@@ -35,8 +42,13 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
+from ..style.canvas import Picture, bare_y, beside, hatched, new_figure, style, to_svg
+from ..style.palette import SHAPES, light
+from ..style.typeface import in_font
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
@@ -47,7 +59,7 @@ UNVALIDATED_OFFSETS = (
 )
 
 
-class Judged(Protocol):
+class ParameterRow(Protocol):
     """A parameter of a result or of a check."""
 
     @property
@@ -71,12 +83,7 @@ def offsets_caption(statuses: Iterable[Status]) -> str:
     return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
 
 
-def unit_of(unit: str) -> str:
-    """What follows a number in this unit; a noise factor is so many times the stated noise."""
-    return "times" if unit == "1" else unit
-
-
-def noise_factors(parameters: Sequence[Judged]) -> bool:
+def noise_factors(parameters: Sequence[ParameterRow]) -> bool:
     """Whether joints and spot have factors of their own, that are estimated."""
     return any(row.group == "noise" and not row.held for row in parameters)
 
@@ -116,19 +123,19 @@ def offsets_table(result: Result) -> Table:
     return Table(table.caption, columns, rows)
 
 
-def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[Offset], str]]:
+def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[OffsetRow], str]]:
     """The head of the column beside u, and what it says of an offset."""
     if geometry.stated:
         return SET_BY_TOLERANCES, _share
 
-    def considered(row: Offset) -> str:
+    def considered(row: OffsetRow) -> str:
         value = None if row.std is None else geometry.consider.get(row.name)
         return NO_NUMBER if value is None else numbers.spread(value, unit_of(row.unit))
 
     return IF_IT_DEVIATES, considered
 
 
-def _share(row: Offset) -> str:
+def _share(row: OffsetRow) -> str:
     return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
 
 
@@ -144,7 +151,7 @@ def other_tables(parameters: Sequence[ParameterResult]) -> list[Table]:
 
 
 def parameter_table(caption: str, rows: Sequence[ParameterResult]) -> Table:
-    columns = [("name", "left"), ("estimate", "right"), ("95 % interval", "right"), ("status", "left")]
+    columns: list[Head] = ["name", "estimate", "95 % interval", ("status", "left")]
     return table_of(caption, columns, [_parameter_row(row) for row in rows])
 
 
@@ -163,12 +170,12 @@ def _parameter_row(row: ParameterResult) -> Row:
 def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:
     """What each status that occurs means, in words."""
     tolerance = header.get("tolerance")
-    stated = []
+    tolerances = []
     if isinstance(tolerance, dict):
         for key, unit in (("offset_deg", "deg"), ("length_mm", "mm")):
             if isinstance(tolerance.get(key), int | float):
-                stated.append(numbers.exact(float(tolerance[key]), unit))
-    within = f"the tolerance ({', '.join(stated)})" if stated else "the tolerance"
+                tolerances.append(numbers.exact(float(tolerance[key]), unit))
+    within = f"the tolerance ({', '.join(tolerances)})" if tolerances else "the tolerance"
     meaning: dict[Status, str] = {
         "identified": f"determined by the data without prior, standard uncertainty within {within}",
         "weak": f"weakly observable: determined by the data, standard uncertainty beyond {within}",
@@ -183,11 +190,151 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
     return [LegendEntry(key, key, text) for key, text in meaning.items() if key in present]
 
 
-def reasons(parameters: Sequence[Judged]) -> list[Reason]:
+def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
     """Why parameters are held, weak or without an answer; one reason once."""
     grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
         if row.cause is not None:
-            own = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
-            grouped.setdefault((row.status, own), []).append(label(row.name))
-    return [Reason(f"{listed(names)}:", status, sentence(text)) for (status, text), names in grouped.items()]
+            why = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
+            grouped.setdefault((row.status, why), []).append(label(row.name))
+    return [
+        LegendEntry(status, f"{listed(names)}:", sentence(text)) for (status, text), names in grouped.items()
+    ]
+
+
+def offsets_picture(result: Result) -> Picture:
+    """Left the estimates, right the half widths of their intervals on a logarithmic scale.
+
+    Prismatic joints (mm) have a panel row of their own. A parameter without an estimate has a
+    hatched band and no dot anywhere.
+    """
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    units = list(dict.fromkeys(row.unit for row in offsets))
+    groups = [[row for row in offsets if row.unit == unit] for unit in units]
+    with style():
+        figure = new_figure(0.5 * len(units) + 0.27 * len(offsets) + 0.1)
+        panels = figure.subplots(
+            len(units),
+            2,
+            squeeze=False,
+            height_ratios=[len(group) + 1.5 for group in groups],
+            width_ratios=[1.55, 1],
+        )
+        for (left, right), rows, unit in zip(panels, groups, units, strict=True):
+            _estimates(left, rows, numbers.symbol(unit))
+            _widths(right, rows, numbers.symbol(unit))
+        svg = to_svg(figure, "offsets")
+    return Picture("offsets", "Offsets with their 95 % intervals", _alt(offsets), svg)
+
+
+def _rows(axes: Axes, rows: Sequence[ParameterResult]) -> None:
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_yticks(range(len(rows)), [in_font(label(row.name, 16)) for row in rows])
+    bare_y(axes)
+
+
+def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
+    _rows(axes, rows)
+    axes.tick_params(axis="y", labelcolor=light("ink"), labelsize=10)
+    for y, row in enumerate(rows):
+        colour, shape = light(row.status), SHAPES[row.status]
+        if row.estimate is None:
+            hatched(axes, y, NOT_DETERMINED)
+        elif row.interval95 is None:
+            axes.plot([row.estimate], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
+            beside(axes, row.estimate, y, "held", color=colour)
+        else:
+            axes.plot(row.interval95, [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
+            axes.plot([row.estimate], [y], shape, markersize=5, color=colour)
+    axes.axvline(0, color=light("muted"), linewidth=0.8)
+    axes.margins(x=0.08)
+    axes.set_xlabel(f"offset, {unit}, with 95 % interval")
+
+
+def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
+    _rows(axes, rows)
+    axes.tick_params(axis="y", labelleft=False)
+    axes.set_xscale("log")
+    halves = []
+    for y, row in enumerate(rows):
+        if row.estimate is None:
+            hatched(axes, y, "")
+        if row.interval95 is None:
+            continue
+        low, high = row.interval95
+        half = (high - low) / 2
+        halves.append(half)
+        axes.plot([half], [y], SHAPES[row.status], markersize=5, color=light(row.status))
+        beside(axes, half, y, numbers.spread(half, row.unit))
+    if halves:
+        # Whole decades, and room for the number next to the last dot.
+        lowest = 10.0 ** math.floor(math.log10(min(halves)))
+        axes.set_xlim(lowest * 0.8, max(max(halves) * 12, lowest * 13))
+    else:
+        axes.set_xticks([])
+    axes.minorticks_off()
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.set_xlabel(f"half width of the interval, {unit}")
+
+
+def _alt(rows: Sequence[ParameterResult]) -> str:
+    parts = []
+    for row in rows:
+        name = label(row.name)
+        if row.estimate is None:
+            parts.append(f"{name} {NOT_DETERMINED}")
+        elif row.interval95 is None or row.std is None:
+            parts.append(f"{name} held")
+        else:
+            interval = numbers.interval(row.interval95, row.std, row.unit)
+            parts.append(f"{name} {interval} ({row.status})")
+    return f"95 % intervals of the joint offsets: {'; '.join(parts)}."
+
+
+class Estimated(Protocol):
+    """A parameter with what is known of it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def estimate(self) -> float | None: ...
+    @property
+    def std(self) -> float | None: ...
+
+
+def rehearsal_section(result: Result) -> Section | None:
+    """Of a simulated run; None of any other."""
+    table = truth_table(true_values(result.inputs.provenance), result.parameters)
+    if table is None:
+        return None
+    about = Paragraph(
+        "The run is simulated, so the true values are known. About two of three errors should be below 1 u,"
+        " and 19 of 20 below 2 u."
+    )
+    return section_of("Rehearsal: estimates and true values", about, table)
+
+
+def truth_table(true: Mapping[str, float], rows: Iterable[Estimated]) -> Table | None:
+    """The estimates beside their true values; None where there is none. What has no estimate has no row."""
+    known = [
+        _row(row.name, row.unit, true[row.name], row.estimate, row.std)
+        for row in rows
+        if row.name in true and row.estimate is not None and row.std is not None
+    ]
+    if not known:
+        return None
+    columns: list[Head] = [(head, "right") for head in ("true value", "estimate", "error", "error in u")]
+    return table_of("True values of the simulated arm", [("name", "left"), *columns], known)
+
+
+def _row(name: str, unit: str, true: float, estimate: float, std: float) -> Row:
+    shown, digits = unit_of(unit), numbers.decimals(std)
+    return row_of(
+        label(name),
+        numbers.with_unit(numbers.fixed(true, digits), shown),
+        numbers.estimate(estimate, std, shown),
+        numbers.with_unit(numbers.fixed(estimate - true, digits), shown),
+        numbers.fixed((estimate - true) / std, 1),
+    )

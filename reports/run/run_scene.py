@@ -14,18 +14,18 @@ from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
 from ..output.html import Turnable
 from ..scenes.scene import Placed, Posed, Scene3D
-from ..scenes.turnable import SceneWords, exaggerated, turnable
+from ..scenes.turnable import exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 
-_MOST_TOLD = 6  # targets in the words next to the picture: more are in the report's tables
+_MOST_NAMED = 6  # targets in the words next to the picture: more are in the report's tables
 
 
 def run_scene(result: Result) -> Scene3D | None:
     """The scene of a result; None where the fit did not converge."""
-    seen = result.scene
-    if seen is None:
+    scene = result.scene
+    if scene is None:
         return None
-    count = len(seen.shots)
+    count = len(scene.shots)
     return Scene3D(
         [
             Posed(
@@ -35,9 +35,9 @@ def run_scene(result: Result) -> Scene3D | None:
                 end=None if shot.beam_to is None else np.array(shot.beam_to),
                 reaches=shot.ahead,
             )
-            for i, shot in enumerate(seen.shots, start=1)
+            for i, shot in enumerate(scene.shots, start=1)
         ],
-        [_placed(target, seen) for target in seen.targets],
+        [_placed(target, scene) for target in scene.targets],
     )
 
 
@@ -47,16 +47,16 @@ def half_axes(covariance: Matrix, radius2: float) -> Matrix:
     return np.asarray((across * np.sqrt(radius2 * np.maximum(size, 0.0))).T)
 
 
-def _placed(target: SceneTarget, seen: RunScene) -> Placed:
+def _placed(target: SceneTarget, scene: RunScene) -> Placed:
     if target.at_mm is None:
         # It has no place: the cross is where the beams end that are meant for it.
-        ends = [shot.beam_to or shot.links[-1] for shot in seen.shots if shot.target == target.name]
+        ends = [shot.beam_to or shot.links[-1] for shot in scene.shots if shot.target == target.name]
         at = np.mean(ends, axis=0) if ends else np.zeros(3)
         return Placed(target.name, at, "undetermined")
     at = np.array(target.at_mm)
     if target.covariance_mm2 is None:
         return Placed(target.name, at, "held")
-    return Placed(target.name, at, "estimated", half_axes(np.array(target.covariance_mm2), seen.radius2))
+    return Placed(target.name, at, "estimated", half_axes(np.array(target.covariance_mm2), scene.radius2))
 
 
 # ── its words ───────────────────────────────────────────────────────────────────────────────
@@ -64,37 +64,63 @@ def _placed(target: SceneTarget, seen: RunScene) -> Placed:
 
 def run_turnable(result: Result) -> Turnable | None:
     """The scene made ready for the report's page; None where there is none."""
-    seen, scene = result.scene, run_scene(result)
-    if seen is None or scene is None:
+    recorded, scene = result.scene, run_scene(result)
+    if recorded is None or scene is None:
         return None
-    return turnable(scene, _words(scene, seen, _places(seen), result))
+    positions = _positions(recorded)
+    count, all_shots = len(scene.postures), len(result.shots)
+    laser = scene.postures[0].end is not None
+    what = "with its beams as fitted" if laser else "with the tip of the probe as fitted"
+    more = "" if len(positions) <= _MOST_NAMED else f"; and {len(positions) - _MOST_NAMED} more"
+    open_ = [
+        label(row.name)
+        for row in result.parameters
+        if row.status == "unidentifiable" and row.group in ("offset", "tool")
+    ]
+    nominal = ""
+    if open_:
+        be, them = ("is", "it") if len(open_) == 1 else ("are", "them")
+        nominal = f" {listed(open_)} {be} {NOT_DETERMINED}: the picture has {them} at the nominal values."
+    size = "" if scene.factor is None else f"; an ellipsoid is drawn {exaggerated(scene.factor)}"
+    return turnable(
+        scene,
+        alt=f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
+        f" grid. Targets (x, y, z in the base frame): {'; '.join(positions[:_MOST_NAMED])}{more}.",
+        caption=f"The arm at the recorded joints with the fitted offsets, {counted(count, 'measurement')}"
+        f"{'' if count == all_shots else f' of {all_shots}'}. {scene.grid_words}; x, y and z are the base"
+        f" frame.{nominal}",
+        paper=f"On paper: measurement {recorded.shots[0].shot} in black, the others in grey{size}.",
+        one="measurement",
+    )
 
 
 def scene_section(result: Result) -> Section | None:
     """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
-    seen = result.scene
-    if seen is None:
+    scene = result.scene
+    if scene is None:
         return None
-    return section_of("Positions of the targets", Paragraph(_sentences(_places(seen), seen)), SceneBlock())
+    return section_of(
+        "Positions of the targets", Paragraph(_sentences(_positions(scene), scene)), SceneBlock()
+    )
 
 
-def _places(seen: RunScene) -> list[str]:
-    return [_place_in_words(target, seen.radius2) for target in seen.targets]
+def _positions(scene: RunScene) -> list[str]:
+    return [_position_words(target, scene.radius2) for target in scene.targets]
 
 
-def _sentences(places: list[str], seen: RunScene) -> str:
-    said = f"In the base frame (x, y, z): {'; '.join(places[:_MOST_TOLD])}."
-    if len(places) > _MOST_TOLD:
-        said += f" The other {len(places) - _MOST_TOLD} are in the picture and in result.json."
-    if any(target.covariance_mm2 is not None for target in seen.targets):
-        said += (
+def _sentences(positions: list[str], scene: RunScene) -> str:
+    text = f"In the base frame (x, y, z): {'; '.join(positions[:_MOST_NAMED])}."
+    if len(positions) > _MOST_NAMED:
+        text += f" The other {len(positions) - _MOST_NAMED} are in the picture and in result.json."
+    if any(target.covariance_mm2 is not None for target in scene.targets):
+        text += (
             " The ellipsoid holds the place at 95\u00a0%, its three coordinates taken together: it is wider"
             " than the intervals of the single ones."
         )
-    return said
+    return text
 
 
-def _place_in_words(target: SceneTarget, radius2: float) -> str:
+def _position_words(target: SceneTarget, radius2: float) -> str:
     name = clipped(target.name, 24)
     if target.at_mm is None:
         return f"{name} {NOT_DETERMINED}"
@@ -102,43 +128,8 @@ def _place_in_words(target: SceneTarget, radius2: float) -> str:
         return f"{name} held in at least one coordinate"
     covariance = np.array(target.covariance_mm2)
     std = np.sqrt(np.diag(covariance)).tolist()
-    place = [numbers.estimate(value, own) for value, own in zip(target.at_mm, std, strict=True)]
+    coordinates = [numbers.estimate(value, u) for value, u in zip(target.at_mm, std, strict=True)]
     sizes = np.linalg.norm(half_axes(covariance, radius2), axis=1)
     axes = numbers.with_unit(listed([numbers.spread(float(size)) for size in sizes[::-1]]), "mm")
-    at = numbers.with_unit(", ".join(place), "mm")
+    at = numbers.with_unit(", ".join(coordinates), "mm")
     return f"{name} at {at}, half axes of its 95\u00a0% ellipsoid {axes}"
-
-
-def _words(scene: Scene3D, seen: RunScene, places: list[str], result: Result) -> SceneWords:
-    """What is said about the picture."""
-    shots = scene.postures
-    count, all_shots = len(shots), len(result.shots)
-    laser = shots[0].end is not None
-    what = "with its beams as fitted" if laser else "with the tip of the probe as fitted"
-    more = "" if len(places) <= _MOST_TOLD else f"; and {len(places) - _MOST_TOLD} more"
-    caption = (
-        f"The arm at the recorded joints with the fitted offsets, {counted(count, 'measurement')}"
-        f"{'' if count == all_shots else f' of {all_shots}'}. Grid of"
-        f" {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y and z are the base frame."
-    )
-    open_ = [
-        label(row.name)
-        for row in result.parameters
-        if row.status == "unidentifiable" and row.group in ("offset", "tool")
-    ]
-    if open_:
-        caption += (
-            f" {listed(open_)} {'is' if len(open_) == 1 else 'are'} {NOT_DETERMINED}: the picture has"
-            f" {'it' if len(open_) == 1 else 'them'} at the nominal values."
-        )
-    paper = f"On paper: measurement {seen.shots[0].shot} in black, the others in grey"
-    if scene.factor is not None:
-        paper += f"; an ellipsoid is drawn {exaggerated(scene.factor)}"
-    return SceneWords(
-        alt=f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
-        f" grid. Targets (x, y, z in the base frame): {'; '.join(places[:_MOST_TOLD])}{more}.",
-        caption=caption,
-        paper=f"{paper}.",
-        one="measurement",
-        laser=laser,
-    )

@@ -10,14 +10,13 @@ from ...analysis.diagnostics.budget import Budget, BudgetRow
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.wording import label, listed
-from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from .diagnostics.fit_quality import misfit_factor
+from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from .fit import misfit_factor
 from .parameters import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others
 MOST_SOURCES = 12
 MOST_COLUMNS = 6
-_DEGREE = {"deg": "°"}
 _NAME = 20
 _SAME = 1.02  # by less no two significant digits differ
 
@@ -50,7 +49,7 @@ def _lead(result: Result) -> str:
     exact = [] if result.geometry.stated else ["the robot’s geometry"]
     if result.inputs.calibrated:
         exact.append("the calibrated tool")
-    said = (
+    text = (
         "By the GUM (JCGM 100:2008). A contribution is the standard uncertainty that its source alone"
         " gives the estimate, negative if it lowers the variance; in brackets is its share of the variance."
         " Of a joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s"
@@ -58,18 +57,18 @@ def _lead(result: Result) -> str:
         f" {listed([*exact, *held] or ['nothing'])}."
     )
     if any(_wider(result, budget) for budget in result.budget):
-        said += (
+        text += (
             " U is larger than half the 95 % interval in the table of estimates: that takes the noise as it"
             " was found, k allows for how well it is known."
         )
     if times := misfit_factor(result):
-        said += (
+        text += (
             f" The residuals are {times} times the stated noise: the budget does not contain their cause and"
             " is too small."
         )
     elif result.misfit is not None:
-        said += " The model does not describe the measurements: the budget is unvalidated and too small."
-    return said
+        text += " The model does not describe the measurements: the budget is unvalidated and too small."
+    return text
 
 
 def _wider(result: Result, budget: Budget) -> bool:
@@ -102,29 +101,30 @@ def source_words(row: BudgetRow, tool: str) -> str:
 def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block | None]:
     """Contributions and results, then sensitivities; a source a row, a parameter a column."""
     rows = [budget.rows for budget in budgets]
-    largest = [max(abs(own[i].share) for own in rows) for i in range(len(rows[0]))]
+    largest = [max(abs(column[i].share) for column in rows) for i in range(len(rows[0]))]
     ranked = sorted(range(len(largest)), key=lambda i: -largest[i])
     kept = {i for i in ranked[:MOST_SOURCES] if largest[i] >= MINOR}
     if len(ranked) - len(kept) == 1:
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
     tool = result.inputs.tool
-    heads = [(f"{label(budget.name)} ({_unit(budget.unit)})", "right") for budget in budgets]
+    heads = [(f"{label(budget.name)} ({numbers.symbol(budget.unit)})", "right") for budget in budgets]
     shown = []
     for i in sorted(kept):
         source = rows[0][i]
         std = _std(source)
         cells = [
-            _contribution(own[i].contribution, own[i].share, b) for own, b in zip(rows, budgets, strict=True)
+            _contribution(column[i].contribution, column[i].share, b)
+            for column, b in zip(rows, budgets, strict=True)
         ]
         shown.append(row_of(source_words(source, tool), std, *cells))
-    said = None
+    note = None
     if others:
         below = max(math.floor(100 * largest[others[0]]) + 1, round(100 * MINOR))
         name = f"{len(others)} others, each <{numbers.NO_BREAK}{below}{numbers.NO_BREAK}%"
-        cells = [_together([own[i] for i in others], b) for own, b in zip(rows, budgets, strict=True)]
+        cells = [_together([column[i] for i in others], b) for column, b in zip(rows, budgets, strict=True)]
         shown.append(row_of(name, "", *cells))
-        said = Paragraph(f"The others: {listed([source_words(rows[0][i], tool) for i in others], 6)}.")
+        note = Paragraph(f"The others: {listed([source_words(rows[0][i], tool) for i in others], 6)}.")
     shown += [
         row_of("combined u", "", *(numbers.spread(b.std) for b in budgets)),
         row_of("ν effective", "", *(_dof(b.dof) for b in budgets)),
@@ -132,11 +132,11 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
         row_of("expanded U = k u", "", *(numbers.spread(b.expanded) for b in budgets)),
         row_of("result", "", *(_result(result, b) for b in budgets)),
     ]
-    columns = [("source", "left"), ("its u, type", "right"), *heads]
+    columns: list[Head] = [("source", "left"), ("its u, type", "right"), *heads]
     of = "the offsets" if what == "offsets" else "the tool"
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
-        said,
+        note,
         _sensitivities(of, tool, rows, sorted(kept), heads),
     ]
 
@@ -147,13 +147,13 @@ def _sensitivities(
     shown = [
         row_of(
             source_words(rows[0][i], tool),
-            f"per {_unit(rows[0][i].unit)}",
-            *(numbers.or_words(own[i].sensitivity, "", digits=2) for own in rows),
+            f"per {numbers.symbol(rows[0][i].unit or '')}",
+            *(numbers.or_words(column[i].sensitivity, "", digits=2) for column in rows),
         )
         for i in kept
         if rows[0][i].sensitivity is not None
     ]
-    columns = [("source", "left"), ("sensitivity", "left"), *heads]
+    columns: list[Head] = [("source", "left"), ("sensitivity", "left"), *heads]
     caption = f"Sensitivities of {of}: contribution per unit of the source’s u, all its readings together"
     return table_of(caption, columns, shown) if shown else None
 
@@ -161,13 +161,9 @@ def _sensitivities(
 def _std(source: BudgetRow) -> str:
     if source.std is None:
         return ""
-    stated = source.dof is None
-    std = (numbers.exact if stated else numbers.spread)(source.std, source.unit or "")
+    type_b = source.dof is None
+    std = (numbers.exact if type_b else numbers.spread)(source.std, source.unit or "")
     return f"{std}, {source.type}"
-
-
-def _unit(unit: str | None) -> str:
-    return _DEGREE.get(unit or "", unit or "")
 
 
 def _contribution(contribution: float, share: float, budget: Budget) -> str:
@@ -225,21 +221,21 @@ def _check(result: Result) -> list[Block | None]:
                 tone=mark,
             )
         )
-    columns = [
-        ("name", "left"),
-        ("lower ends apart", "right"),
-        ("upper ends apart", "right"),
-        ("tolerance δ", "right"),
-        ("Monte Carlo error of the ends", "right"),
+    columns: list[Head] = [
+        "name",
+        "lower ends apart",
+        "upper ends apart",
+        "tolerance δ",
+        "Monte Carlo error of the ends",
         ("validated", "left"),
     ]
-    said = (
+    about = (
         "Estimate ± U against the 95 % interval of the posterior’s draws (JCGM 101:2008, clause 8): validated"
         " if the ends agree to δ, half a unit in the last of two significant digits of u, or of one where the"
         " draws cannot decide by two."
     )
     if any(check.validated is False for _, check in checked):
-        said += " Where the answer is no, use the posterior’s interval."
+        about += " Where the answer is no, use the posterior’s interval."
     if any(check.validated is None for _, check in checked):
-        said += " Where it is inconclusive, more draws might decide (--ess 20000)."
-    return [Paragraph(said), table_of("Linear intervals against the posterior", columns, rows)]
+        about += " Where it is inconclusive, more draws might decide (--ess 20000)."
+    return [Paragraph(about), table_of("Linear intervals against the posterior", columns, rows)]

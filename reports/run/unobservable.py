@@ -7,35 +7,34 @@ from collections.abc import Sequence
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
-from ...words.causes import reason, remedy
-from ...words.observability import combination_words, direction_kind, rank_facts
+from ...words.observability import combination_words, direction_kind, rank_facts, reason, remedy
 from ...words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
-from .parameters import Judged
+from .parameters import ParameterRow
 
 LISTED = "They are listed under Geometry."
 
 
-def unobservable_section(parameters: Sequence[Judged], facts: Identifiability) -> Section:
+def unobservable_section(parameters: Sequence[ParameterRow], facts: Identifiability) -> Section:
     """The section of a report."""
     geometry = {row.name for row in parameters if row.group == "geometry"}
     others = [row for row in parameters if row.group != "geometry"]
     shown = beside_tolerances(facts.null_space, geometry)
-    said = [_sentence(others, shown, "other parameter" if geometry else "parameter")]
+    sentences = [_sentence(others, shown, "other parameter" if geometry else "parameter")]
     if (only := tolerance_only(parameters)) is not None:
-        said.append(f"{only} {LISTED}")
+        sentences.append(f"{only} {LISTED}")
     items = [direction_words(direction) for direction in shown]
     return section_of(
-        "What cannot be determined", *map(Paragraph, said), Directions(items), Facts(rank_facts(facts))
+        "What cannot be determined", *map(Paragraph, sentences), Directions(items), Facts(rank_facts(facts))
     )
 
 
 def beside_tolerances(directions: Sequence[NullDirection], geometry: set[str]) -> list[NullDirection]:
     """Null-space directions without those of geometry parameters alone: their tolerances are knowledge."""
-    return [own for own in directions if not geometry.issuperset(own.combination)]
+    return [direction for direction in directions if not geometry.issuperset(direction.combination)]
 
 
-def tolerance_only(parameters: Sequence[Judged]) -> str | None:
+def tolerance_only(parameters: Sequence[ParameterRow]) -> str | None:
     """How many geometry parameters only their tolerances tell of; None where there is none."""
     free = [row for row in parameters if row.group == "geometry" and not row.held]
     count = sum(not known(row.status) for row in free)
@@ -45,25 +44,25 @@ def tolerance_only(parameters: Sequence[Judged]) -> str | None:
     return f"{count} of {counted(len(free), 'geometry parameter')} {verb} known by {its} tolerances only."
 
 
-def _sentence(parameters: Sequence[Judged], directions: Sequence[NullDirection], what: str) -> str:
+def _sentence(parameters: Sequence[ParameterRow], directions: Sequence[NullDirection], what: str) -> str:
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
         verb = "is" if len(lost) == 1 else "are"
-        said = f"{listed(lost)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
+        text = f"{listed(lost)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
     elif any(row.status == "unvalidated" for row in parameters):
-        said = (
+        text = (
             f"The measurements would determine every {what} that was not held, but the model does not"
             " describe them: nothing here is validated."
         )
     elif directions:
-        said = (
+        text = (
             f"Every {what} that was not held has an estimate, but some combinations are only weakly"
             " observable."
         )
     else:
-        said = f"Nothing that was asked for: every {what} that was not held is determined by the data."
-    return said + (f" Weakly observable, beyond the tolerance: {listed(weak)}." if weak else "")
+        text = f"Nothing that was asked for: every {what} that was not held is determined by the data."
+    return text + (f" Weakly observable, beyond the tolerance: {listed(weak)}." if weak else "")
 
 
 def direction_words(direction: NullDirection) -> Direction:

@@ -22,14 +22,6 @@ _ONE_PLACE = 15.0  # mm: joints nearer to each other than this share one number
 _NAME_WIDTH = 24
 
 
-@dataclass(frozen=True)
-class JointLabel:
-    """Joint numbers, and where they go (3,)."""
-
-    at: Matrix
-    text: str
-
-
 @dataclass(frozen=True, eq=False)
 class Posed:
     """The arm in one posture: its `name`, `arm` (n + 2, 3) from the base over the joints to the flange,
@@ -53,17 +45,17 @@ class Posed:
         return None if self.end is None else np.array([self.tool, self.end])
 
     @property
-    def labels(self) -> list[JointLabel]:
+    def labels(self) -> list[tuple[Matrix, str]]:
         """Joint numbers where the joints are; joints at one place share a label (a wrist: 4, 5, 6)."""
-        places: list[tuple[Matrix, list[str]]] = []
+        labels: list[tuple[Matrix, list[str]]] = []
         for joint, point in enumerate(self.arm[1:-1], start=1):
-            for place, names in places:
-                if np.linalg.norm(place - point) < _ONE_PLACE:
+            for at, names in labels:
+                if np.linalg.norm(at - point) < _ONE_PLACE:
                     names.append(str(joint))
                     break
             else:
-                places.append((point, [str(joint)]))
-        return [JointLabel(place, ", ".join(names)) for place, names in places]
+                labels.append((point, [str(joint)]))
+        return [(at, ", ".join(names)) for at, names in labels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +183,7 @@ def scene_json(scene: Scene3D) -> dict[str, Any]:
                 "tool": _rounded(posed.tool_line),
                 "beam": None if posed.beam is None else _rounded(posed.beam),
                 "reaches": bool(posed.reaches),
-                "numbers": [{"at": _rounded(own.at), "text": own.text} for own in posed.labels],
+                "numbers": [{"at": _rounded(at), "text": text} for at, text in posed.labels],
             }
             for posed in scene.postures
         ],

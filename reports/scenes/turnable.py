@@ -1,80 +1,59 @@
-"""A scene made ready for a page.
-
-`templates/scene.html.j2` has its markup, `scene.js` turns it, `scene.css` is its style; where no script runs,
-and on paper, a still drawing is shown instead.
-"""
+"""A scene made ready for a page, and a still drawing of it for paper; an arm alone."""
 
 from __future__ import annotations
 
-import base64
-import functools
-import hashlib
 import json
+import math
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
-from markupsafe import Markup
+import casadi as ca
+import numpy as np
+from markupsafe import Markup, escape
 
-from ..output.html import Turnable
-from ..output.template import TEMPLATES
+from ...model.arrays import Matrix
+from ...model.files.whole_file import refuse_existing, write_whole
+from ...model.kinematics.robot import Robot
+from ...words.wording import clipped, counted
+from ..output.html import Turnable, scene_html, template_text
 from ..style.canvas import Picture
 from ..style.palette import light
 from ..style.typeface import in_font
-from .drawing import still
-from .scene import Scene3D, scene_json
+from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, floor_of, scene_json
 
 STILL = "postures"  # name of the still drawing among the figures
 
 
-@dataclass(frozen=True)
-class SceneWords:
-    """What is said about a scene: `alt` instead of it, `caption` below it, `paper` on paper; `one` is what a
-    posture is called. Whether a `laser` made the beams."""
-
-    alt: str
-    caption: str
-    paper: str
-    one: str
-    laser: bool
-
-
-def turnable(scene: Scene3D, words: SceneWords) -> Turnable:
-    """The scene made ready for a page."""
+def turnable(scene: Scene3D, *, alt: str, caption: str, paper: str, one: str = "posture") -> Turnable:
+    """The scene made ready for a page: `alt` is said instead of it, `caption` below it, `paper` on paper;
+    `one` is what a posture is called."""
     states = {target.state for target in scene.targets}
-    # Our own text, with nothing of a plan or run in it.
-    script, style = _file("scene.js"), _file("scene.css")
+    beams = any(posed.end is not None for posed in scene.postures)
     return Turnable(
-        alt=words.alt,
-        caption=words.caption,
-        paper=words.paper,
-        one=words.one,
-        laser=words.laser,
+        alt=alt,
+        caption=caption,
+        paper=paper,
+        one=one,
         count=len(scene.postures),
-        misses=words.laser and not all(posed.reaches for posed in scene.postures),
-        placed=bool(states - {"undetermined"}),
+        beams=beams,
+        unreached=beams and not all(posed.reaches for posed in scene.postures),
+        located=bool(states - {"undetermined"}),
         undetermined="undetermined" in states,
         factor=scene.factor,
-        drawing=still(scene, words.alt),
-        style=Markup(style),
+        drawing=still(scene, alt),
         data=_script_json(scene),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
 
 
-def still_picture(shown: Turnable) -> Picture:
+def still_picture(shown: Turnable, name: str = STILL) -> Picture:
     """The still drawing as a figure of its own, for a PDF: its style within it, in the light palette."""
-    rules = re.findall(r"^[^{}@\n]*\.still[^{}\n]*\{[^}]*\}", _file("scene.css"), flags=re.MULTILINE)
-    css = re.sub(r"var\(--(\w+)\)", lambda found: light(found.group(1)), "\n".join(rules))
+    rules = re.findall(r"^[^{}@\n]*\.still[^{}\n]*\{[^}]*\}", template_text("scene.css"), flags=re.MULTILINE)
+    css = re.sub(r"var\(--(\w+)\)", lambda match: light(match.group(1)), "\n".join(rules))
     _, _, width, height = re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', shown.drawing)[0]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
     svg = in_font(str(shown.drawing)).replace("<svg ", head, 1).replace(">", f"><style>{css}</style>", 1)
-    return Picture(STILL, f"{shown.caption} {shown.paper}", shown.alt, svg)
-
-
-@functools.cache
-def _file(name: str) -> str:
-    return (TEMPLATES / name).read_text(encoding="utf-8")
+    return Picture(name, f"{shown.caption} {shown.paper}", shown.alt, svg)
 
 
 def exaggerated(factor: float) -> str:
@@ -88,3 +67,154 @@ def _script_json(scene: Scene3D) -> Markup:
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return Markup(text)
+
+
+MOST_DRAWN = 60  # postures: more than that are a blot
+_SIZE = (720.0, 470.0)
+
+
+def still(scene: Scene3D, alt: str) -> Markup:
+    """The scene from its first side without perspective, as SVG in the palette's variables."""
+    width, height = _SIZE
+    postures = scene.postures[:MOST_DRAWN]
+    flat = _Flat(scene, width, height)
+    parts = [_grid(scene, flat), _axes(scene, flat)]
+    for posture in reversed(postures):
+        selected = posture is postures[0]
+        kind = "arm first" if selected else "arm"
+        if posture.beam is not None:
+            state = "beam" if posture.reaches else "beam missing"
+            parts.append(flat.line(posture.beam, state))
+        parts.append(flat.line(posture.tool_line, f"{kind} tool"))
+        parts.append(flat.line(posture.arm, kind))
+        if selected:
+            for at, text in posture.labels:
+                parts += [flat.dot(at, 4, "joint"), flat.text(at, text, 9, -7)]
+    for target in scene.targets:
+        parts += _target(target, scene.factor, flat)
+    return Markup('<svg class="still" viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>').format(
+        round(width), round(height), alt, Markup("").join(parts)
+    )
+
+
+# What is not determined is a cross, what is held a square: a shape and a word, not a colour alone.
+_CROSS = ((-6, -6, 6, 6), (-6, 6, 6, -6))
+_SQUARE = ((-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5))
+_HAIRS = ((-8, 0, 8, 0), (0, -8, 0, 8))
+
+
+def _target(target: Placed, factor: float | None, flat: _Flat) -> list[Markup]:
+    at, name, axes = target.at, target.short_name, target.axes
+    if target.state == "undetermined":
+        parts = [flat.strokes(at, _CROSS, "undetermined")]
+        name += ": not determined"
+    elif target.state == "held":
+        parts = [flat.strokes(at, _SQUARE, "held")]
+        name += ": held"
+    elif axes is not None and factor is not None:
+        parts = [flat.ellipsoid(at, axes, factor), flat.strokes(at, _HAIRS, "target")]
+    else:
+        parts = [flat.dot(at, 5, "target")]
+    return [*parts, flat.text(at, name, 10, 14)]
+
+
+class _Flat:
+    """Base frame (mm) to the drawing (px), fitted to what the scene holds."""
+
+    def __init__(self, scene: Scene3D, width: float, height: float) -> None:
+        azimuth, elevation = np.radians([AZIMUTH, ELEVATION])
+        right = [-math.sin(azimuth), math.cos(azimuth), 0.0]
+        down = [math.sin(elevation) * math.cos(azimuth), math.sin(elevation) * math.sin(azimuth)]
+        self._turn = np.array([right, [*down, -math.cos(elevation)]])
+        points = [np.array([0.0, 0.0, scene.axis]), *(target.at for target in scene.targets)]
+        for posture in scene.postures[:MOST_DRAWN]:
+            points += [*posture.arm, posture.tool, *(() if posture.end is None else (posture.end,))]
+        for target in scene.targets:
+            if target.axes is not None and scene.factor is not None:
+                points += [
+                    target.at + by * axis for axis in target.axes for by in (-scene.factor, scene.factor)
+                ]
+        flat = np.array(points) @ self._turn.T
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        room = np.array([width - 100, height - 60])
+        self._scale = float((room / np.maximum(high - low, 1e-6)).min())
+        self._shift = np.array([width, height]) / 2 - self._scale * (low + high) / 2
+
+    def _at(self, point: Matrix) -> tuple[float, float]:
+        x, y = self._scale * (self._turn @ point) + self._shift
+        return round(float(x), 1), round(float(y), 1)
+
+    def line(self, points: Matrix, kind: str) -> Markup:
+        path = " ".join(f"{x:g},{y:g}" for x, y in map(self._at, points))
+        return Markup('<polyline class="{}" points="{}"/>').format(kind, path)
+
+    def dot(self, point: Matrix, size: float, kind: str) -> Markup:
+        x, y = self._at(point)
+        return Markup('<circle class="{}" cx="{:g}" cy="{:g}" r="{:g}"/>').format(kind, x, y, size)
+
+    def strokes(self, point: Matrix, lines: Iterable[tuple[int, int, int, int]], kind: str) -> Markup:
+        """Lines (x, y to x, y in px) about a point."""
+        x, y = self._at(point)
+        path = "".join(f"M{x + a:g} {y + b:g}L{x + c:g} {y + d:g}" for a, b, c, d in lines)
+        return Markup('<path class="{}" d="{}"/>').format(kind, path)
+
+    def ellipsoid(self, centre: Matrix, axes: Matrix, factor: float) -> Markup:
+        """Its outline, A'u over all unit u seen from one side: the ellipse of the matrix P A' A P'."""
+        flat = self._scale * factor * self._turn @ axes.T
+        size, across = np.linalg.eigh(flat @ flat.T)
+        half = np.sqrt(np.maximum(size, 0.0))
+        x, y = self._at(centre)
+        turn = math.degrees(math.atan2(across[1, 1], across[0, 1]))
+        return Markup(
+            '<ellipse class="ellipsoid" cx="{:g}" cy="{:g}" rx="{:.4g}" ry="{:.4g}" '
+            'transform="rotate({:.1f} {:g} {:g})"/>'
+        ).format(x, y, half[1], half[0], turn, x, y)
+
+    def text(self, point: Matrix, text: str, right: float, down: float) -> Markup:
+        x, y = self._at(point)
+        return Markup('<text x="{:g}" y="{:g}">{}</text>').format(x + right, y + down, escape(text))
+
+
+def _grid(scene: Scene3D, flat: _Flat) -> Markup:
+    (x0, x1, y0, y1), step = scene.grid_bounds, scene.grid_step
+    z = scene.floor
+    lines = [[[x, y0, z], [x, y1, z]] for x in np.arange(x0, x1 + step / 2, step)]
+    lines += [[[x0, y, z], [x1, y, z]] for y in np.arange(y0, y1 + step / 2, step)]
+    return Markup("").join(flat.line(np.array(line), "grid") for line in lines)
+
+
+def _axes(scene: Scene3D, flat: _Flat) -> Markup:
+    parts = []
+    if scene.floor:
+        parts.append(flat.line(np.array([[0.0, 0.0, scene.floor], np.zeros(3)]), "axis"))
+    for i, name in enumerate("xyz"):
+        end = np.zeros(3)
+        end[i] = scene.axis
+        parts += [flat.line(np.array([np.zeros(3), end]), "axis"), flat.text(end, name, 4, -3)]
+    return Markup("").join(parts)
+
+
+def write_arm_page(path: Path, robot: Robot, postures: Sequence[Matrix]) -> None:
+    """The page with the arm in `postures`, (n,) rad or mm each, as one HTML file; never over another file."""
+    refuse_existing(path, or_else="choose another name, or remove it first")
+    write_whole(path, arm_page(robot, postures))
+
+
+def arm_page(robot: Robot, postures: Sequence[Matrix]) -> str:
+    """Its text."""
+    theta = ca.SX.sym("theta", robot.n)
+    skeleton = ca.Function("skeleton", [theta], [ca.densify(robot.skeleton(theta))])
+    posed = []
+    for i, joints in enumerate(postures):
+        arm = np.array(skeleton(joints)).T
+        posed.append(Posed(f"posture {i}", arm, arm[-1], None, True))
+    scene = Scene3D(posed, [], floor_of(robot))
+    name = clipped(robot.name, 40)
+    page = turnable(
+        scene,
+        alt=f"{name}: the arm as a line through its joints in {counted(len(posed), 'posture')}, above a floor"
+        " grid.",
+        caption=f"{scene.grid_words}; x, y and z are the base frame. The line ends at the flange.",
+        paper="On paper: posture 0 in black, the others in grey.",
+    )
+    return scene_html(f"Robot {name}", page)

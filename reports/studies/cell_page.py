@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from ...experiments.procedure.session import PHASES
-from ...experiments.studies.cell_answer import CellPlan, CellSettings, CellStudy
+from ...experiments.studies.answer import ParameterWithShare
+from ...experiments.studies.cell import CellPlan, CellSettings, CellStudy
 from ...words import numbers
-from ...words.wording import clipped, counted, label, listed, sentence
+from ...words.wording import clipped, counted, listed, sentence
 from ..style.blocks import (
     Cell,
     Facts,
@@ -15,42 +17,47 @@ from ..style.blocks import (
     Legend,
     Page,
     Paragraph,
+    Row,
     Table,
     row_of,
     section_of,
     table_of,
 )
-from ..style.canvas import Picture
-from .coverage_figure import coverage_picture
-from .phrases import (
-    LONGEST_NAME,
-    NOT_DETERMINED,
-    NOT_GIVEN,
-    about_study,
-    files_block,
-    noise_in_words,
-    plan_in_words,
-    plan_title,
-    seconds,
-    view_of,
-)
-from .shares import (
+from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
+from .coverage_figures import coverage_picture
+from .study_blocks import (
     BY_CHANCE,
     ERROR_COLUMNS,
+    ERRORS,
+    LONGEST_NAME,
+    NOT_GIVEN,
     PlainRow,
-    error_cells,
+    about_study,
+    columns_of,
+    files_block,
     meanings,
+    noise_in_words,
     percent,
-    share_cell,
+    plan_in_words,
+    plan_title,
+    rows_of,
+    seconds,
+    share_and_errors,
     share_columns,
-    standing,
+    standing_cell,
     verdicts,
+    view_of,
     worst_cell,
 )
-from .time_figure import time_picture
 
-_COUNTS = ("runs", "failed", "refused", "contradicted", "within_limit")
-_ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std")
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Phases are no statuses: one hue, from dark to faint, and in the order of the legend.
+_SHADES = dict(zip(PHASES, (1.0, 0.66, 0.4, 0.2), strict=True))
+_BAR = 0.4  # of a row's height
 
 
 def cell_page(answer: CellStudy) -> Page:
@@ -117,18 +124,11 @@ def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
     ]
     rows = []
     for plan in plans:
-        mark, words = standing(plan)
-        total = plan.seconds["total"]
+        verdict, total = standing_cell(plan), plan.seconds["total"]
+        within = NOT_GIVEN if plan.within_limit is None else "kept" if plan.within_limit else "exceeded"
+        worst, times = worst_cell(plan, settings.level), [seconds(total.mean), seconds(total.max)]
         rows.append(
-            row_of(
-                clipped(plan.name, LONGEST_NAME),
-                Cell(words, mark=mark),
-                worst_cell(plan, settings.level),
-                seconds(total.mean),
-                seconds(total.max),
-                _within(plan),
-                tone=mark,
-            )
+            row_of(clipped(plan.name, LONGEST_NAME), verdict, worst, *times, within, tone=verdict.mark)
         )
     caption = (
         "Share of intervals that hold the truth, in %: the parameter farthest from"
@@ -137,27 +137,15 @@ def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
     return table_of(caption, columns, rows)
 
 
-def _within(plan: CellPlan) -> Cell:
-    if plan.within_limit is None:
-        return Cell(NOT_GIVEN)
-    return Cell("kept" if plan.within_limit else "exceeded")
-
-
 def _parameters(plans: Sequence[CellPlan], level: float) -> Table:
     columns = [("parameter", "left"), (f"within {percent(level)}", "right"), *ERROR_COLUMNS]
-    rows = []
+    rows: list[Row] = []
     for plan in plans:
-        mark, words = standing(plan)
-        about = f"{sentence(plan.words)} ({words})"
-        rows.append(row_of(clipped(plan.name, LONGEST_NAME), Cell(about, span=len(columns) - 1), tone=mark))
-        for row in plan.parameters:
-            name = label(row.name)
-            if row.coverage is None:
-                undetermined = Cell(NOT_DETERMINED, span=len(columns) - 1)
-                rows.append(row_of(name, undetermined, tone="unidentifiable"))
-                continue
-            cell = share_cell(row.coverage, plan.control)
-            rows.append(row_of(name, cell, *error_cells(row, row.coverage.of), tone=cell.mark))
+
+        def cells(row: ParameterWithShare, control: bool = plan.control) -> list[str | Cell] | None:
+            return share_and_errors(row, control)
+
+        rows += rows_of(plan, plan.words, len(columns) - 1, cells)
     caption = (
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval; bias and root mean"
         " square error, next to what was predicted"
@@ -169,9 +157,9 @@ def _time(plans: Sequence[CellPlan]) -> Table:
     columns = [("plan", "left"), *((name, "right") for name in (*PHASES, "total", "longest"))]
     rows = []
     for plan in plans:
-        found = plan.seconds
-        means = [seconds(found[name].mean) for name in (*PHASES, "total")]
-        rows.append(row_of(clipped(plan.name, LONGEST_NAME), *means, seconds(found["total"].max)))
+        means = [seconds(plan.seconds[name].mean) for name in (*PHASES, "total")]
+        longest = seconds(plan.seconds["total"].max)
+        rows.append(row_of(clipped(plan.name, LONGEST_NAME), *means, longest))
     return table_of("Mean time of a run by phase, and the longest run", columns, rows)
 
 
@@ -212,8 +200,10 @@ def _runs(plans: Sequence[CellPlan]) -> Table:
 
 def _failures(plan: CellPlan) -> Paragraph | None:
     """Why runs of a plan have no result; None where all have one."""
-    found = [sentence(failure) for failure in plan.failures]
-    return Paragraph(f"{plan_title(plan.name)}, runs without a result: {listed(found)}.") if found else None
+    if not plan.failures:
+        return None
+    failures = listed([sentence(failure) for failure in plan.failures])
+    return Paragraph(f"{plan_title(plan.name)}, runs without a result: {failures}.")
 
 
 def _plans(plans: Sequence[CellPlan]) -> list[tuple[str, str]]:
@@ -228,11 +218,102 @@ def _plans(plans: Sequence[CellPlan]) -> list[tuple[str, str]]:
 
 def cell_pictures(answer: CellStudy) -> list[Picture | None]:
     plans, level = answer.plans, answer.settings.level
-    # The panel is as wide as the fewest runs ask for; a plan without any has nothing to draw.
+    # The panel is as wide as the fewest runs require; a plan without any has nothing to draw.
     fewest = min((solved(plan) for plan in plans if plan.runs > plan.failed), default=1)
     intervals = f"How often the {percent(level)} intervals hold the truth, with binomial intervals"
     shares = coverage_picture(plans, [level], fewest, "coverage", intervals) if plans else None
     return [shares, time_picture(plans, answer.settings.limit_s)]
+
+
+# ── the time of a run, by phase ───────────────────────────────────────────────────────────────
+
+
+def time_picture(plans: Sequence[CellPlan], limit: float) -> Picture | None:
+    """A bar for each plan: the mean time by phase, a whisker to the longest run, and the limit.
+
+    None where no plan has a time.
+    """
+    plans = [plan for plan in plans if plan.seconds["total"].mean is not None]
+    if not plans:
+        return None
+    with style():
+        figure = new_figure(0.85 + 0.46 * len(plans))
+        axes = figure.subplots()
+        for y, plan in enumerate(plans):
+            _bar(axes, y, plan)
+        _finish_times(axes, len(plans), limit, max(plan.seconds["total"].max or 0.0 for plan in plans))
+        svg = to_svg(figure, "time")
+    title = (
+        f"Simulated time of a run by phase, mean; whisker: the longest run; line: the limit of {limit:g} s"
+    )
+    return Picture("time", title, _times_alt(plans, limit), svg)
+
+
+def _bar(axes: Axes, y: int, plan: CellPlan) -> None:
+    spent, begin = plan.seconds, 0.0
+    for phase in PHASES:
+        mean = spent[phase].mean or 0.0
+        # On the ground's colour, so that the grid does not show through.
+        for colour, alpha in ((light("ground"), 1.0), (light("identified"), _SHADES[phase])):
+            axes.barh(y, mean, _BAR, begin, color=colour, alpha=alpha, linewidth=0)
+        begin += mean
+    longest = spent["total"].max or 0.0
+    axes.plot([begin, longest], [y, y], "-", linewidth=1.2, color=light("ink"))
+    axes.plot([longest], [y], "|", markersize=7, markeredgewidth=1.2, color=light("ink"))
+    axes.annotate(
+        in_font(f"{clipped(plan.name, 36)}: {_time_in_words(plan)}"),
+        (0, y - _BAR / 2),
+        xytext=(0, 2.5),
+        textcoords="offset points",
+        fontsize=8.5,
+        bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 0.8},
+    )
+
+
+def _time_in_words(plan: CellPlan) -> str:
+    total = plan.seconds["total"]
+    return f"{seconds(total.mean)}, longest {seconds(total.max)}"
+
+
+def _finish_times(axes: Axes, count: int, limit: float, longest: float) -> None:
+    from matplotlib.patches import Patch
+
+    axes.set_ylim(count - 0.65, -0.72)
+    axes.set_yticks([])
+    axes.set_xlim(0, 1.03 * max(limit, longest))
+    bare_y(axes)
+    axes.axvline(limit, color=light("weak"), linewidth=1.2, zorder=0.6)
+    axes.set_xlabel("time of a run, s")
+    axes.legend(
+        handles=[
+            Patch(color=light("identified"), alpha=shade, linewidth=0, label=phase)
+            for phase, shade in _SHADES.items()
+        ],
+        loc="lower left",
+        bbox_to_anchor=(-0.01, 1.0),
+        ncols=len(PHASES),
+        columnspacing=1.4,
+        handlelength=1.1,
+        handleheight=0.9,
+    )
+    axes.annotate(
+        f"{numbers.exact(limit, 's')}",
+        (limit, 1),
+        xycoords=("data", "axes fraction"),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8.5,
+        color=light("weak"),
+    )
+
+
+def _times_alt(plans: Sequence[CellPlan], limit: float) -> str:
+    parts = []
+    for plan in plans:
+        phases = ", ".join(f"{phase} {seconds(plan.seconds[phase].mean)}" for phase in PHASES)
+        parts.append(f"{clipped(plan.name, 40)}: {_time_in_words(plan)} ({phases})")
+    return f"Mean time of a run, against the limit of {numbers.exact(limit, 's')}. {'; '.join(parts)}."
 
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
@@ -246,11 +327,10 @@ def parameter_rows(answer: CellStudy) -> Iterator[PlainRow]:
                 "plan": plan.name,
                 "control": plan.control,
                 "parameter": row.name,
-                "unit": row.unit,
-                "status": row.status,
+                **columns_of(row, "unit", "status"),
                 "level": answer.settings.level,
                 **share_columns(row.coverage),
-                **{key: getattr(row, key) for key in _ERRORS},
+                **columns_of(row, *ERRORS),
             }
 
 
@@ -258,8 +338,8 @@ def time_rows(answer: CellStudy) -> Iterator[PlainRow]:
     """One row for each plan and phase, and one for its total, seconds."""
     for plan in answer.plans:
         for phase in (*PHASES, "total"):
-            found = plan.seconds[phase]
-            yield {"plan": plan.name, "phase": phase, "mean_s": found.mean, "max_s": found.max}
+            spent = plan.seconds[phase]
+            yield {"plan": plan.name, "phase": phase, "mean_s": spent.mean, "max_s": spent.max}
 
 
 def plan_rows(answer: CellStudy) -> Iterator[PlainRow]:
@@ -267,13 +347,9 @@ def plan_rows(answer: CellStudy) -> Iterator[PlainRow]:
     for plan in answer.plans:
         yield {
             "plan": plan.name,
-            **{key: getattr(plan, key) for key in ("control", "agrees", "robot", "shots")},
-            "joint_deg": plan.noise.joint_deg,
-            "spot_mm": plan.noise.spot_mm,
-            **{
-                key: getattr(plan, key)
-                for key in ("runs", "failed", "refused", "contradicted", "within_limit")
-            },
-            **{f"shots_{key}": getattr(plan.shots_used, key) for key in ("mean", "min", "max")},
-            **{key: getattr(plan, key) for key in ("saved", "computing_s")},
+            **columns_of(plan, "control", "agrees", "robot", "shots"),
+            **columns_of(plan.noise, "joint_deg", "spot_mm"),
+            **columns_of(plan, "runs", "failed", "refused", "contradicted", "within_limit"),
+            **columns_of(plan.shots_used, "mean", "min", "max", prefix="shots_"),
+            **columns_of(plan, "saved", "computing_s"),
         }

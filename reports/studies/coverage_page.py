@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ...experiments.studies.coverage import (
+    Calibration,
     CoveragePlan,
     CoverageSettings,
     CoverageStudy,
-    Estimator,
+    CoveredParameter,
+    RankedParameter,
 )
-from ...experiments.studies.ranks import Calibration
 from ...words import numbers
-from ...words.wording import clipped, counted, label, listed, sentence
+from ...words.wording import clipped, counted, listed, sentence
 from ..style.blocks import (
     Cell,
     Facts,
@@ -28,29 +29,26 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from .coverage_figure import coverage_picture
-from .phrases import (
-    LONGEST_NAME,
-    NOT_DETERMINED,
-    about_study,
-    files_block,
-    noise_in_words,
-    plan_title,
-    view_of,
-)
-from .ranks_figure import ranks_picture
-from .rmse_ratio_figure import rmse_ratio_picture, rmse_ratios
-from .shares import (
+from .coverage_figures import coverage_picture, ranks_picture, rmse_ratio_picture, rmse_ratios
+from .study_blocks import (
     BY_CHANCE,
     ERROR_COLUMNS,
+    LONGEST_NAME,
     PlainRow,
+    about_study,
     error_cells,
+    files_block,
     meanings,
+    noise_in_words,
     percent,
+    plan_title,
+    rows_of,
     share_cell,
     share_columns,
-    standing,
+    standing_cell,
+    unmet_in_words,
     verdicts,
+    view_of,
     worst_cell,
 )
 
@@ -58,8 +56,7 @@ from .shares import (
 def coverage_page(answer: CoverageStudy) -> Page:
     """The display strings of a coverage study."""
     settings, plans = answer.settings, answer.plans
-    estimators = [own for plan in plans for own in plan.estimators]
-    said = comparison(plans)
+    estimators = [estimator for plan in plans for estimator in plan.estimators]
     sections = [
         section_of(
             "All plans",
@@ -74,9 +71,9 @@ def coverage_page(answer: CoverageStudy) -> Page:
         ),
         *(section for i, plan in enumerate(plans, start=1) for section in _plan(plan, settings, i)),
     ]
-    if said:
+    if text := comparison(plans):
         title = "The midpoint fit against the likelihood fit"
-        sections.append(section_of(title, Paragraph(said), FigureBlock("accuracy")))
+        sections.append(section_of(title, Paragraph(text), FigureBlock("accuracy")))
     subtitle = f"{settings.data_sets} simulated data sets for each of {counted(len(plans), 'plan')}"
     return view_of(answer, f"{subtitle}, seed {settings.seed}", sections)
 
@@ -84,8 +81,7 @@ def coverage_page(answer: CoverageStudy) -> Page:
 # ── all plans ─────────────────────────────────────────────────────────────────────────────────
 
 
-def overview_caption() -> str:
-    return "Share of intervals that hold the truth, in %: the parameter farthest from each level"
+OVERVIEW = "Share of intervals that hold the truth, in %: the parameter farthest from each level"
 
 
 def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
@@ -95,11 +91,10 @@ def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
     for plan in plans:
         rows.append(row_of(plan_title(plan.name), Cell(sentence(plan.words), span=len(columns) - 1)))
         for estimator in plan.estimators:
-            mark, words = standing(estimator)
             cells = [worst_cell(estimator, level) for level in levels]
-            name = clipped(estimator.name, LONGEST_NAME)
-            rows.append(row_of(name, Cell(words, mark=mark), *cells, tone=mark))
-    return table_of(overview_caption(), columns, rows)
+            name, verdict = clipped(estimator.name, LONGEST_NAME), standing_cell(estimator)
+            rows.append(row_of(name, verdict, *cells, tone=verdict.mark))
+    return table_of(OVERVIEW, columns, rows)
 
 
 def _settings(answer: CoverageStudy) -> Facts:
@@ -127,7 +122,7 @@ def _plan(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[S
         ("Measurements", str(plan.shots)),
         ("Noise", noise_in_words(plan.noise)),
         ("Data sets", str(plan.data_sets)),
-        ("Targets not hit", f"{plan.failed} (others drawn in their place)" if plan.failed else "none"),
+        ("Targets not hit", unmet_in_words(plan.failed)),
     ]
     powers, uniformity = _powers(plan.sbc), _ranks_table(plan.sbc, settings.bins)
     # The facts, the sentences and the first figure of a plan fit one page.
@@ -153,50 +148,37 @@ def _plan(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[S
 
 
 def _powers(parts: Sequence[Calibration]) -> str:
-    """What the uniformity test could have found, said once where it is the same for all."""
-    said: dict[str, list[str]] = {}
+    """The power of the tests for uniform ranks, once where it is the same for all."""
+    powers: dict[str, list[str]] = {}
     for part in parts:
         if part.power:
-            said.setdefault(sentence(part.power).rstrip("."), []).append(clipped(part.name, LONGEST_NAME))
-    if len(said) == 1:
-        return f"Power of the test: {next(iter(said))}."
-    return " ".join(f"Power of the test for {listed(names)}: {text}." for text, names in said.items())
+            powers.setdefault(sentence(part.power).rstrip("."), []).append(clipped(part.name, LONGEST_NAME))
+    if len(powers) == 1:
+        return f"Power of the test: {next(iter(powers))}."
+    return " ".join(f"Power of the test for {listed(names)}: {text}." for text, names in powers.items())
 
 
 def _coverage_table(plan: CoveragePlan, levels: Sequence[float]) -> Table:
-    columns = [("parameter", "left"), *((percent(level), "right") for level in levels)]
-    rows = []
+    rows: list[Row] = []
     for estimator in plan.estimators:
-        rows.append(_group(estimator, len(levels)))
-        for row in estimator.parameters:
-            if not row.coverage:
-                words = Cell(NOT_DETERMINED, span=len(levels))
-                rows.append(row_of(label(row.name), words, tone="unidentifiable"))
-                continue
+
+        def cells(row: CoveredParameter, control: bool = estimator.control) -> list[str | Cell] | None:
             entries = {entry.level: entry for entry in row.coverage}
-            cells = [share_cell(entries.get(level), estimator.control) for level in levels]
-            tone = "weak" if any(cell.mark for cell in cells) else ""
-            rows.append(row_of(label(row.name), *cells, tone=tone))
+            return [share_cell(entries.get(level), control) for level in levels] if entries else None
+
+        rows += rows_of(estimator, estimator.words, len(levels), cells)
+    columns = [("parameter", "left"), *((percent(level), "right") for level in levels)]
     return table_of(
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval", columns, rows
     )
 
 
-def _group(part: Estimator | Calibration, span: int) -> Row:
-    """The row that heads the parameters of an estimator, or of its ranks."""
-    mark, words = standing(part)
-    # A name next to its own mark and words; what it does is said by the words of the estimator.
-    about = f"{sentence(part.words)} ({words})" if isinstance(part, Estimator) else words
-    return row_of(clipped(part.name, LONGEST_NAME), Cell(about, span=span), tone=mark)
-
-
 def _accuracy_table(plan: CoveragePlan) -> Table:
-    rows = []
+    rows: list[Row] = []
     for estimator in plan.estimators:
-        rows.append(_group(estimator, len(ERROR_COLUMNS)))
-        for row in estimator.parameters:
-            cells = error_cells(row, solved(plan))
-            rows.append(row_of(label(row.name), *cells, tone="" if len(cells) > 1 else "unidentifiable"))
+        rows += rows_of(
+            estimator, estimator.words, len(ERROR_COLUMNS), lambda row: error_cells(row, solved(plan))
+        )
     columns = [("parameter", "left"), *ERROR_COLUMNS]
     return table_of("Bias and root mean square error, next to what was predicted", columns, rows)
 
@@ -207,16 +189,12 @@ def solved(plan: CoveragePlan) -> int:
 
 
 def _ranks_table(parts: Sequence[Calibration], bins: int) -> Table | None:
-    rows = []
-    for part in parts:
-        rows.append(_group(part, 2))
-        for row in part.parameters:
-            chi2, p = row.chi2, row.p_value
-            if chi2 is None or p is None:
-                words = Cell(NOT_DETERMINED, span=2)
-                rows.append(row_of(label(row.name), words, tone="unidentifiable"))
-            else:
-                rows.append(row_of(label(row.name), numbers.significant(chi2), numbers.p_value(p)))
+    def cells(row: RankedParameter) -> list[str | Cell] | None:
+        if row.chi2 is None or row.p_value is None:
+            return None
+        return [numbers.significant(row.chi2), numbers.p_value(row.p_value)]
+
+    rows = [row for part in parts for row in rows_of(part, "", 2, cells)]
     columns = [("parameter", "left"), (f"χ² ({bins - 1} degrees of freedom)", "right"), ("p-value", "right")]
     return table_of("Are the ranks uniform?", columns, rows) if rows else None
 
@@ -230,7 +208,7 @@ def comparison(plans: Sequence[CoveragePlan]) -> str:
     for plan in plans:
         if not (ratios := rmse_ratios(plan)):
             continue
-        low, high = (choose(ratios, key=lambda own: own.ratio) for choose in (min, max))
+        low, high = (choose(ratios, key=lambda one: one.ratio) for choose in (min, max))
         between = numbers.interval((low.ratio, high.ratio), high.std)
         parts.append(f"{between} times for the plan {clipped(plan.name, LONGEST_NAME)}")
     if not parts:
@@ -269,7 +247,6 @@ def coverage_rows(answer: CoverageStudy) -> Iterator[PlainRow]:
             for parameter in estimator.parameters:
                 entries = {entry.level: entry for entry in parameter.coverage}
                 for level in answer.settings.levels:
-                    entry = entries.get(level)
                     yield {
                         "plan": plan.name,
                         "estimator": estimator.name,
@@ -277,7 +254,7 @@ def coverage_rows(answer: CoverageStudy) -> Iterator[PlainRow]:
                         "parameter": parameter.name,
                         "status": parameter.status,
                         "level": level,
-                        **share_columns(entry),
+                        **share_columns(entries.get(level)),
                     }
 
 

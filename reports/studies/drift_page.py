@@ -10,8 +10,18 @@ from ..style.blocks import FigureBlock, Page, Paragraph, Table, row_of, section_
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from .phrases import about_study, files_block, view_of
-from .shares import STANDING, PlainRow, percent, share, share_interval, share_text
+from .study_blocks import (
+    STANDING,
+    PlainRow,
+    about_study,
+    columns_of,
+    files_block,
+    percent,
+    share,
+    share_interval,
+    share_text,
+    view_of,
+)
 
 
 def drift_page(answer: DriftStudy) -> Page:
@@ -62,28 +72,28 @@ def _intervals(answer: DriftStudy) -> Table:
     heads = ("combination of offsets", "share that holds, %", "95 % interval", "as it must be")
     columns = [(head, "right" if "%" in head else "left") for head in heads]
     rows = []
-    for name, own, control in (
+    for name, held, control in (
         ("random combination", answer.intervals, False),
         ("worst determined", answer.along_axis, False),
         ("correlations ignored", answer.control, True),
     ):
-        _, words = STANDING[control, own.agrees]
-        rows.append(row_of(name, share(own), share_interval(own.low, own.high, own.of), words))
+        _, words = STANDING[control, held.agrees]
+        rows.append(row_of(name, share(held), share_interval(held.low, held.high, held.of), words))
     return table_of(f"Intervals of {percent(answer.settings.level)} that hold the true value", columns, rows)
 
 
 def _power(answer: DriftStudy) -> Table:
     columns = [(head, "right") for head in ("size of the jump", "found", "share, %", "95 % interval")]
     rows = []
-    for own in answer.power:
-        interval = share_interval(own.low, own.high, own.of)
-        rows.append(row_of(f"{own.size_u:g} u", f"{own.found} of {own.of}", _share(own), interval))
+    for row in answer.power:
+        interval = share_interval(row.low, row.high, row.of)
+        rows.append(row_of(f"{row.size_u:g} u", f"{row.found} of {row.of}", _share(row), interval))
     caption = "Jumps found at their offset and interval; u is the standard uncertainty of the plan"
     return table_of(caption, columns, rows)
 
 
-def _share(own: Power) -> str:
-    return share_text(own.share, own.low, own.high, own.of).partition(" ")[0]
+def _share(row: Power) -> str:
+    return share_text(row.share, row.low, row.high, row.of).partition(" ")[0]
 
 
 def drift_pictures(answer: DriftStudy) -> list[Picture | None]:
@@ -94,28 +104,21 @@ def drift_pictures(answer: DriftStudy) -> list[Picture | None]:
     with style():
         figure = new_figure(2.6)
         axes = figure.subplots()
-        at, blue = [own.size_u for own in power], light("identified")
-        for own in power:
-            axes.plot([own.size_u] * 2, [own.low, own.high], "-", linewidth=1.3, color=blue)
-        axes.plot(at, [own.share for own in power], "o-", markersize=4.2, linewidth=1, color=blue)
+        sizes, blue = [row.size_u for row in power], light("identified")
+        for row in power:
+            axes.plot([row.size_u] * 2, [row.low, row.high], "-", linewidth=1.3, color=blue)
+        axes.plot(sizes, [row.share for row in power], "o-", markersize=4.2, linewidth=1, color=blue)
         axes.axhline(answer.settings.alarm, color=light("muted"), linewidth=0.8, linestyle="--")
         axes.set_ylim(-0.03, 1.03)
         axes.set_xlabel(in_font("size of the jump, in standard uncertainties u of the plan"))
         axes.set_ylabel(in_font("share found"))
         svg = to_svg(figure, "power")
-    alt = "; ".join(f"{own.size_u:g} u: {_share(own)} %" for own in power)
+    alt = "; ".join(f"{row.size_u:g} u: {_share(row)} %" for row in power)
     title = "Share of the jumps that are found, by size (bars: 95 % intervals; dashed: stated false alarms)"
     return [Picture("power", title, f"Share of jumps found. {alt}.", svg)]
 
 
 def power_rows(answer: DriftStudy) -> Iterator[PlainRow]:
     """`power.csv`: a row for each size of jump."""
-    for own in answer.power:
-        yield {
-            "size_u": own.size_u,
-            "found": own.found,
-            "of": own.of,
-            "share": own.share,
-            "low": own.low,
-            "high": own.high,
-        }
+    for row in answer.power:
+        yield columns_of(row, "size_u", "found", "of", "share", "low", "high")

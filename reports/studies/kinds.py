@@ -14,10 +14,10 @@ from .cell_page import cell_page, cell_pictures, parameter_rows, time_rows
 from .cell_page import plan_rows as cell_plan_rows
 from .coverage_page import coverage_page, coverage_pictures, coverage_rows, rank_rows
 from .drift_page import drift_page, drift_pictures, power_rows
-from .geometry.page import geometry_page, geometry_pictures
-from .geometry.page import parameter_rows as geometry_parameter_rows
-from .geometry.page import plan_rows as geometry_plan_rows
-from .shares import PlainRow
+from .geometry_page import geometry_page, geometry_pictures
+from .geometry_page import parameter_rows as geometry_parameter_rows
+from .geometry_page import plan_rows as geometry_plan_rows
+from .study_blocks import PlainRow
 from .sweeps import sweep_page
 from .table2_page import paper_rows, scatter_rows, table2_page, table2_pictures
 from .table2_page import plan_rows as table2_plan_rows

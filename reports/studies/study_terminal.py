@@ -12,10 +12,19 @@ from ...experiments.studies.answer import StudyAnswer
 from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, Estimator
 from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..style.console import LONGEST_NAME, MARK, STYLE, marked, note, print_block
-from .coverage_page import comparison, overview_caption
+from .coverage_page import OVERVIEW, comparison
 from .kinds import study_page
-from .phrases import NOT_DETERMINED
-from .shares import BY_CHANCE, Marked, percent, share, share_interval, standing, undetermined, worst_at
+from .study_blocks import (
+    BY_CHANCE,
+    NOT_DETERMINED,
+    Marked,
+    percent,
+    share,
+    share_interval,
+    standing,
+    undetermined,
+    worst_at,
+)
 
 
 def print_study(out: Console, answer: StudyAnswer) -> None:
@@ -38,7 +47,7 @@ def print_study(out: Console, answer: StudyAnswer) -> None:
 
 def _print_coverage(out: Console, answer: CoverageStudy) -> None:
     """For each plan and estimator the worst-covered parameter of each level."""
-    out.print(Text(f"{overview_caption()}, with its 95 % binomial interval", style="italic"))
+    out.print(Text(f"{OVERVIEW}, with its 95 % binomial interval", style="italic"))
     out.print(Text(BY_CHANCE, style="dim"))
     levels = answer.settings.levels
     for plan in answer.plans:
@@ -54,9 +63,9 @@ def _print_coverage(out: Console, answer: CoverageStudy) -> None:
             # The sentence says what the ranks are; the mark, whether that is as it must be.
             ranks = Text(f"Ranks, {clipped(part.name, LONGEST_NAME)}: ")
             out.print(ranks + _standing(part) + Text(f". {sentence(part.sentence)}"))
-    if said := comparison(answer.plans):
+    if text := comparison(answer.plans):
         out.print()
-        out.print(Text(said))
+        out.print(Text(text))
 
 
 def _about(plan: CoveragePlan) -> str:

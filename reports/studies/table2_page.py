@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
-from ...experiments.studies.table2_answer import Paper, Table2Plan, Table2Study
+from ...experiments.studies.table2 import PaperTable, ScatterParameter, Table2Plan, Table2Study
+from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, label, sentence
 from ..style.blocks import Cell, Facts, FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
-from ..style.canvas import Picture
-from .phrases import (
+from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
+from ..style.palette import light
+from .coverage_figures import head_rows, name_rows
+from .study_blocks import (
     LONGEST_NAME,
     NOT_DETERMINED,
     NOT_GIVEN,
+    STANDING,
+    PlainRow,
     about_study,
+    columns_of,
     files_block,
     plan_in_words,
     plan_title,
@@ -21,10 +29,12 @@ from .phrases import (
     spread_range,
     view_of,
 )
-from .scatter_figure import joint_noise, scatter_picture
-from .shares import STANDING, PlainRow
 
-_CLAIMED = ("predicted_std", "alone_deg", "simulated_std")
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_PAPER, _OURS = -0.2, 0.19  # the positions of the two in a row
 
 
 def table2_page(answer: Table2Study) -> Page:
@@ -85,8 +95,8 @@ def _overview(plans: Sequence[Table2Plan]) -> Table:
             joint_noise(plan),
             spread_range(plan.low, plan.high, "deg"),
             NOT_GIVEN if plan.p_value is None else numbers.p_value(plan.p_value),
-            (fits := _as_predicted(plan)),
-            tone=fits.mark,
+            (verdict := _as_predicted(plan)),
+            tone=verdict.mark,
         )
         for plan in plans
     ]
@@ -106,11 +116,11 @@ def _as_predicted(plan: Table2Plan) -> Cell:
 
 def _in_words(plan: Table2Plan) -> str:
     """The plan's sentence, and how its simulated set compares with the prediction."""
-    said = f"{plan_title(plan.name)}: {sentence(plan.sentence).rstrip('.')}."
+    text = f"{plan_title(plan.name)}: {sentence(plan.sentence).rstrip('.')}."
     if plan.chi2 is None or plan.chance is None:
-        return f"{said} A run of the simulated set has no result."
+        return f"{text} A run of the simulated set has no result."
     return (
-        f"{said} The simulated set: χ² {numbers.significant(plan.chi2)} for {plan.dof} degrees of"
+        f"{text} The simulated set: χ² {numbers.significant(plan.chi2)} for {plan.dof} degrees of"
         f" freedom, p {numbers.p_value(plan.chance)}."
     )
 
@@ -147,18 +157,19 @@ def _scatter(plan: Table2Plan) -> Table:
     return table_of(f"{plan_title(plan.name)}: standard deviations over the runs of a set", columns, rows)
 
 
-def _paper(paper: Paper) -> Table:
+def _paper(paper: PaperTable) -> Table:
     """The paper's table as it was printed, and what follows from its runs to as many decimals."""
     columns = [("", "left"), *((label(name), "right") for name in paper.offsets)]
-    stated = [value for run in paper.experiments for value in run]
+    printed_runs = [value for run in paper.experiments for value in run]
     rows = [
-        row_of(f"experiment {i}", *_degrees(run, stated)) for i, run in enumerate(paper.experiments, start=1)
+        row_of(f"experiment {i}", *_degrees(run, printed_runs))
+        for i, run in enumerate(paper.experiments, start=1)
     ]
-    for name, printed, own in (
+    for name, printed, recomputed in (
         ("mean", paper.printed_mean, paper.mean),
         ("std", paper.printed_std, paper.std),
     ):
-        for words, values in ((f"{name}, printed", printed), (f"{name}, recomputed", own)):
+        for words, values in ((f"{name}, printed", printed), (f"{name}, recomputed", recomputed)):
             rows.append(row_of(words, *_degrees(values, printed)))
     return table_of("Joint offsets of three runs (Table 2)", columns, rows)
 
@@ -179,8 +190,120 @@ def _plans(plans: Sequence[Table2Plan]) -> list[tuple[str, str]]:
     ]
 
 
+# ── the scatter of the runs against the predicted one ─────────────────────────────────────────
+
+
+def joint_noise(plan: Table2Plan) -> str:
+    """The joint noise that explains the scatter, rounded by its own interval."""
+    at, low, high = plan.joint_deg, plan.low, plan.high
+    if at is None:
+        return NOT_GIVEN
+    if low is None or high is None or high <= low:
+        return numbers.significant(at, 2, "deg")
+    return numbers.estimate(at, (high - low) / (2 * NORMAL_95), "deg")
+
+
 def table2_pictures(answer: Table2Study) -> list[Picture | None]:
-    return [scatter_picture(answer.plans)]
+    """Logarithmic; rows are the offsets of each plan: above the paper's std with its interval, below ours."""
+    plans = answer.plans
+    rows = [(plan, row) for plan in plans for row in (None, *plan.parameters)]
+    if not any(row is not None and row.paper_std for _, row in rows):
+        return [None]
+    with style():
+        figure = new_figure(0.3 * len(rows) + 0.85)
+        axes = figure.subplots()
+        axes.set_xscale("log")
+        for y, (plan, row) in enumerate(rows):
+            if row is None:
+                text = f"plan {clipped(plan.name, 30)}, joint noise {joint_noise(plan)}"
+                head_rows(axes, y + 0.1, text, 9, pad=1)
+            else:
+                _draw_paper(axes, y + _PAPER, row)
+                _ours(axes, y + _OURS, row)
+        _finish(figure, axes, [(y, row) for y, (_, row) in enumerate(rows) if row is not None], len(rows))
+        svg = to_svg(figure, "scatter")
+    title = (
+        "Standard deviation of each offset over three runs: the paper’s, and what the joint noise predicts"
+    )
+    return [Picture("scatter", title, _alt(plans), svg)]
+
+
+def _draw_paper(axes: Axes, y: float, row: ScatterParameter) -> None:
+    if not row.paper_std:
+        return
+    ink = light("ink")
+    if row.low and row.high:
+        axes.plot([row.low, row.high], [y, y], "-", linewidth=1.5, color=ink)
+    axes.plot([row.paper_std], [y], "o", markersize=4.2, color=ink)
+    axes.annotate(
+        spread(row.paper_std, row.unit),
+        (row.high or row.paper_std, y),
+        xytext=(5, 0),
+        textcoords="offset points",
+        va="center_baseline",
+        fontsize=8,
+    )
+
+
+def _ours(axes: Axes, y: float, row: ScatterParameter) -> None:
+    if not row.is_known:
+        hatched(axes, y, NOT_DETERMINED, half=0.15, size=8)
+        return
+    blue, simulated = light("identified"), row.simulated
+    if simulated is not None:
+        width = simulated.q97_5 - simulated.q2_5
+        axes.barh(y, width, 0.26, simulated.q2_5, color=blue, alpha=0.25, linewidth=0)
+        axes.plot([simulated.median], [y], "|", markersize=6, markeredgewidth=1.2, color=blue)
+    if row.predicted_std:
+        axes.plot([row.predicted_std], [y], "D", markersize=4.2, color=blue)
+    if row.simulated_std:
+        axes.plot([row.simulated_std], [y], "s", markersize=4.6, color=blue, markerfacecolor=light("ground"))
+
+
+def _finish(figure: Figure, axes: Axes, rows: list[tuple[int, ScatterParameter]], count: int) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    axes.set_ylim(count - 0.4, -0.55)
+    name_rows(axes, [(y, label(row.name, 9)) for y, row in rows], 9)
+    bare_y(axes)
+    axes.minorticks_off()
+    low, high = axes.get_xlim()
+    axes.set_xlim(low, high * 2.2)  # room for the numbers
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    units = dict.fromkeys("°" if row.unit == "deg" else str(row.unit) for _, row in rows)
+    axes.set_xlabel(f"standard deviation, {', '.join(units)}")
+    blue = light("identified")
+    dot = partial(Line2D, [], [], markersize=4.2, linewidth=0, color=blue)
+    figure.legend(
+        handles=[
+            Line2D(
+                [], [], marker="o", markersize=4.2, linewidth=1.5, color=light("ink"), label="paper, 95 %"
+            ),
+            dot(marker="D", label="predicted"),
+            dot(marker="s", label="one simulated set", markerfacecolor=light("ground")),
+            Patch(color=blue, alpha=0.25, linewidth=0, label="95 % of the sets, median"),
+        ],
+        loc="outside upper left",
+        ncols=4,
+        columnspacing=1.1,
+        handlelength=1.3,
+        handletextpad=0.5,
+    )
+
+
+def _alt(plans: Sequence[Table2Plan]) -> str:
+    parts = []
+    for plan in plans:
+        offsets = []
+        for row in plan.parameters:
+            unit = row.unit
+            paper = f"{label(row.name)} paper {spread(row.paper_std, unit)}"
+            paper += f" ({spread_range(row.low, row.high, unit)})"
+            ours = f"predicted {spread(row.predicted_std, unit)}" if row.is_known else NOT_DETERMINED
+            offsets.append(f"{paper}, {ours}")
+        parts.append(f"plan {clipped(plan.name, 40)}: {'; '.join(offsets)}")
+    return f"Standard deviations of the offsets. {'. '.join(parts)}."
 
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
@@ -193,20 +316,17 @@ def scatter_rows(answer: Table2Study) -> Iterator[PlainRow]:
             yield {
                 "plan": plan.name,
                 "parameter": row.name,
-                **{key: getattr(row, key) for key in ("unit", "status", "paper_std", "low", "high")},
-                **{key: getattr(row, key) for key in _CLAIMED},
-                **{
-                    f"simulated_{key}": getattr(row.simulated, key, None)
-                    for key in ("q2_5", "median", "q97_5")
-                },
+                **columns_of(row, "unit", "status", "paper_std", "low", "high"),
+                **columns_of(row, "predicted_std", "alone_deg", "simulated_std"),
+                **columns_of(row.simulated, "q2_5", "median", "q97_5", prefix="simulated_"),
             }
 
 
 def plan_rows(answer: Table2Study) -> Iterator[PlainRow]:
     """One row for each plan."""
+    keys = ("shots", "spot_mm", "joint_deg", "low", "high", "p_value", "agrees", "chi2", "dof", "chance")
     for plan in answer.plans:
-        keys = ("shots", "spot_mm", "joint_deg", "low", "high", "p_value", "agrees", "chi2", "dof", "chance")
-        yield {"plan": plan.name, **{key: getattr(plan, key) for key in keys}}
+        yield {"plan": plan.name, **columns_of(plan, *keys)}
 
 
 def paper_rows(answer: Table2Study) -> Iterator[PlainRow]:

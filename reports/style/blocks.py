@@ -78,19 +78,10 @@ class Facts:
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """What the mark of a status means."""
+    """The mark of a status with a word and what it means; or with names and a sentence about them."""
 
     status: str
     word: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Reason:
-    """A sentence about the things of these names, headed by the mark of their status."""
-
-    names: str
-    status: str
     text: str
 
 
@@ -99,7 +90,7 @@ class Legend:
     """What the marks mean, then sentences that are headed by one."""
 
     entries: Sequence[LegendEntry]
-    reasons: Sequence[Reason]
+    reasons: Sequence[LegendEntry]
     kind: ClassVar[str] = "legend"
 
 
@@ -183,17 +174,26 @@ class Page:
     @property
     def chapters(self) -> list[list[Section]]:
         """The sections of level 1, each with those of level 2 below it."""
-        found: list[list[Section]] = []
+        chapters: list[list[Section]] = []
         for section in self.sections:
-            if section.level == 1 or not found:
-                found.append([])
-            found[-1].append(section)
-        return found
+            if section.level == 1 or not chapters:
+                chapters.append([])
+            chapters[-1].append(section)
+        return chapters
 
 
-def table_of(caption: str, columns: Sequence[tuple[str, str]], rows: Sequence[Row]) -> Table:
-    """A table; each column is given by its head and `left` or `right`."""
-    return Table(caption, tuple(Column(*column) for column in columns), tuple(rows))
+Head = str | tuple[str, str]  # of a column, with `left` or `right` where it is not as usual
+
+
+def table_of(caption: str, columns: Sequence[Head], rows: Sequence[Row]) -> Table:
+    """A table; a column is stated by its head, with `left` or `right` where it is not as usual: names to the
+    left in the first column, numbers to the right in the others."""
+    usual = ["left", *["right"] * len(columns)]
+    pairs = [
+        (column, align) if isinstance(column, str) else column
+        for column, align in zip(columns, usual, strict=False)
+    ]
+    return Table(caption, tuple(Column(*pair) for pair in pairs), tuple(rows))
 
 
 def row_of(*cells: str | Cell, tone: str = "") -> Row:
@@ -202,9 +202,9 @@ def row_of(*cells: str | Cell, tone: str = "") -> Row:
 
 def section_of(title: str, *blocks: Block | None, level: int = 1, new_page: bool = False) -> Section:
     """A section; None is left out. What leads up to its first figure stays with it, unless a table does."""
-    found = tuple(block for block in blocks if block is not None)
-    kinds = [block.kind for block in found]
+    present = tuple(block for block in blocks if block is not None)
+    kinds = [block.kind for block in present]
     end = kinds.index("figure") + 1 if "figure" in kinds else 0
     if "table" in kinds[:end]:
         end = 0
-    return Section(title, found[:end], found[end:], level, new_page)
+    return Section(title, present[:end], present[end:], level, new_page)

@@ -1,4 +1,4 @@
-"""The drawing surface of all figures: one style, the shipped typeface, SVG out.
+"""The drawing surface of all figures: one style, the shipped typeface, SVG out; logarithmic axes.
 
 Figures are matplotlib's object API with the Agg-free SVG backend, never pyplot's global state. They
 are drawn in the light palette on a transparent ground; `themed` turns the palette's colours into
@@ -10,12 +10,14 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ...words import numbers
 from .palette import PALETTE, light
 from .typeface import FAMILY, font_file
 
@@ -109,6 +111,17 @@ def bare_y(axes: Axes) -> None:
     axes.spines["left"].set_visible(False)
 
 
+def beside(axes: Axes, x: float, y: float, words: str, **look: Any) -> None:
+    """Words to the right of a dot."""
+    settings: dict[str, Any] = {
+        "xytext": (7, 0),
+        "textcoords": "offset points",
+        "va": "center",
+        "fontsize": 9,
+    }
+    axes.annotate(words, (x, y), **(settings | look))
+
+
 def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float = 9.0) -> None:
     """The hatched strip of what has no number, `y` ± `half`, with `words` that say so."""
     axes.axhspan(y - half, y + half, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)
@@ -145,9 +158,9 @@ def to_svg(figure: Figure, name: str) -> str:
         if f"{{{_XLINK}}}href" in element.attrib
     }
     for element in root.iter():
-        own = element.attrib.pop("id", None)
-        if own in used:
-            element.set("id", f"{name}-{own}")
+        name_of = element.attrib.pop("id", None)
+        if name_of in used:
+            element.set("id", f"{name}-{name_of}")
         for key, value in element.attrib.items():
             if key == f"{{{_XLINK}}}href":
                 element.set(key, f"#{name}-{value.removeprefix('#')}")
@@ -180,3 +193,23 @@ def _text(root: ElementTree.Element) -> str:
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _XLINK)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers between `low` and `high`: 1, 2, 5 of each decade, or decades alone if they are many."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    factors = (1, 2, 5) if high / low < 60 else (1,)
+    return [tick for k in decades for factor in factors if low <= (tick := factor * 10.0**k) <= high]
+
+
+def set_log_scale(axes: Axes, which: str, low: float, high: float) -> None:
+    """A logarithmic scale of `which` (x or y) from `low` to `high` with plain numbers at round ticks."""
+    axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high), f"{which}ticks": log_ticks(low, high)})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.minorticks_off()
+    axis.set_major_formatter(plain)
+
+
+def plain(value: float, _: object = None) -> str:
+    """A tick's number as people write it."""
+    return numbers.exact(value)

@@ -1,15 +1,17 @@
-"""Marks, colours and tables of the terminal: one place for all that is printed."""
+"""The console that everything is printed to: its marks, colours and tables."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from ...words.wording import NOT_DETERMINED, clipped
+from ...words.wording import NOT_DETERMINED, clipped, visible
 from . import blocks
 
 STYLE = {
@@ -43,9 +45,9 @@ def note(text: str) -> Text:
     return Text("! ", style="bold yellow") + Text(text)
 
 
-def _over_numbers(head: str, stated: blocks.Table, k: int) -> str:
+def _over_numbers(head: str, table: blocks.Table, k: int) -> str:
     """The head of column `k` in lines hardly longer than its cells: numbers do not give way to a head."""
-    widths = [len(row.cells[k].text) for row in stated.rows if all(cell.span == 1 for cell in row.cells)]
+    widths = [len(row.cells[k].text) for row in table.rows if all(cell.span == 1 for cell in row.cells)]
     return "\n".join(textwrap.wrap(head, max(_HEAD, *widths))) if widths else head
 
 
@@ -79,8 +81,19 @@ def print_block(out: Console, block: blocks.Block) -> None:
         case blocks.Legend(reasons=reasons):
             # What the marks mean is said on the page.
             for entry in reasons:
-                mark = Text(f"{MARK[entry.status]} {entry.names} ", style=STYLE[entry.status])
+                mark = Text(f"{MARK[entry.status]} {entry.word} ", style=STYLE[entry.status])
                 out.print(mark + Text(entry.text))
         case blocks.Table():
             out.print(Text(block.caption, style="italic"))
             out.print(rich_table(block, LONGEST_NAME))
+
+
+class Terminal(Console):
+    """A console to which no text gets that a terminal would obey or a person not see: it is escaped.
+
+    Its own colours and movements of the cursor are not text, and pass.
+    """
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else visible(text), style, control)

@@ -41,39 +41,39 @@ def print_verification(console: Console, plan: VerificationPlan) -> None:
     console.print(Text(_STEPS))
 
 
-def print_acceptance(console: Console, found: AcceptanceResult) -> None:
+def print_acceptance(console: Console, answer: AcceptanceResult) -> None:
     """The verdict, its reason, and what the test could notice."""
-    word, style = _HEAD[found.verdict]
-    console.print(Text(f"{word}. ", style=style) + Text(reason(found)))
-    console.print(rich_table(_table(found.offsets)))
-    console.print(Text(_about(found.offsets)))
-    for mistake in found.mistakes[:3]:
+    word, style = _HEAD[answer.verdict]
+    console.print(Text(f"{word}. ", style=style) + Text(reason(answer)))
+    console.print(rich_table(_table(answer.offsets)))
+    console.print(Text(_about(answer.offsets)))
+    for mistake in answer.mistakes[:3]:
         names = listed([label(name) for name in mistake.offsets])
-        chance = numbers.p_words(mistake.p_value)
-        console.print(Text(f"It would fit if {names} had been {_ENTERED[mistake.kind]} ({chance})."))
+        p_value = numbers.p_words(mistake.p_value)
+        console.print(Text(f"It would fit if {names} had been {_ENTERED[mistake.kind]} ({p_value})."))
 
 
-def reason(found: AcceptanceResult) -> str:
+def reason(answer: AcceptanceResult) -> str:
     """Why the verdict is what it is, in a sentence."""
-    rms = f"{numbers.significant(found.rms_mm, 2, 'mm')} rms"
-    expected = numbers.significant(found.expected_mm, 2, "mm")
-    if found.p_value is None or found.statistic is None:
-        count = counted(found.measurements, "measurement")
+    rms = f"{numbers.significant(answer.rms_mm, 2, 'mm')} rms"
+    expected = numbers.significant(answer.expected_mm, 2, "mm")
+    if answer.p_value is None or answer.statistic is None:
+        count = counted(answer.measurements, "measurement")
         return f"{count} leave no degree of freedom: record more postures."
-    chi2 = numbers.significant(found.statistic * found.dof)
-    measure = f"χ² {chi2}, {found.dof} dof, {numbers.p_words(found.p_value)}"
-    if found.verdict == "fail":
+    chi2 = numbers.significant(answer.statistic * answer.dof)
+    measure = f"χ² {chi2}, {answer.dof} dof, {numbers.p_words(answer.p_value)}"
+    if answer.verdict == "fail":
         return (
             f"The corrected robot is not where its calibration says: residuals {rms}, where {expected} were"
             f" predicted ({measure}). Do not use it; a false alarm has a probability of {FALSE_ALARM:.0%}."
         )
     agrees = f"Residuals {rms} agree with the prediction ({measure})"
-    if found.verdict == "pass":
+    if answer.verdict == "pass":
         return (
             f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
             f" probability of at least {POWER:.0%}."
         )
-    names = listed([label(own.name) for own in found.unseen])
+    names = listed([label(offset.name) for offset in answer.unseen])
     return (
         f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record more postures"
         " (zerobeam plan verify RUN -o PLAN --shots N)."
@@ -81,7 +81,7 @@ def reason(found: AcceptanceResult) -> str:
 
 
 def _about(offsets: Sequence[EnteredOffset]) -> str:
-    lacking = any(own.power < POWER for own in offsets)
+    lacking = any(offset.power < POWER for offset in offsets)
     return (
         "Probability of noticing an error. A correct calibration fails with a probability of"
         f" {FALSE_ALARM:.0%}. To pass, the test needs {POWER:.0%} against an error of the tolerance in each"
@@ -93,12 +93,12 @@ def _about(offsets: Sequence[EnteredOffset]) -> str:
 def _table(offsets: Sequence[EnteredOffset]) -> Table:
     rows = [
         row_of(
-            label(own.name),
-            numbers.estimate(own.estimate, own.std, own.unit),
-            f"{numbers.exact(own.tolerance, own.unit)}: {_percent(own.power)}",
-            _percent(own.power_not_entered),
+            label(offset.name),
+            numbers.estimate(offset.estimate, offset.std, offset.unit),
+            f"{numbers.exact(offset.tolerance, offset.unit)}: {_percent(offset.power)}",
+            _percent(offset.power_not_entered),
         )
-        for own in offsets
+        for offset in offsets
     ]
     heads = ("entered", "error of the tolerance", "not entered")
     columns = [("name", "left"), *((head, "right") for head in heads)]

@@ -18,21 +18,20 @@ from ...words.findings import headline
 from ...words.geometry import worth_sentence
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
-from ..run.diagnostics.diagnosis import diagnosis_section
-from ..run.diagnostics.placements import placements_lines
-from ..run.diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
-from ..run.first_page.next_steps import next_steps_section
-from ..run.first_page.rehearsal import rehearsal_section, truth_table
+from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
 from ..run.geometry import geometry_lines
 from ..run.parameters import (
     offsets_caption,
     offsets_table,
     offsets_worth,
     other_tables,
+    rehearsal_section,
+    truth_table,
     worth_column,
 )
+from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
-from ..run.report_page import report_notes
+from ..run.report import next_steps_section, report_notes
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
 from .check import print_directions, print_notes, print_verdict
@@ -64,8 +63,8 @@ def print_result(console: Console, result: Result) -> None:
     for section in (robust_section(result), hold_out_section(result), intervals_section(result)):
         if section is not None:
             _print_section(console, section)
-    said = ended(posterior_sentence(result))
-    console.print(Text(f"Posterior: {said}" if result.posterior.converged else said))
+    message = ended(posterior_sentence(result))
+    console.print(Text(f"Posterior: {message}" if result.posterior.converged else message))
 
 
 def print_proposal(console: Console, made: MadePlan) -> None:
@@ -84,8 +83,8 @@ def print_proposal(console: Console, made: MadePlan) -> None:
     for row in offsets:
         table.add_row(label(row.name), "—" if row.std is None else numbers.spread(row.std, row.unit), of(row))
     console.print(table)
-    if (said := worth_sentence(check.geometry, offsets)) is not None:
-        console.print(Text(said))
+    if (worth_text := worth_sentence(check.geometry, offsets)) is not None:
+        console.print(Text(worth_text))
     if made.proposal is not None:
         for line in made.said:
             console.print(Text(line))
@@ -103,21 +102,21 @@ def print_carried(console: Console, answer: Ended) -> None:
         console.print(Text(caption, style="italic"))
         table = Table(box=None, pad_edge=False)
         shown = None if answer.verdict == "misfit" else answer.geometry
-        said = None if shown is None else worth_sentence(shown, answer.parameters)
-        worth = [] if said is None or shown is None else [worth_column(shown)]
+        worth_text = None if shown is None else worth_sentence(shown, answer.parameters)
+        worth = [] if worth_text is None or shown is None else [worth_column(shown)]
         for name in ("name", "estimate", "u", *(head for head, _ in worth), "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
             beside = [of(row) for _, of in worth]
             table.add_row(label(row.name), *_estimate_and_std(row), *beside, marked(row.status, row.status))
         console.print(table)
-        if said is not None:
-            console.print(Text(said))
+        if worth_text is not None:
+            console.print(Text(worth_text))
         if (table_of_truth := truth_table(answer.true, answer.parameters)) is not None:
             _print_table(console, table_of_truth)
     if answer.consistent and answer.p_value is not None:
-        chance = numbers.p_value(answer.p_value)
-        console.print(Text(f"p-value of the residuals under the stated noise: {chance}."))
+        p_value = numbers.p_value(answer.p_value)
+        console.print(Text(f"p-value of the residuals under the stated noise: {p_value}."))
     console.print(Text(_measured(answer)))
     if answer.saved is not None and not answer.missing:
         saved = counted(answer.saved, "measurement")
@@ -129,9 +128,9 @@ def print_carried(console: Console, answer: Ended) -> None:
 
 def contradicted(p_value: float | None) -> Text:
     """The warning that measurements do not agree with the model, or a target with itself."""
-    chance = "" if p_value is None else f" (p {numbers.p_value(p_value)})"
+    measure = "" if p_value is None else f" (p {numbers.p_value(p_value)})"
     return Text("! ", style="bold yellow") + Text(
-        f"The measurements contradict the model{chance}: no estimate or uncertainty can be relied on."
+        f"The measurements contradict the model{measure}: no estimate or uncertainty can be relied on."
     )
 
 
@@ -165,10 +164,10 @@ def print_side_by_side(console: Console, titles: Sequence[str], results: Sequenc
     for title in titles:
         table.add_column(title)
     rows = [{row.name: row for row in result.parameters if row.group != "target"} for result in results]
-    for name in dict.fromkeys(name for own in rows for name in own):
+    for name in dict.fromkeys(name for by_name in rows for name in by_name):
         table.add_row(
             label(name),
-            *(_compared(own.get(name), result) for own, result in zip(rows, results, strict=True)),
+            *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
         )
     verdicts = [Text(result.verdict, style=VERDICT_STYLE[result.verdict]) for result in results]
     table.add_section()

@@ -30,8 +30,8 @@ def print_robots(console: Console) -> None:
     for column in ("name", "vendor", "model", "joints"):
         table.add_column(column, no_wrap=True)
     for name in built_in_robots():
-        stated = stated_rows(name, Path())
-        table.add_row(name, stated.vendor or "", stated.model or "", str(len(stated.joints)))
+        robot = stated_rows(name, Path())
+        table.add_row(name, robot.vendor or "", robot.model or "", str(len(robot.joints)))
     console.print(table)
 
 

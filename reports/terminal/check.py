@@ -12,11 +12,12 @@ from rich.text import Text
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
-from ...words.observability import advice_sentence, over_target_sentence
+from ...words.geometry import check_lines
+from ...words.numbers import unit_of
+from ...words.observability import outlook_lines
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ...words.wording import ended, label, person, sentence
-from ..run.geometry import check_lines
-from ..run.parameters import Judged, unit_of, worth_column
+from ..run.parameters import ParameterRow, worth_column
 from ..run.unobservable import beside_tolerances, direction_words
 from ..style.console import VERDICT_STYLE, marked, note
 
@@ -48,16 +49,8 @@ def print_check(console: Console, check: Check) -> None:
     for line in check_lines(check):
         console.print(Text(line))
     print_directions(console, check.identifiability.null_space, check.parameters)
-    if check.advice is not None:
-        console.print(Text(advice_sentence(check.advice)))
-    if check.over_target is not None:
-        console.print(
-            Text(
-                over_target_sentence(
-                    check.over_target, {row.name: unit_of(row.unit) for row in check.parameters}
-                )
-            )
-        )
+    for line in outlook_lines(check):
+        console.print(Text(line))
     off = max(posture.off_mm for posture in check.postures)
     if off > 0.05:
         console.print(
@@ -68,9 +61,11 @@ def print_check(console: Console, check: Check) -> None:
         )
 
 
-def print_verdict(console: Console, verdict: PlanVerdict, said: str) -> None:
+def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None:
     """A verdict with its sentence."""
-    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(said)))
+    console.print(
+        Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(headline))
+    )
 
 
 def print_notes(console: Console, notes: Iterable[str]) -> None:
@@ -80,7 +75,7 @@ def print_notes(console: Console, notes: Iterable[str]) -> None:
 
 
 def print_directions(
-    console: Console, directions: Sequence[NullDirection], parameters: Iterable[Judged]
+    console: Console, directions: Sequence[NullDirection], parameters: Iterable[ParameterRow]
 ) -> None:
     """What cannot be determined, why, and what to do."""
     geometry = {row.name for row in parameters if row.group == "geometry"}

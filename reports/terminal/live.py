@@ -1,9 +1,9 @@
-"""A run under way, seen in the terminal: what its events say, redrawn in place until it ends."""
+"""A run under way in the terminal: its progress redrawn in place; the dialogue of a run by hand."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -14,8 +14,10 @@ from rich.table import Table
 from rich.text import Text
 
 from ...experiments.procedure.events import (
+    Asked,
     Attempted,
     Begun,
+    Doubted,
     Event,
     GivenUp,
     PhaseBegun,
@@ -23,16 +25,18 @@ from ...experiments.procedure.events import (
     Retried,
     SpotSeen,
     Stopped,
+    Suspected,
     Told,
+    Withdrawn,
 )
 from ...words import numbers
-from ...words.wording import clipped, label, sentence, shown
+from ...words.wording import clipped, counted, ended, label, sentence, shown
 from ..style.console import STYLE
 from .answers import contradicted
 
 _REDRAWN = 8  # times a second
 _STEPS = 4
-_NOT_TOLD = "—"
+_NONE = "—"
 _CELL = 9  # letters of an offset's std, so that the columns do not move
 _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
@@ -109,11 +113,11 @@ class UnderWay:
                 return replace(now, phase=event.phase)
             case SpotSeen():
                 return replace(now, off_mm=(*now.off_mm, event.off_mm)[-_STEPS:])
-            case Retried(attempt, shot, reason, found):
-                trouble = f"measurement {shot}, attempt {attempt} refused ({reason}): {found}"
+            case Retried(attempt, shot, reason, what):
+                trouble = f"measurement {shot}, attempt {attempt} refused ({reason}): {what}"
                 return replace(now, trouble=trouble)
-            case GivenUp(shot, reason, found):
-                trouble = f"measurement {shot} given up ({reason}): {found}"
+            case GivenUp(shot, reason, what):
+                trouble = f"measurement {shot} given up ({reason}): {what}"
                 return replace(now, shot=None, refused=now.refused + 1, trouble=trouble)
             case Recorded():
                 return replace(
@@ -166,7 +170,7 @@ def drawn(now: UnderWay) -> RenderableType:
 
 def _now(now: UnderWay) -> Text:
     if now.shot is None:
-        return Text(_NOT_TOLD)
+        return Text(_NONE)
     # A measurement has its posture's number, from 0, in whatever order they come.
     text = Text(f"measurement {now.shot} ({now.recorded + now.refused + 1} of {now.postures})")
     if now.attempt > 1:
@@ -176,13 +180,13 @@ def _now(now: UnderWay) -> Text:
 
 def _steps(off_mm: tuple[float, ...]) -> str:
     if not off_mm:
-        return _NOT_TOLD
+        return _NONE
     return numbers.with_unit(" → ".join(numbers.significant(off, 2) for off in off_mm), "mm")
 
 
 def _time(now: UnderWay) -> str:
     clock = _CLOCK.get(now.rig, "")
-    passed = _NOT_TOLD if now.time_s is None else f"{_duration(now.time_s)} {clock}".rstrip()
+    passed = _NONE if now.time_s is None else f"{_duration(now.time_s)} {clock}".rstrip()
     left = "?" if now.seconds_left is None else _duration(now.seconds_left)
     # An adaptive run may need less.
     return f"{passed}, {'left' if now.tolerance is None else 'left at most'} {left}"
@@ -202,10 +206,106 @@ def _stds(std: Mapping[str, float | None]) -> RenderableType:
 
 def _std(name: str, value: float | None) -> Text:
     if value is None:
-        return Text(f"{label(name, 8)} {_NOT_TOLD}".ljust(_CELL), style=STYLE["unidentifiable"])
+        return Text(f"{label(name, 8)} {_NONE}".ljust(_CELL), style=STYLE["unidentifiable"])
     return Text(f"{label(name, 8)} {numbers.spread(value)}".ljust(_CELL))
 
 
 def _worst(now: UnderWay) -> str:
     worst = "not known yet" if now.worst is None else numbers.spread(now.worst)
     return worst if now.tolerance is None else f"{worst} (wanted {numbers.exact(now.tolerance)})"
+
+
+_DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
+_ANSWERS = {"yes": "'yes' records it all the same", "rad": "'rad' takes them as radians"}
+
+
+def led_view(console: Console) -> Told:
+    """Takes the events of a run by hand and prints them, line by line."""
+    before: Mapping[str, float | None] = {}
+
+    def hear(event: Event) -> None:
+        nonlocal before
+        match event:
+            case Begun():
+                _say(console, _beginning(event))
+            case Asked():
+                console.print()
+                _say(console, _request(event), "bold")
+                _say(console, _joints(event.pendant))
+            case Doubted(kind="help"):
+                _say(console, sentence(event.found))
+            case Doubted():
+                _say(console, f"! Not recorded: {ended(shown(event.found))}{_choices(event)}", "yellow")
+            case Recorded():
+                _say(
+                    console,
+                    f"Measurement {event.shot} is recorded, {counted(event.recorded, 'measurement')}.",
+                )
+                _say(console, _falls(before, event.std))
+                before = event.std
+                if not event.consistent:
+                    _say(console, "! The measurements contradict the model or each other.", "yellow")
+            case Suspected():
+                _say(console, _suspected(event), "yellow")
+            case Withdrawn():
+                _say(console, f"Measurement {event.shot} is removed, to be repeated.")
+            case GivenUp():
+                _say(console, f"Posture {event.shot} is skipped ({shown(event.found)}).")
+            case _:
+                pass
+
+    return hear
+
+
+def _say(console: Console, text: str, style: str = "") -> None:
+    console.print(Text(text, style=style), soft_wrap=True)
+
+
+def _beginning(event: Begun) -> str:
+    done = len(event.recorded)
+    so_far = f" {counted(done, 'measurement')} recorded already." if done else ""
+    return (
+        f"{counted(event.postures, 'posture')}.{so_far} 'help' says what may be typed, 'pause' ends for now."
+    )
+
+
+def _request(event: Asked) -> str:
+    again = ", closing" if event.shot >= event.postures else ""
+    of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
+    return (
+        f"Posture {of} (measurement {event.shot}{again}), target {shown(event.target)}:"
+        " go there, bring the beam or probe onto the target, and type the joint values."
+    )
+
+
+def _joints(readings: Sequence[Mapping[str, str | float]]) -> str:
+    """Names and values as the pendant has them."""
+    texts = []
+    for reading in readings:
+        digits = _DIGITS.get(str(reading["unit"]), 2)
+        texts.append(f"{shown(str(reading['name']))} {numbers.fixed(float(reading['value']), digits)}")
+    return f"  {', '.join(texts)}"
+
+
+def _choices(event: Doubted) -> str:
+    words = [_ANSWERS.get(answer, f"'{answer}' takes it for that posture") for answer in event.answers]
+    return f" {'; '.join(words)}; or type again." if words else ""
+
+
+def _falls(before: Mapping[str, float | None], after: Mapping[str, float | None]) -> str:
+    """u of each offset, and what it was."""
+    parts = []
+    for name, value in after.items():
+        now = "?" if value is None else numbers.spread(value)
+        was = before.get(name)
+        parts.append(f"{label(name)} {f'{numbers.spread(was)} → ' if was is not None else ''}{now}")
+    known = "" if all(value is not None for value in after.values()) else " (?: not identifiable yet)"
+    return f"  u, ° or mm: {', '.join(parts)}{known}"
+
+
+def _suspected(event: Suspected) -> str:
+    return (
+        f"! Measurement {event.shot} contradicts the others: its residual at their fit is"
+        f" {numbers.significant(event.residual_mm, 2, 'mm')} (p-value {numbers.p_value(event.p_value)})."
+        f" 'redo {event.shot}' repeats it."
+    )

@@ -15,8 +15,8 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason
 from zerobeam.words.findings import headline, likelihood_message, notes
+from zerobeam.words.observability import reason
 from zerobeam.words.result_json import dumps, to_json
 
 

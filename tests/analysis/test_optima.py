@@ -14,9 +14,8 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelih
 from zerobeam.analysis.observability.causes import LocalOptima
 from zerobeam.analysis.solution import EQUALLY_GOOD, judge, undecided_names
 from zerobeam.model.arrays import Matrix
-from zerobeam.words.causes import reason, remedy
 from zerobeam.words.findings import finding_sentence
-from zerobeam.words.observability import direction_kind
+from zerobeam.words.observability import direction_kind, reason, remedy
 
 
 @pytest.fixture(scope="module")

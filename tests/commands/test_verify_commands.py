@@ -9,7 +9,7 @@ from command_line import Answer, zerobeam
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
-from zerobeam.words.rehearsal import true_values
+from zerobeam.words.provenance import true_values
 
 GOOD, X_PATTERN = demo_runs()[0].path, demo_runs()[1].path
 

@@ -16,7 +16,7 @@ from zerobeam.experiments.source import source_hash
 from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.experiments.studies.drift import drift_study
-from zerobeam.experiments.studies.geometry.study import _piece
+from zerobeam.experiments.studies.geometry import _piece
 from zerobeam.model.errors import BadInput
 
 distributed = pytest.importorskip("distributed")

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.geometry import NOMINAL
 from zerobeam.model.likelihood.problem import Problem
 

@@ -9,9 +9,8 @@ import numpy as np
 from example_results import HOSTILE_NAMES
 from scipy.stats import chi2
 
-from zerobeam.experiments.studies.answer import NoiseLevel
-from zerobeam.experiments.studies.binomial import held_share
-from zerobeam.experiments.studies.geometry.answer import (
+from zerobeam.experiments.studies.answer import NoiseLevel, held_share
+from zerobeam.experiments.studies.geometry import (
     CheckedOffset,
     EstimatorName,
     GeometryEstimator,

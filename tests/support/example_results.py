@@ -25,7 +25,7 @@ from zerobeam.model.files.header import StatedDistance, StatedGeometry, StatedTa
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.kinematics.robot import Robot
-from zerobeam.reports.run.report_page import pictures
+from zerobeam.reports.run.report import pictures
 from zerobeam.reports.style.canvas import Picture
 
 HOSTILE_NAMES = (

@@ -13,11 +13,10 @@ from pydantic import TypeAdapter
 from scipy.special import chdtrc
 from scipy.stats import binomtest, chi2, norm
 
-from zerobeam.experiments.studies.answer import StudyAnswer
-from zerobeam.experiments.studies.binomial import share_interval
-from zerobeam.experiments.studies.cell_answer import CellStudy
+from zerobeam.experiments.studies.answer import StudyAnswer, share_interval
+from zerobeam.experiments.studies.cell import CellStudy
 from zerobeam.experiments.studies.coverage import CoverageStudy
-from zerobeam.experiments.studies.table2_answer import Table2Study
+from zerobeam.experiments.studies.table2 import Table2Study
 
 Json = dict[str, Any]
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from example_results import HOSTILE_NAMES
 
-from zerobeam.experiments.studies.binomial import share_interval
+from zerobeam.experiments.studies.answer import share_interval
 from zerobeam.experiments.studies.sweeps.grid_answer import (
     CaseParameter,
     GridAxis,

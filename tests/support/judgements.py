@@ -7,7 +7,7 @@ from zerobeam.analysis.observability.identifiability import Identified
 from zerobeam.analysis.status import Status, Verdict, verdict_of
 from zerobeam.model.likelihood.parameters import Parameter
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason
+from zerobeam.words.observability import reason
 from zerobeam.words.verdict import verdict_sentence
 
 

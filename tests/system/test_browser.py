@@ -17,7 +17,7 @@ from pages import Page, assert_fetches_nothing
 from zerobeam.analysis.answer.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.html import html
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.words import numbers
 from zerobeam.words.result_json import dumps, to_json

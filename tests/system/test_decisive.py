@@ -35,8 +35,8 @@ from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
-from zerobeam.reports.run import report_folder
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run import report as report_folder
+from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.reports.terminal.check import print_check
 from zerobeam.words.result_json import check_json, dumps, to_json

@@ -29,8 +29,7 @@ from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.run.diagnostics.fit_quality import fit_section
-from zerobeam.reports.run.diagnostics.second_opinions import hold_out_sentences
+from zerobeam.reports.run.fit import fit_section, hold_out_sentences
 from zerobeam.reports.style.blocks import Paragraph
 from zerobeam.words.result_json import to_json
 

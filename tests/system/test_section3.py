@@ -17,7 +17,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason, remedy
+from zerobeam.words.observability import reason, remedy
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")

@@ -23,9 +23,10 @@ from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
 from ....model.files.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.plan.plan_scene import Postures, postures_of
-from ....reports.run.geometry import check_lines
-from ....reports.run.parameters import unit_of, worth_column
+from ....reports.plan.plan_page import Postures, postures_of
+from ....reports.run.parameters import worth_column
+from ....words.geometry import check_lines
+from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.result_json import check_json
 from ....words.verdict import violation_words

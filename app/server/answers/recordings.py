@@ -14,7 +14,7 @@ from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
 from ....words.findings import headline
-from ....words.rehearsal import SIMULATED
+from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..begun import BegunRuns
 from ..end_point import EndPoint

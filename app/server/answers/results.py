@@ -15,7 +15,7 @@ from ....analysis.answer.result import RESULT_SCHEMA
 from ....model.errors import BadInput
 from ....model.files.reading import parse_json, read_text
 from ....reports.run.inputs import origin_of
-from ....reports.run.report_folder import REPORT_NAMES
+from ....reports.run.report import REPORT_NAMES
 from ..end_point import EndPoint
 from ..folder import Folder
 

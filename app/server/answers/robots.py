@@ -17,9 +17,9 @@ from ....model.files.header import RobotRef, UrdfRef
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.scenes.meshes import read_mesh, simplified, solid
 from ..end_point import EndPoint
 from ..folder import Folder
+from .meshes import read_mesh, simplified, solid
 from .notes import noted
 
 MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned

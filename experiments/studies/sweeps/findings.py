@@ -29,24 +29,24 @@ def headline(axes: Sequence[GridAxis], cases: Sequence[GridCase]) -> str:
 
 
 def findings(axes: Sequence[GridAxis], cases: Sequence[GridCase]) -> list[str]:
-    """What each axis does, and what the midpoint fit costs; a sentence each, without the full stop."""
-    found = [
+    """The effect of each axis, and what the midpoint fit costs; a sentence each, without the full stop."""
+    by_axis = [
         _by_word(i, axis, cases) if axis.numeric is None else _trend(i, axis, axis.numeric, cases)
         for i, axis in enumerate(axes)
     ]
-    return [said for said in (*found, _midpoint(cases)) if said]
+    return [sentence for sentence in (*by_axis, _midpoint(cases)) if sentence]
 
 
 def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
     """How the numbers were made and judged."""
-    said = [
+    sentences = [
         "The predicted standard uncertainty u of a parameter is that of the fit of one run, priors included."
         " The least certain offset of a case is the one with the largest u; a case with an unidentifiable"
         " offset has none"
     ]
     parameters = [one for case in cases for one in case.parameters]
     if any(one.likelihood for one in parameters):
-        said += [
+        sentences += [
             "Every simulated run has an arm of its own, a random draw from the priors: offsets with a"
             f" standard deviation of {exact(settings.prior.offset_deg, 'deg')}, the target with"
             f" {exact(settings.target.sigma_mm, 'mm')} in each direction about its nominal position, unless"
@@ -64,12 +64,12 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
             " errors",
         ]
     if any(one.midpoint for one in parameters):
-        said.append(
+        sentences.append(
             "The midpoint fit uses neither spot readings nor priors and starts from zero offsets, as in the"
             " paper. Where it converges to another local optimum its error is large; the RMSE includes those"
             " runs"
         )
-    return said
+    return sentences
 
 
 def _on_geometry(settings: GridSettings) -> list[str]:
@@ -83,10 +83,10 @@ def _on_geometry(settings: GridSettings) -> list[str]:
 
 
 def _range(cases: Sequence[GridCase]) -> str:
-    said = [(case.worst_std, case.words) for case in cases if case.worst_std is not None]
-    if not said:
+    stds = [(case.worst_std, case.words) for case in cases if case.worst_std is not None]
+    if not stds:
         return "In no case are all offsets identifiable."
-    (low, best), (high, worst) = min(said), max(said)
+    (low, best), (high, worst) = min(stds), max(stds)
     text = "The standard uncertainty of the least certain offset is"
     if best == worst:
         return f"{text} {spread(low, 'deg')} ({best})."
@@ -100,14 +100,14 @@ def _by_word(i: int, axis: GridAxis, cases: Sequence[GridCase]) -> str:
     for j, value in enumerate(axis.values):
         stds = [case.worst_std for case in cases if case.at[i] == j and case.worst_std is not None]
         low, high = (spread(pick(stds)) for pick in (min, max)) if stds else ("", "")
-        said = (
+        text = (
             "never all offsets identifiable"
             if not stds
             else f"{low}°"
             if low == high
             else f"{low} to {high}°"
         )
-        parts.append(f"{value} {said}")
+        parts.append(f"{value} {text}")
     some = any(case.worst_std is not None for case in cases)
     text = f"Standard uncertainty of the least certain offset by {axis.label}: {'; '.join(parts)}"
     return text if some and len(parts) > 1 else ""
@@ -120,15 +120,15 @@ def _trend(i: int, axis: GridAxis, values: Sequence[float], cases: Sequence[Grid
         if case.worst_std is not None:
             rows.setdefault(case.at[:i] + case.at[i + 1 :], {})[case.at[i]] = case.worst_std
     ends = {
-        others: (min(own, key=values.__getitem__), max(own, key=values.__getitem__))
-        for others, own in rows.items()
-        if len(own) > 1
+        others: (min(row, key=values.__getitem__), max(row, key=values.__getitem__))
+        for others, row in rows.items()
+        if len(row) > 1
     }
     if not ends:
         return ""
     (first, last), _ = Counter(ends.values()).most_common(1)[0]
     factors = [
-        rows[others][last] / rows[others][first] for others, own in ends.items() if own == (first, last)
+        rows[others][last] / rows[others][first] for others, pair in ends.items() if pair == (first, last)
     ]
     return (
         f"With {axis.label} from {exact(values[first])} to {exact(values[last], axis.unit)} the standard"
@@ -144,8 +144,10 @@ def _midpoint(cases: Sequence[GridCase]) -> str:
         for one in case.parameters
         if one.midpoint is not None and one.likelihood is not None
     ]
-    said = _quantiles(ratios, "cases and parameters") if ratios else ""
-    return f"The RMSE of the midpoint fit is that of the likelihood fit times {said}" if ratios else ""
+    if not ratios:
+        return ""
+    factor = _quantiles(ratios, "cases and parameters")
+    return f"The RMSE of the midpoint fit is that of the likelihood fit times {factor}"
 
 
 def _quantiles(values: Sequence[float], over: str) -> str:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from ....analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than
 from ....model.likelihood.parameters import Group
 from ..answer import StudyAnswer
-from .case_settings import Settings
+from .study_file import Settings, SettingValues
 
 Fit = Literal["likelihood", "midpoint"]
 
@@ -127,13 +127,13 @@ class GridCase:
 
 @dataclass(frozen=True)
 class GridAxis:
-    """What changes from case to case; `changes` are the settings, by their dotted names, of each value."""
+    """What changes from case to case; `changes` are the settings of each value, by their dotted names."""
 
     key: str
     label: str
     unit: str
     values: tuple[int | float | str, ...]
-    changes: Annotated[tuple[dict[str, Any], ...], Field(serialization_alias="set")]
+    changes: Annotated[tuple[SettingValues, ...], Field(serialization_alias="set")]
 
     @property
     def numeric(self) -> tuple[float, ...] | None:

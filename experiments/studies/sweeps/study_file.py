@@ -11,31 +11,222 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from ....analysis.design.continuous_design import Criterion
 from ....model.errors import BadInput
-from ....model.files.header import Header, check_header
+from ....model.files.header import (
+    Header,
+    RobotRef,
+    StatedGeometry,
+    StatedNoise,
+    StatedPrior,
+    StatedTarget,
+    StatedTolerance,
+    StatedTool,
+    check_header,
+)
 from ....model.files.reading import Document, KeyPath, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import FileModel, Name, Vector, refusal, validate
+from ....model.files.validation import (
+    FileModel,
+    Name,
+    NotNegative,
+    Positive,
+    Vector,
+    refusal,
+    validate,
+    without_length,
+)
 from ....model.kinematics.robot import Robot
 from ....model.likelihood.geometry import Geometry
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.parameters import Parameters
 from ....model.likelihood.tool import Tool
 from ....words import numbers
-from .case_settings import TARGET, Settings, as_tuple, overlap, setting_names
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
 OTHER_STUDIES = ("coverage", "cell", "table2", "geometry")  # their answers have another shape
+TARGET = "psd"
 _FOLDER = Path(__file__).parent
 _MOST_CASES = 10_000
+_MOST_RUNS = 100_000
 
+Cost = Literal["likelihood", "midpoint"]
 Scalar = bool | int | float | str
+SettingValues = dict[str, object]  # values of settings, by name as in a file
+
+
+def as_tuple(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _costs(value: object) -> object:
+    if isinstance(value, list | tuple) and "likelihood" not in value:
+        raise refusal(
+            "the likelihood fit is missing",
+            found=shown(list(value)),
+            allowed="[likelihood] or [likelihood, midpoint]",
+            remedy="add likelihood: the predictions are of its scatter",
+        )
+    return as_tuple(value)
+
+
+def _pair(value: object) -> object:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise refusal("a list of 2 numbers is wanted", found=shown(value), allowed="[shortest, longest]")
+    return tuple(value)
+
+
+class PlacedTarget(FileModel):
+    """The target of all measurements."""
+
+    xyz_mm: Vector = Field(description="nominal position, base frame, millimetres")
+    sigma_mm: Positive = Field(
+        default=30.0,
+        description="prior standard deviation in each direction, millimetres; true positions are random",
+    )
+
+
+class PlanMaking(FileModel):
+    """How the plan of a case is made."""
+
+    kind: Literal["x", "y", "optimal"] = Field(
+        default="optimal", description="the paper's X- or Y-Pattern, or the best of many candidates"
+    )
+    shots: Annotated[int, Field(ge=1, le=10_000)] = Field(default=7, description="number of measurements")
+    span: Positive | None = Field(
+        default=None,
+        description="length of a pattern's line as a share of the arm's reach; default: the pattern's own",
+    )
+    candidates: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        default=1000, description="postures that an optimal plan is chosen from"
+    )
+    criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
+    facing: Vector | None = Field(
+        default=(0.0, 0.0, 1.0),
+        description="outward normal of the target's face, base frame, any length; null: any side",
+    )
+    acceptance_deg: Annotated[float, Field(gt=0, le=90)] = Field(
+        default=60.0, description="largest angle between beam and that normal, degrees"
+    )
+    beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
+        default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
+    )
+    margin_deg: NotNegative = Field(default=5.0, description="kept to every joint limit, degrees")
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if not 0 <= self.beam_mm[0] < self.beam_mm[1]:
+            raise refusal(
+                "no beam is within the stated lengths",
+                key=("beam_mm",),
+                found=shown(list(self.beam_mm)),
+                allowed="a shortest beam of 0 or more and below the longest",
+            )
+        if self.facing is not None and without_length(self.facing):
+            raise refusal(
+                "the target's face has no direction",
+                key=("facing",),
+                found=shown(list(self.facing)),
+                allowed="any vector but zero, or null",
+            )
+        return self
+
+
+class Settings(FileModel):
+    """Everything that a case depends on, except the seed."""
+
+    robot: RobotRef = Field(
+        description="a built-in name, the path of a robot file (.yaml), or a chain of a URDF file"
+    )
+    tool: StatedTool = Field(description="what the flange carries, as in a header")
+    noise: StatedNoise = Field(description="standard deviations of the readings, as in a header")
+    prior: StatedPrior = Field(
+        default=StatedPrior(),
+        description="of the offsets, as in a header; true offsets are random draws from it",
+    )
+    held: Annotated[tuple[Name, ...], BeforeValidator(as_tuple)] | None = Field(
+        default=None, description="names of the parameters that are not estimated, as in a header"
+    )
+    tolerance: StatedTolerance = Field(
+        default=StatedTolerance(),
+        description="largest standard uncertainty that counts as identified, as in a header",
+    )
+    geometry: StatedGeometry | None = Field(
+        default=None,
+        description="how far arms deviate from nominal geometry, as in a header; true links are random draws"
+        " from it. Absent: the arm has its nominal geometry",
+    )
+    target: PlacedTarget = Field(description="position of the target")
+    plan: PlanMaking = Field(default=PlanMaking(), description="how the plan is made")
+    runs: Annotated[int, Field(ge=0, le=_MOST_RUNS)] = Field(
+        default=200, description="simulated runs of each case; 0: prediction only"
+    )
+    costs: Annotated[tuple[Cost, ...], BeforeValidator(_costs)] = Field(
+        default=("likelihood",), description="fits of each run; midpoint is the paper's (eq. 8)"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.noise.scale != "known":
+            raise refusal(
+                "the noise of a study is known: the runs are simulated with it",
+                key=("noise", "scale"),
+                found=f"scale: {self.noise.scale}",
+                remedy="remove scale",
+            )
+        if self.geometry is not None and self.geometry.scale != "known":
+            raise refusal(
+                "the tolerances of a study are known: its arms are random draws from them",
+                key=("geometry", "scale"),
+                found=f"scale: {self.geometry.scale}",
+                remedy="remove scale",
+            )
+        return self
+
+    def as_in_file(self, *, without: tuple[str, ...] = ()) -> SettingValues:
+        """All settings but those of the names `without`; no geometry where there is none."""
+        values = self.model_dump(mode="json", by_alias=True, exclude=set(without))
+        return {key: value for key, value in values.items() if key != "geometry" or value is not None}
+
+    def header(self) -> Header:
+        """The header that a plan of these settings would have."""
+        target = StatedTarget(guess_mm=self.target.xyz_mm, sigma_mm=self.target.sigma_mm)
+        return Header(
+            robot=self.robot,
+            tool=self.tool,
+            noise=self.noise,
+            prior=self.prior,
+            held=self.held,
+            tolerance=self.tolerance,
+            geometry=self.geometry,
+            targets={TARGET: target},
+        )
+
+
+@cache
+def setting_names() -> tuple[str, ...]:
+    """Dotted names of all settings."""
+    return tuple(_names(Settings, ""))
+
+
+def _names(model: type[FileModel], prefix: str) -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        yield f"{prefix}{name}"
+        for inner in (field.annotation, *get_args(field.annotation)):  # of an optional setting
+            if isinstance(inner, type) and issubclass(inner, FileModel):
+                yield from _names(inner, f"{prefix}{name}.")
+
+
+def overlap(one: str, other: str) -> bool:
+    """Whether two dotted names are the same setting, or one is a part of the other."""
+    return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
 def _value(value: object) -> object:
@@ -55,7 +246,7 @@ class NamedChange(FileModel):
     """A value of an axis that changes several settings at once."""
 
     name: Name = Field(description="what reports call it")
-    set_: dict[Name, Any] = Field(
+    set_: dict[Name, object] = Field(
         alias="set", description="values by the dotted name of the setting, such as plan.shots"
     )
 
@@ -93,7 +284,7 @@ class Axis(FileModel):
         """The values as numbers or words."""
         return tuple(map(_shown_value, self.values))
 
-    def changes(self, index: int) -> dict[str, Any]:
+    def changes(self, index: int) -> SettingValues:
         """The settings that a value of the axis changes, by their dotted names."""
         value = self.values[index]
         return dict(value.set_) if isinstance(value, NamedChange) else {self.key: value}
@@ -173,16 +364,15 @@ class Case:
     @property
     def fingerprint(self) -> str:
         """SHA-256 of all that the case's answer depends on, besides seed and versions."""
-        return self._digest(self.settings.stated(exclude={"robot"}))
+        return self._digest(self.settings.as_in_file(without=("robot",)))
 
     @property
     def pattern_print(self) -> str:
         """SHA-256 of all that the postures of a pattern depend on."""
         return self._digest(self.settings.model_dump(mode="json", include={"tool", "target", "plan"}))
 
-    def _digest(self, settings: dict[str, Any]) -> str:
-        stated = json.dumps(settings)
-        parts = [self.robot.name, stated]
+    def _digest(self, settings: SettingValues) -> str:
+        parts = [self.robot.name, json.dumps(settings)]
         for joint in self.robot.joints:
             values = [*joint.fixed.ravel(), *joint.axis, joint.lower, joint.upper]
             parts.append(f"{joint.name} {joint.kind} {joint.speed} {[float(v).hex() for v in values]}")
@@ -193,9 +383,8 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class StatedStudy:
-    """A study file that was read: its content with the changes asked for, and its cases in order (the last
-    axis changes fastest)."""
+class SettingsStudy:
+    """A study file that was read: its content, and its cases in order (the last axis changes fastest)."""
 
     content: StudyFile
     cases: tuple[Case, ...]
@@ -220,14 +409,14 @@ def built_in_study(name: str) -> Path:
     return _FOLDER / f"{name}.yaml"
 
 
-def read_study(path: Path | str, runs: int | None = None) -> StatedStudy:
+def read_study(path: Path | str, runs: int | None = None) -> SettingsStudy:
     """A study file, every case of it checked; `runs` in the place of the base's."""
     document = read_yaml(Path(path))
-    found = document.data.get("schema") if isinstance(document.data, dict) else None
-    if found != STUDY_FILE_SCHEMA:
+    schema = document.data.get("schema") if isinstance(document.data, dict) else None
+    if schema != STUDY_FILE_SCHEMA:
         raise BadInput(
             "this is not a study file of this version",
-            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
+            found="no 'schema' key" if schema is None else f"schema: {shown(schema)}",
             allowed=f"schema: {STUDY_FILE_SCHEMA}",
             file=document.file,
             line=document.line(("schema",)),
@@ -242,13 +431,13 @@ def read_study(path: Path | str, runs: int | None = None) -> StatedStudy:
                 file=document.file,
                 line=document.line(("axes",)),
             )
-        stated = {**_stated(content.base), "runs": runs}
-        base = validate(Settings, stated, file=None, line=lambda _: None)
+        settings = {**_set_values(content.base), "runs": runs}
+        base = validate(Settings, settings, file=None, line=lambda _: None)
         content = content.model_copy(update={"base": base})
     robots: dict[str, Robot] = {}
     grid = product(*(range(len(axis.values)) for axis in content.axes))
     cases = tuple(_case(content, at, document, robots) for at in grid)
-    return StatedStudy(content, cases, document.file.name, document.sha256)
+    return SettingsStudy(content, cases, document.file.name, document.sha256)
 
 
 def _changed(axis: Axis) -> Iterator[str]:
@@ -256,28 +445,28 @@ def _changed(axis: Axis) -> Iterator[str]:
         yield from axis.changes(j)
 
 
-def _stated(settings: Settings) -> dict[str, Any]:
-    """What of the settings is stated, as in a file."""
+def _set_values(settings: Settings) -> SettingValues:
+    """The settings that the file has, without defaults."""
     return settings.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
 
 def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: dict[str, Robot]) -> Case:
     """The settings of one case; BadInput at the line of the value that does not suit."""
-    data, where = _stated(content.base), dict[str, KeyPath]()
+    values, value_places = _set_values(content.base), dict[str, KeyPath]()
     defaults = content.base.model_dump(mode="json", by_alias=True)
     for i, (axis, j) in enumerate(zip(content.axes, at, strict=True)):
-        place: KeyPath = ("axes", i, "values", j)
+        of_value: KeyPath = ("axes", i, "values", j)
         for key, value in axis.changes(j).items():
-            _put(data, defaults, key, value, document, place)
-            where[key] = place
+            _put(values, defaults, key, value, document, of_value)
+            value_places[key] = of_value
 
-    def line(place: KeyPath) -> int | None:
-        dotted = ".".join(str(part) for part in place)
-        axis_place = next((own for key, own in where.items() if overlap(key, dotted)), None)
-        return document.line(("base", *place) if axis_place is None else axis_place)
+    def line(key_path: KeyPath) -> int | None:
+        dotted = ".".join(map(str, key_path))
+        of_value = next((at for key, at in value_places.items() if overlap(key, dotted)), None)
+        return document.line(of_value or ("base", *key_path))
 
-    settings = validate(Settings, data, file=document.file, line=line)
-    header, ref = settings.header(), json.dumps(data["robot"])
+    settings = validate(Settings, values, file=document.file, line=line)
+    header, ref = settings.header(), json.dumps(values["robot"])
     if ref not in robots:
         robots[ref] = load_robot(
             settings.robot, document.file.parent, file=document.file, line=line(("robot",))
@@ -294,9 +483,10 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
 
 
 def _put(
-    data: dict[str, Any], defaults: dict[str, Any], key: str, value: Any, document: Document, place: KeyPath
+    values: SettingValues, every: SettingValues, key: str, value: object, document: Document, at: KeyPath
 ) -> None:
-    """Set a dotted name; its last part may be the x, y or z of a triple."""
+    """Set a dotted name in `values`; its last part may be the x, y or z of a triple. `every` has the
+    defaults, too, and `at` is where the document has the value."""
     *path, last = key.split(".")
     names = setting_names()
     triple = last in ("x", "y", "z") and ".".join(path) in names
@@ -307,23 +497,25 @@ def _put(
             allowed=", ".join(names),
             remedy=did_you_mean(key, names),
             file=document.file,
-            line=document.line(place),
+            line=document.line(at),
         )
     if triple:
         *path, name = path
+    branch: Any = values
+    defaults: Any = every
     for part in path:
-        # What is stated of a part may be nothing at all.
-        data = data.setdefault(part, {})
+        # The file may have nothing of a part.
+        branch = branch.setdefault(part, {})
         defaults = defaults.get(part) or {}
     if not triple:
-        data[last] = copy.deepcopy(value)
+        branch[last] = copy.deepcopy(value)
         return
-    point = data.get(name, defaults.get(name))
+    point = branch.get(name, defaults.get(name))
     if not isinstance(point, list | tuple) or len(point) != 3:
         raise BadInput(
             f"{'.'.join((*path, name))} has no {last}: it is not a point or direction",
             found=shown(point),
             file=document.file,
-            line=document.line(place),
+            line=document.line(at),
         )
-    data[name] = [value if axis == last else own for axis, own in zip("xyz", point, strict=True)]
+    branch[name] = [value if axis == last else old for axis, old in zip("xyz", point, strict=True)]

@@ -1,8 +1,8 @@
 """Studies over a grid of settings: each case makes a plan, predicts its uncertainties and simulates runs.
 
-The prediction is that of `zerobeam check`. Every run has an arm of its own, a random draw from the priors,
-and is fitted by the likelihood and, if asked for, by the paper's midpoint cost; the errors are compared with
-the prediction.
+The prediction is that of `zerobeam check`. Every run has an arm of its own, a random draw from the priors. It
+is fitted by the likelihood and, if the study has it, by the paper's midpoint cost; the errors are compared
+with the prediction.
 """
 
 from __future__ import annotations
@@ -10,10 +10,8 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -24,19 +22,16 @@ from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
 from ....analysis.status import known as is_known
 from ....analysis.status import verdict_of, versions
-from ....model.arrays import Index, Matrix, Progress
+from ....model.arrays import Index, Matrix, Progress, normal_half_width
 from ....model.errors import BadInput
 from ....model.likelihood.problem import Problem
 from ...plans.candidates import candidates
 from ...plans.constraints import View
 from ...plans.optimal import Planner
 from ...plans.patterns import pattern
-from ...processes import side_by_side
-from ..binomial import held_share
-from ..case_store import CaseStore
-from ..data_sets import DataSets, drawn, fitted
-from ..estimators import Estimates, likelihood, midpoint
-from .case_settings import TARGET
+from ..answer import held_share
+from ..case_store import each_piece, heading_of
+from ..data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint
 from .findings import findings, headline, notes
 from .grid_answer import (
     CaseParameter,
@@ -47,15 +42,15 @@ from .grid_answer import (
     LikelihoodErrors,
     RunErrors,
 )
-from .study_file import Case, StatedStudy
+from .study_file import TARGET, Case, SettingsStudy
 
 LEVEL = 0.95
-CHANCE = 0.01  # of a false alarm over the whole study
+FALSE_ALARM = 0.01  # probability over the whole study
 _LEAST_RUNS = 2  # that have a scatter
 
 
 def sweep(
-    study: StatedStudy,
+    study: SettingsStudy,
     seed: int,
     progress: Progress,
     *,
@@ -68,11 +63,10 @@ def sweep(
     again: the answer is the same. The study agrees if no case's simulated runs contradict the prediction.
     """
     began = time.perf_counter()
-    if store is None:
-        answers = _answered(study, seed, progress, None, processes)
-    else:
-        with CaseStore(store, heading(study, seed), GridCase) as kept:
-            answers = _answered(study, seed, progress, kept, processes)
+    prints = "\n".join(case.fingerprint for case in study.cases)
+    heading = heading_of(study.content.study, seed, settings=hashlib.sha256(prints.encode()).hexdigest())
+    pieces = [(case, seed) for case in study.cases]
+    answers = each_piece(store, heading, GridCase, _case_of, pieces, progress, processes, called="case")
     content, cases = study.content, judged(answers)
     axes = tuple(
         GridAxis(
@@ -85,7 +79,7 @@ def sweep(
         for axis in content.axes
     )
     settings = GridSettings(
-        **dict(content.base), seed=seed, level=LEVEL, chance=CHANCE, file=study.file, sha256=study.sha256
+        **dict(content.base), seed=seed, level=LEVEL, chance=FALSE_ALARM, file=study.file, sha256=study.sha256
     )
     return GridStudy(
         study=content.study,
@@ -99,35 +93,6 @@ def sweep(
         axes=axes,
         cases=cases,
     )
-
-
-def heading(study: StatedStudy, seed: int) -> dict[str, Any]:
-    """What finished cases must have in common to belong together."""
-    prints = "\n".join(case.fingerprint for case in study.cases)
-    return {
-        "study": study.content.study,
-        "seed": seed,
-        "settings": hashlib.sha256(prints.encode()).hexdigest(),
-        "versions": versions(),
-    }
-
-
-def _answered(
-    study: StatedStudy, seed: int, progress: Progress, kept: CaseStore[GridCase] | None, processes: int | None
-) -> list[GridCase]:
-    """The answers of all cases in their order, not yet judged."""
-    total = len(study.cases)
-    found = {} if kept is None else kept.done
-    left = [number for number in range(total) if number not in found]
-    progress(f"case {len(found)}/{total}", len(found) / total)
-    jobs = [(study.cases[number], seed) for number in left]
-    with closing(side_by_side(_case_of, jobs, processes)) as answers:
-        for job, answer in answers:
-            found[left[job]] = answer
-            if kept is not None:
-                kept.add(left[job], answer)
-            progress(f"case {len(found)}/{total}", len(found) / total)
-    return [found[number] for number in range(total)]
 
 
 def _case_of(job: tuple[Case, int]) -> GridCase:
@@ -191,12 +156,12 @@ def _planned(case: Case, seed: int) -> Problem:
             beam=made.beam_mm,
             margin=float(np.radians(made.margin_deg)),
         )
-        found = candidates(header, robot, target, made.candidates, view=view, seed=seed, name=TARGET)
-        planner = Planner(header, robot, target, found, name=TARGET)
-        postures = planner.optimal(made.shots, made.criterion, seed=seed).postures
+        postures = candidates(header, robot, target, made.candidates, view=view, seed=seed, name=TARGET)
+        planner = Planner(header, robot, target, postures, name=TARGET)
+        chosen = planner.optimal(made.shots, made.criterion, seed=seed).postures
     else:
-        postures = _patterned(case)
-    problem = Problem.build(header, robot, postures, [TARGET] * len(postures))
+        chosen = _patterned(case)
+    problem = Problem.build(header, robot, chosen, [TARGET] * len(chosen))
     return aim(problem, problem.nominal(), servo_joints(problem)).problem
 
 
@@ -224,9 +189,9 @@ def _reason(error: BadInput) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Simulated:
+class _RunFits:
     """Errors (estimate minus truth) of fits to simulated runs (R, m) and the standard uncertainties (R, m)
-    that the likelihood states, internal units; runs without a fit are left out."""
+    that the likelihood states, internal units; without those that have no fit."""
 
     likelihood: Matrix
     std: Matrix
@@ -235,7 +200,7 @@ class _Simulated:
     unmet: int
 
 
-def _simulated(case: Case, seed: int, problem: Problem, known: Index) -> _Simulated | None:
+def _simulated(case: Case, seed: int, problem: Problem, known: Index) -> _RunFits | None:
     """The case's runs, for the parameters `known` (m,); None where there are no runs."""
     settings = case.settings
     if settings.runs < _LEAST_RUNS or not len(known):
@@ -252,7 +217,7 @@ def _simulated(case: Case, seed: int, problem: Problem, known: Index) -> _Simula
     fit = likelihood(data, refitted(data, fitted(data)), known)
     # The midpoints of two beams have no cost, whatever the offsets.
     other = midpoint(data, known) if "midpoint" in settings.costs and problem.shots > 2 else None
-    return _Simulated(
+    return _RunFits(
         likelihood=error(fit),
         std=fit.std[fit.kept],
         midpoint=None if other is None else error(other),
@@ -290,8 +255,8 @@ def _likelihood_errors(error: Matrix, std: Matrix) -> LikelihoodErrors | None:
     """Of errors (R,) and the standard uncertainties (R,) that the fits state."""
     if len(error) < _LEAST_RUNS:
         return None
-    held = int((np.abs(error) <= stats.norm.ppf((1 + LEVEL) / 2) * std).sum())
-    share = held_share(held, len(error), LEVEL, CHANCE)
+    held = int((np.abs(error) <= normal_half_width(LEVEL) * std).sum())
+    share = held_share(held, len(error), LEVEL, FALSE_ALARM)
     in_stds = float(np.sqrt(((error / std) ** 2).mean()))
     return LikelihoodErrors(*_scatter(error), share.share, share.low, share.high, in_stds)
 
@@ -315,7 +280,7 @@ def judged(cases: Sequence[GridCase]) -> tuple[GridCase, ...]:
         for i, one in enumerate(case.parameters)
         if one.likelihood is not None and one.std is not None
     }
-    alarm = CHANCE / max(sum(map(len, tests.values())), 1)
+    alarm = FALSE_ALARM / max(sum(map(len, tests.values())), 1)
 
     def with_judgement(k: int, i: int, one: CaseParameter) -> CaseParameter:
         if (k, i) not in tests or one.likelihood is None:

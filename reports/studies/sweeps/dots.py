@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy
 from ....words import numbers
 from ....words.wording import label
-from ...style.canvas import Picture, bare_y, new_figure, style, to_svg
-from ...style.log_axis import log_ticks, set_log_scale
+from ...style.canvas import Picture, bare_y, log_ticks, new_figure, set_log_scale, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
+from ..coverage_figures import head_rows, name_rows
 from .grid_words import NO_PLAN, case_name, dot_pages, shown_unit, standing, unit_signs
-from .marks import FITS, UNCERTAINTY, draw_fits, draw_tolerance, gap, hatching, legend, log_scale, write_gap
+from .marks import FITS, UNCERTAINTY, draw_fits, draw_tolerance, gap, hatch, legend, log_scale, write_gap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _ROW = 0.165  # inches
-_MARK: dict[str, Any] = {"marker": "|", "markersize": 8, "markeredgewidth": 2.2, "linewidth": 0}
+_MARK: Mapping[str, Any] = {"marker": "|", "markersize": 8, "markeredgewidth": 2.2, "linewidth": 0}
 
 
 def dots_pictures(study: GridStudy) -> list[Picture]:
@@ -45,44 +46,30 @@ def _picture(study: GridStudy, cases: list[GridCase], name: str, cut: str) -> Pi
         axes.grid(visible=False)
         for y, (case, one) in enumerate(rows):
             if one is None:
-                _heading(axes, y, study, case)
+                mark, words = standing(case)
+                colour = light("ink" if mark == "identified" else mark)
+                head_rows(axes, y + 0.1, f"{case_name(study, case)}: {words}", 9, color=colour)
             else:
                 gaps |= _row(axes, y, study, case, one)
         axes.set_ylim(len(rows) - 0.4, -0.6)
-        named = [(y, in_font(label(one.name, 12))) for y, (_, one) in enumerate(rows) if one is not None]
-        axes.set_yticks([y for y, _ in named], [text for _, text in named])
-        axes.tick_params(axis="y", labelcolor=light("ink"), labelsize=8.5)
+        name_rows(axes, [(y, label(one.name, 12)) for y, (_, one) in enumerate(rows) if one is not None], 8.5)
         axes.set_xlabel(in_font(f"{UNCERTAINTY} u, {unit_signs(parameters) or '°'}"))
-        legend(figure, study, _MARK, gaps)
+        legend(figure, study, gaps, **_MARK)
         svg = to_svg(figure, name)
     title = f"Predicted {UNCERTAINTY} u of each parameter and errors of simulated runs{cut}"
     return Picture(name, title, _alt(study, cases), svg)
 
 
-def _heading(axes: Axes, y: int, study: GridStudy, case: GridCase) -> None:
-    mark, words = standing(case)
-    axes.text(
-        0.0,
-        y + 0.1,
-        in_font(f"{case_name(study, case)}: {words}"),
-        transform=axes.get_yaxis_transform(),
-        va="center_baseline",
-        fontsize=9,
-        fontweight="bold",
-        color=light("ink") if mark == "identified" else light(mark),
-    )
-
-
 def _row(axes: Axes, y: int, study: GridStudy, case: GridCase, one: CaseParameter) -> set[str]:
     """Draw one row; the words of its gap, if it is one."""
-    ends: dict[str, Any] = {"ymin": y - 0.5, "ymax": y + 0.5}
-    axes.vlines(log_ticks(*axes.get_xlim()), **ends, color=light("line"), linewidth=0.5, zorder=0.5)
-    draw_tolerance(study, one, axes.vlines, **ends, zorder=0.6)
-    if said := gap(case, one):
-        axes.axhspan(y - 0.4, y + 0.4, zorder=1, **hatching(said) | {"facecolor": light("ground")})
+    low, high = y - 0.5, y + 0.5
+    axes.vlines(log_ticks(*axes.get_xlim()), low, high, color=light("line"), linewidth=0.5, zorder=0.5)
+    draw_tolerance(study, one, axes.vlines, ymin=low, ymax=high, zorder=0.6)
+    if words := gap(case, one):
+        hatch(axes.axhspan, y - 0.4, y + 0.4, words=words, zorder=1, facecolor=light("ground"))
         across = axes.get_yaxis_transform()
-        write_gap(axes, 0.5, y, said, transform=across, va="center_baseline", fontsize=8)
-        return {said}
+        write_gap(axes, 0.5, y, words, transform=across, va="center_baseline", fontsize=8)
+        return {words}
     if one.std is not None:
         axes.plot([one.std], [y], color=light("identified"), zorder=2, **_MARK)
     draw_fits(axes, y, one, upright=False)
@@ -93,8 +80,8 @@ def _alt(study: GridStudy, cases: list[GridCase]) -> str:
     parts = []
     for case in cases:
         rows = [f"{label(one.name)} {_in_words(case, one)}" for one in case.parameters]
-        said = NO_PLAN if case.reason is not None else f"{standing(case)[1]}, {'; '.join(rows)}"
-        parts.append(f"{case_name(study, case)}: {said}")
+        text = NO_PLAN if case.reason is not None else f"{standing(case)[1]}, {'; '.join(rows)}"
+        parts.append(f"{case_name(study, case)}: {text}")
     return f"Standard uncertainties of the parameters. {'. '.join(parts)}."
 
 

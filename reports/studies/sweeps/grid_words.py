@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable
 from typing import Literal
 
 from ....analysis.status import Verdict
-from ....experiments.studies.sweeps.case_settings import overlap
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy, RunErrors
+from ....experiments.studies.sweeps.study_file import overlap
 from ....words import numbers
 from ....words.wording import clipped
 
@@ -60,11 +60,11 @@ def _rows_of(cases: list[GridCase]) -> int:
 
 def by_place(study: GridStudy, along: Collection[int]) -> list[tuple[Place, list[GridCase]]]:
     """The cases by their place on all axes but those numbered `along`."""
-    found: dict[tuple[int, ...], list[GridCase]] = {}
+    groups: dict[tuple[int, ...], list[GridCase]] = {}
     for case in study.cases:
-        found.setdefault(tuple(at for i, at in enumerate(case.at) if i not in along), []).append(case)
+        groups.setdefault(tuple(at for i, at in enumerate(case.at) if i not in along), []).append(case)
     others = [axis for i, axis in enumerate(study.axes) if i not in along]
-    return [(tuple(zip(others, at, strict=True)), cases) for at, cases in sorted(found.items())]
+    return [(tuple(zip(others, at, strict=True)), cases) for at, cases in sorted(groups.items())]
 
 
 def shown_unit(thing: GridAxis | CaseParameter) -> str:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy
 from ....words import numbers
 from ....words.wording import clipped, label
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.log_axis import plain, set_log_scale
+from ...style.canvas import Picture, new_figure, plain, set_log_scale, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
 from .grid_words import Place, axis_title, by_place, place_name, shown_unit, unit_signs, value_text
@@ -21,7 +20,7 @@ from .marks import (
     draw_fits,
     draw_tolerance,
     gap,
-    hatching,
+    hatch,
     in_font_within,
     legend,
     log_scale,
@@ -63,31 +62,31 @@ def lines_picture(study: GridStudy) -> Picture | None:
     (along,) = (i for i, axis in enumerate(study.axes) if axis.numeric is not None)
     axis, every_series = study.axes[along], by_place(study, {along})
     series, parameters = every_series[:_MOST_SERIES], list(every.values())[:_MOST_PARAMETERS]
-    wanted = [
+    panels_shown = [
         (place, one, _points(axis, along, cases, one.name)) for one in parameters for place, cases in series
     ]
     single, signs = len(series) == 1, unit_signs(every.values())
     wide = (2 if len(parameters) <= 6 else 3) if single else len(series)
-    high = math.ceil(len(wanted) / wide)
+    high = math.ceil(len(panels_shown) / wide)
     gaps: set[str] = set()
     with style():
         figure = new_figure(1.0 + min(1.25 if single else 1.0, _TALLEST / high) * high)
         panels = figure.subplots(high, wide, squeeze=False, sharex=True)
         for k, axes in enumerate(panels.flat):
-            if k >= len(wanted):
+            if k >= len(panels_shown):
                 axes.set_visible(False)
                 panels.flat[k - wide].tick_params(labelbottom=True)
                 continue
-            place, one, points = wanted[k]
+            place, one, points = panels_shown[k]
             _scales(axes, study, axis, one.unit, _ACROSS / wide)
             gaps |= _panel(axes, study, points, _ACROSS / wide)
             # With more than one unit each parameter says its own.
-            own = in_font(unit_signs([one])) if "," in signs else ""
-            axes.tick_params(labelleft=k % wide == 0 or (single and bool(own)))
-            _titles(axes, one, place, own, wide, None if single else k)
+            unit = in_font(unit_signs([one])) if "," in signs else ""
+            axes.tick_params(labelleft=k % wide == 0 or (single and bool(unit)))
+            _titles(axes, one, place, unit, wide, None if single else k)
         figure.supxlabel(in_font(axis_title(axis)), fontsize=9.5, color=light("muted"))
         figure.supylabel(in_font(f"{UNCERTAINTY} u, {signs}"), fontsize=9.5, color=light("muted"))
-        legend(figure, study, {"marker": ".", "linewidth": 1.6}, gaps)
+        legend(figure, study, gaps, marker=".", linewidth=1.6)
         svg = to_svg(figure, "lines")
     title = (
         f"Predicted {UNCERTAINTY} u of each parameter by {clipped(axis.label)}, and errors of simulated runs"
@@ -96,7 +95,7 @@ def lines_picture(study: GridStudy) -> Picture | None:
     for shown, total, what in cuts:
         if shown < total:
             title += f"; {shown} of {total} {what} shown, all in offsets.csv"
-    return Picture("lines", title, _alt(axis, wanted), svg)
+    return Picture("lines", title, _alt(axis, panels_shown), svg)
 
 
 def _points(axis: GridAxis, along: int, cases: list[GridCase], name: str) -> list[_Point]:
@@ -125,13 +124,13 @@ def _titles(axes: Axes, one: CaseParameter, place: Place, unit: str, wide: int, 
 
 def _panel(axes: Axes, study: GridStudy, points: list[_Point], width: float) -> set[str]:
     """Draw one panel, so many inches wide; the words of its gaps."""
-    had = [(point.x, point.one) for point in points if point.one is not None]
-    if had:
-        draw_tolerance(study, had[0][1], axes.axhline, zorder=1.5)
+    estimated = [(point.x, point.one) for point in points if point.one is not None]
+    if estimated:
+        draw_tolerance(study, estimated[0][1], axes.axhline, zorder=1.5)
     heights = [math.nan if point.one is None or point.one.std is None else point.one.std for point in points]
     xs = [point.x for point in points]
     axes.plot(xs, heights, ".-", color=light("identified"), linewidth=1.6, markersize=4, zorder=2)
-    for x, one in had:
+    for x, one in estimated:
         draw_fits(axes, x, one, upright=True)
     return _bands(axes, points, width)
 
@@ -155,11 +154,11 @@ def _spaced(values: Sequence[float], log: bool, width: float) -> list[float]:
     """The values whose ticks do not touch: from the first on, each some way from the one before."""
     at = [math.log(value) if log else value for value in values]
     room = _LETTER * (max(len(plain(value)) for value in values) + 1) / width * (at[-1] - at[0])
-    found: list[int] = []
+    spaced: list[int] = []
     for i in range(len(values)):
-        if not found or at[i] - at[found[-1]] >= room:
-            found.append(i)
-    return [values[i] for i in found]
+        if not spaced or at[i] - at[spaced[-1]] >= room:
+            spaced.append(i)
+    return [values[i] for i in spaced]
 
 
 def _edges(values: Sequence[float], log: bool) -> list[float]:
@@ -180,20 +179,20 @@ def _bands(axes: Axes, points: list[_Point], width: float) -> set[str]:
     edges = _edges([point.x for point in points], log)
     left, right = map(math.log, axes.get_xlim()) if log else axes.get_xlim()
     start = 0
-    for said, group in itertools.groupby(point.gap for point in points):
+    for words, group in itertools.groupby(point.gap for point in points):
         end = start + len(list(group))
         low, high = edges[start], edges[end]
         start = end
-        if said:
-            axes.axvspan(low, high, zorder=1, **hatching(said))
+        if words:
+            hatch(axes.axvspan, low, high, words=words, zorder=1)
             share = (math.log(high / low) if log else high - low) / (right - left)
             write_gap(
                 axes,
                 math.sqrt(low * high) if log else (low + high) / 2,
                 0.5,
-                said,
+                words,
                 transform=axes.get_xaxis_transform(),
-                rotation=0 if share * width > _LETTER * (len(said) + 1) else 90,
+                rotation=0 if share * width > _LETTER * (len(words) + 1) else 90,
                 va="center",
                 fontsize=8,
                 zorder=3,
@@ -201,16 +200,16 @@ def _bands(axes: Axes, points: list[_Point], width: float) -> set[str]:
     return {point.gap for point in points} - {""}
 
 
-def _alt(axis: GridAxis, wanted: Sequence[tuple[Place, CaseParameter, list[_Point]]]) -> str:
+def _alt(axis: GridAxis, panels_shown: Sequence[tuple[Place, CaseParameter, list[_Point]]]) -> str:
     """Of each series and parameter the first and the last prediction, and where there is none."""
     parts: dict[str, list[str]] = {}
-    for place, one, points in wanted:
+    for place, one, points in panels_shown:
         known = [(point.text, point.one.std) for point in points if point.one and point.one.std]
-        said = [
+        texts = [
             f"{numbers.spread(std, shown_unit(one))} at {text}" for text, std in known[:1] + known[1:][-1:]
         ]
         for words in dict.fromkeys(point.gap for point in points if point.gap):
-            said.append(f"{words} at {', '.join(point.text for point in points if point.gap == words)}")
-        parts.setdefault(place_name(place), []).append(f"{label(one.name)} {', '.join(said)}")
-    series = [f"{name}: {'; '.join(said)}" if name else "; ".join(said) for name, said in parts.items()]
+            texts.append(f"{words} at {', '.join(point.text for point in points if point.gap == words)}")
+        parts.setdefault(place_name(place), []).append(f"{label(one.name)} {', '.join(texts)}")
+    series = [f"{name}: {'; '.join(texts)}" if name else "; ".join(texts) for name, texts in parts.items()]
     return f"Predicted {UNCERTAINTY} by {clipped(axis.label)}. {'. '.join(series)}."

@@ -3,53 +3,80 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, Fit, GridCase, GridStudy
 from ....words import numbers
 from ....words.wording import clipped
 from ...style.palette import light
 from ...style.typeface import in_font
-from ..phrases import NOT_DETERMINED
+from ..study_blocks import NOT_DETERMINED
 from .grid_words import NO_PLAN, rmse_interval, shown_unit, tolerance
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
-# The two fits by shape and by fill, so that they differ in grey too: marker, its size, filled or not.
-FITS: dict[Fit, tuple[str, float, bool]] = {"likelihood": ("o", 3.4, True), "midpoint": ("s", 3.8, False)}
+Drawn = TypeVar("Drawn")
+
 HELD, NOT_ESTIMATED = "held", "not estimated"
 UNCERTAINTY = "standard uncertainty"
 _LEAST_RANGE = 4.0  # of a logarithmic scale, so that it has ticks
-_TOLERANCE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "color": light("weak")}
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A mark: its shape, the role of its colour, its size in points; a hollow one is filled with the ground's
+    colour, so that no line runs through it."""
+
+    shape: str
+    role: str
+    size: float
+    filled: bool
+
+    def draw(self, axes: Axes, xs: Sequence[float], ys: Sequence[float], **options: Any) -> None:
+        axes.plot(xs, ys, self.shape, **self._look(), **options)
+
+    def handle(self, label: str) -> Line2D:
+        """The entry of a legend."""
+        from matplotlib.lines import Line2D
+
+        return Line2D([], [], marker=self.shape, linewidth=1.1, label=label, **self._look())
+
+    def _look(self) -> Any:
+        face = light(self.role if self.filled else "ground")
+        return {"color": light(self.role), "markersize": self.size, "markerfacecolor": face}
+
+
+# The two fits by shape and by fill, so that they differ in grey too.
+FITS: dict[Fit, Dot] = {"likelihood": Dot("o", "ink", 3.4, True), "midpoint": Dot("s", "muted", 3.8, False)}
 
 
 def draw_fits(axes: Axes, at: float, one: CaseParameter, *, upright: bool) -> None:
     """The RMSE of each fit with its 95 % interval, at `at` on the other axis; nothing where there is none."""
-    for fit, (marker, size, filled) in FITS.items():
+    for fit, dot in FITS.items():
         if errors := one.errors(fit):
             ends, mark = ([at, at], rmse_interval(errors)), ([at], [errors.rmse])
-            dot = dot_style("ink" if filled else "muted", size, filled)
-            axes.plot(*(ends if upright else ends[::-1]), "-", linewidth=1.1, color=dot["color"], zorder=2.5)
-            axes.plot(*(mark if upright else mark[::-1]), marker, markeredgewidth=1.0, zorder=2.6, **dot)
+            line = ends if upright else ends[::-1]
+            axes.plot(*line, "-", linewidth=1.1, color=light(dot.role), zorder=2.5)
+            dot.draw(axes, *(mark if upright else mark[::-1]), markeredgewidth=1.0, zorder=2.6)
 
 
-def dot_style(role: str, size: float, filled: bool) -> dict[str, Any]:
-    """Properties of a mark; ground under a hollow one, so that no line runs through it."""
-    return {
-        "color": light(role),
-        "markersize": size,
-        "markerfacecolor": light(role if filled else "ground"),
-    }
+def tolerance_line(draw: Callable[..., Drawn], *at: object, **options: object) -> Drawn:
+    """What `draw` makes of the line of a tolerance: `axhline`, `vlines`, `Line2D`."""
+    return draw(*at, linestyle=(0, (4, 2)), linewidth=1.0, color=light("weak"), **options)
 
 
-def draw_tolerance(study: GridStudy, one: CaseParameter, draw: Any, **options: Any) -> None:
+def draw_tolerance(
+    study: GridStudy, one: CaseParameter, draw: Callable[..., object], **options: object
+) -> None:
     """The line of the tolerance, by `axhline` or `vlines`; nothing where the cases differ in it."""
     if (at := tolerance(study, one)) is not None:
-        draw(at, **_TOLERANCE, **options)
+        tolerance_line(draw, at, **options)
 
 
 def gap(case: GridCase, one: CaseParameter | None) -> str:
@@ -61,14 +88,15 @@ def gap(case: GridCase, one: CaseParameter | None) -> str:
     return "" if one.is_known else HELD if one.status == "held" else NOT_DETERMINED
 
 
-def hatching(words: str) -> dict[str, Any]:
-    """Properties of a gap's patch; one without a plan, or held, is hatched the other way, and wider."""
-    return {
+def hatch(draw: Callable[..., Drawn], *at: object, words: str, **options: object) -> Drawn:
+    """What `draw` makes of the patch of a gap; without a plan, or held, it is hatched the other way."""
+    look = {
         "facecolor": "none",
         "edgecolor": light("line"),
         "hatch": "/////" if words == NOT_DETERMINED else "\\\\\\",
         "linewidth": 0,
     }
+    return draw(*at, **(look | options))
 
 
 def write_gap(axes: Axes, x: float, y: float, words: str, **options: Any) -> None:
@@ -88,10 +116,7 @@ def gap_handles(gaps: Iterable[str]) -> list[Artist]:
     """Entries of a legend for gaps of these words."""
     from matplotlib.patches import Patch
 
-    return [
-        Patch(**hatching(words) | {"edgecolor": light("muted"), "linewidth": 0.4}, label=words)
-        for words in gaps
-    ]
+    return [hatch(Patch, words=words, edgecolor=light("muted"), linewidth=0.4, label=words) for words in gaps]
 
 
 def log_scale(study: GridStudy, units: Collection[str]) -> tuple[float, float]:
@@ -122,20 +147,17 @@ def legend_above(figure: Figure, handles: list[Artist] | None, ncols: int) -> No
     )
 
 
-def legend(figure: Figure, study: GridStudy, mark: dict[str, Any], gaps: set[str]) -> None:
-    """What the marks that occur mean; `mark` has the properties of that of the prediction."""
+def legend(figure: Figure, study: GridStudy, gaps: set[str], **prediction: Any) -> None:
+    """What the marks that occur mean; `prediction` has the properties of that of the prediction."""
     from matplotlib.lines import Line2D
 
-    handles: list[Artist] = [Line2D([], [], color=light("identified"), label="predicted u", **mark)]
-    for fit, (marker, size, filled) in FITS.items():
-        if study.has(fit):
-            dot, words = dot_style("ink" if filled else "muted", size, filled), f"RMSE of the {fit} fit, 95 %"
-            handles.append(Line2D([], [], marker=marker, linewidth=1.1, label=words, **dot))
-    at = dict.fromkeys(
+    handles: list[Artist] = [Line2D([], [], color=light("identified"), label="predicted u", **prediction)]
+    handles += [dot.handle(f"RMSE of the {fit} fit, 95 %") for fit, dot in FITS.items() if study.has(fit)]
+    limits = dict.fromkeys(
         numbers.exact(limit, shown_unit(one))
         for one in study.parameters
         if (limit := tolerance(study, one)) is not None
     )
-    if at:
-        handles.append(Line2D([], [], label=in_font(f"tolerance {', '.join(at)}"), **_TOLERANCE))
+    if limits:
+        handles.append(tolerance_line(Line2D, [], [], label=in_font(f"tolerance {', '.join(limits)}")))
     legend_above(figure, handles + gap_handles(sorted(gaps)), 3)

@@ -27,7 +27,6 @@ from ...style.blocks import (
     LegendEntry,
     Page,
     Paragraph,
-    Reason,
     Row,
     Section,
     Table,
@@ -36,8 +35,19 @@ from ...style.blocks import (
     table_of,
 )
 from ...style.canvas import Picture
-from ..phrases import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
-from ..shares import BY_CHANCE, PlainRow, percent, share_text
+from ..study_blocks import (
+    BY_CHANCE,
+    LONGEST_NAME,
+    NOT_DETERMINED,
+    NOT_GIVEN,
+    PlainRow,
+    about_study,
+    columns_of,
+    files_block,
+    percent,
+    share_text,
+    view_of,
+)
 from .dots import dots_pictures
 from .grid_words import (
     STANDING,
@@ -50,9 +60,8 @@ from .grid_words import (
     tolerance,
     value_text,
 )
-from .heat_map import map_picture
+from .heat_map import map_picture, ratio_picture
 from .lines import lines_picture
-from .ratio import ratio_picture
 
 MOST_ROWS = 60
 _LONGEST_TEXT = 400
@@ -62,7 +71,7 @@ _MOST_REASONS, _MOST_NAMED = 8, 4
 def sweep_page(study: GridStudy) -> Page:
     """The display strings of a study over settings."""
     over = listed([clipped(axis.label) for axis in study.axes])
-    settings = study.settings.stated()
+    settings = study.settings.as_in_file()
     facts = [(clipped(name, LONGEST_NAME), text) for name, text in _settings(study, settings)]
     sections = [
         section_of(
@@ -152,13 +161,13 @@ def _parameters(study: GridStudy) -> Table | None:
     for number, case in cases:
         mark, words = standing(case)
         about = f"{case_name(study, case)}: {words}, {counted(case.shots or 0, 'measurement')}"
-        own = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
+        of_case = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
         for one in case.parameters:
             cells = _cells(one, likelihood, midpoint) if one.is_known else [Cell(_unknown(one), span=span)]
-            own.append(row_of(label(one.name), *cells, tone="" if one.is_known else one.status))
-        if count and len(rows) + len(own) > MOST_ROWS:
+            of_case.append(row_of(label(one.name), *cells, tone="" if one.is_known else one.status))
+        if count and len(rows) + len(of_case) > MOST_ROWS:
             break
-        rows += own
+        rows += of_case
         count += 1
     caption = "Predicted standard uncertainty u of each parameter"
     caption += ", and errors of simulated runs" if likelihood else ""
@@ -240,7 +249,7 @@ def _meanings(study: GridStudy) -> list[LegendEntry]:
     return [LegendEntry(*STANDING[key], text) for key, text in texts.items() if key in present]
 
 
-def _without_plan(study: GridStudy) -> list[Reason]:
+def _without_plan(study: GridStudy) -> list[LegendEntry]:
     """Each reason why there is no plan, with its cases."""
     by_reason: dict[str, list[str]] = {}
     for case in study.cases:
@@ -249,10 +258,12 @@ def _without_plan(study: GridStudy) -> list[Reason]:
     shown = []
     for reason, names in list(by_reason.items())[:_MOST_REASONS]:
         more = f"; and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        shown.append(Reason(f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", "held", f"{reason}."))
+        shown.append(
+            LegendEntry("held", f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", f"{reason}.")
+        )
     if len(by_reason) > len(shown):
         text = f"{len(shown)} of {len(by_reason)} shown, all in cases.csv."
-        shown.append(Reason("Reasons:", "held", text))
+        shown.append(LegendEntry("held", "Reasons:", text))
     return shown
 
 
@@ -294,15 +305,14 @@ def sweep_pictures(study: GridStudy) -> list[Picture | None]:
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
 
 _RUN_ERRORS = ("runs", "rmse", "bias", "bias_std")
-_LIKELIHOOD_ERRORS = (*_RUN_ERRORS, "held", "held_low", "held_high", "agrees")
 
 
 def case_rows(study: GridStudy) -> Iterator[PlainRow]:
     """One row for each case; no number where it does not identify all offsets."""
     for number, case in enumerate(study.cases, start=1):
         yield {
-            **_place(study, number, case),
-            **{key: getattr(case, key) for key in ("words", "verdict", "reason", "shots", "failed", "unmet")},
+            **_case_columns(study, number, case),
+            **columns_of(case, "words", "verdict", "reason", "shots", "failed", "unmet"),
             "worst_offset": case.worst.name if case.worst is not None else None,
             "worst_std": case.worst_std,
             "not_determined": " ".join(one.name for one in case.unidentifiable),
@@ -314,17 +324,20 @@ def parameter_rows(study: GridStudy) -> Iterator[PlainRow]:
     for number, case in enumerate(study.cases, start=1):
         for one in case.parameters:
             yield {
-                **_place(study, number, case),
+                **_case_columns(study, number, case),
                 "parameter": one.name,
-                "unit": one.unit,
-                "status": one.status,
-                "std": one.std,
-                **{f"likelihood_{key}": getattr(one.likelihood, key, None) for key in _LIKELIHOOD_ERRORS},
-                **{f"midpoint_{key}": getattr(one.midpoint, key, None) for key in _RUN_ERRORS},
+                **columns_of(one, "unit", "status", "std"),
+                **columns_of(
+                    one.likelihood,
+                    *_RUN_ERRORS,
+                    *("held", "held_low", "held_high", "agrees"),
+                    prefix="likelihood_",
+                ),
+                **columns_of(one.midpoint, *_RUN_ERRORS, prefix="midpoint_"),
             }
 
 
-def _place(study: GridStudy, number: int, case: GridCase) -> PlainRow:
+def _case_columns(study: GridStudy, number: int, case: GridCase) -> PlainRow:
     """Columns that say which case it is; axes are numbered, so that no key hides another column."""
     named = enumerate(zip(study.axes, case.at, strict=True), start=1)
     return {"case": number, **{f"axis{k}_{shown(axis.key)}": axis.values[i] for k, (axis, i) in named}}

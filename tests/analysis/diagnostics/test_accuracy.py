@@ -32,7 +32,7 @@ from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.density import Density
-from zerobeam.words.findings import accuracy_reason, place
+from zerobeam.words.findings import accuracy_reason, tcp_words
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
 
@@ -245,7 +245,7 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     made = by_hand(irb1600(), tool, delta, covariance, {5: last})
     answer = accuracy(made)
     assert answer.point_mm == pytest.approx((0, 0, 150))
-    assert "axis of joint 6 nearest to the stated point of the tool, as delta6" in place(answer)
+    assert "axis of joint 6 nearest to the stated point of the tool, as delta6" in tcp_words(answer)
     covariance[5, 5] = 1.0
     assert accuracy(by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
     asked = accuracy(made, np.array(ASIDE))
@@ -253,7 +253,7 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     assert (asked.workspace, asked.undetermined) == (None, ("delta6",))
     # With an offset that is known the point is the tool's own.
     answer = accuracy(by_hand(irb1600(), tool, delta, covariance))
-    assert (answer.point_mm, place(answer)) == (tuple(ASIDE), "the stated point of the tool")
+    assert (answer.point_mm, tcp_words(answer)) == (tuple(ASIDE), "the stated point of the tool")
 
 
 # --- maps -------------------------------------------------------------------------------------------

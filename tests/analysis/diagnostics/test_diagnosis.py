@@ -27,7 +27,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.constraint import shot_functions
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.diagnosis import explanation_sentence
+from zerobeam.words.misfit import explanation_sentence
 
 FAST = {"starts": 0}
 

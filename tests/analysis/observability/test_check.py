@@ -11,7 +11,7 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.likelihood import constraint, kernel
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason
+from zerobeam.words.observability import reason
 from zerobeam.words.result_json import check_json
 from zerobeam.words.verdict import check_headline, check_notes
 

@@ -36,7 +36,7 @@ from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason, remedy
+from zerobeam.words.observability import reason, remedy
 from zerobeam.words.wording import listed
 
 

@@ -20,7 +20,7 @@ from zerobeam.analysis.so_far import SoFar
 from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, Cell, PlacedPsd, PsdInCell
 from zerobeam.experiments.rigs.simulated.faults import RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
-from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds
+from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds_of
 
 PLAN = good_plan(5)
 BLIND = Cell(camera=None)
@@ -39,12 +39,12 @@ def told(run: CellRun) -> tuple[Any, ...]:
 
 @pytest.mark.long
 def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
-    works, of = [WORK, Repeated(good_plan(6), BLIND, tolerance=0.05)], seeds(1, 2)
-    shares: list[float] = []
-    one = campaign(works, of, shares.append, processes=1)
-    two = campaign(works, of, silent, processes=2)
-    assert [[told(run) for run in runs] for runs in one] == [[told(run) for run in runs] for runs in two]
-    assert [run.seed for run in two[1]] == list(of)
+    seeds, shares = seeds_of(1, 4), list[float]()
+    work = Repeated(good_plan(6), BLIND, tolerance=0.05)
+    one = campaign(work, seeds, shares.append, processes=1)
+    two = campaign(work, seeds, silent, processes=2)
+    assert [told(run) for run in one] == [told(run) for run in two]
+    assert [run.seed for run in two] == list(seeds)
     np.testing.assert_allclose(shares, np.arange(1, 5) / 4)
 
 
@@ -70,8 +70,8 @@ def test_the_truth_is_that_of_the_rig() -> None:
 
 
 def test_the_first_seeds_of_many_are_those_of_fewer() -> None:
-    assert seeds(0, 50)[:5] == seeds(0, 5)
-    assert len(set(seeds(0, 200)) | set(seeds(1, 200))) == 400
+    assert seeds_of(0, 50)[:5] == seeds_of(0, 5)
+    assert len(set(seeds_of(0, 200)) | set(seeds_of(1, 200))) == 400
 
 
 def test_what_a_run_came_to() -> None:
@@ -91,8 +91,7 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
     stops = BLIND.model_copy(update={"faults": (RobotStop(kind="robot-stop", shot=2),)})
     away = PsdInCell(placed={"psd": PlacedPsd(centre_mm=(-3000.0, 0.0, 5000.0))})
     works = [Repeated(PLAN, stops), Repeated(PLAN, BLIND.model_copy(update={"psd": away})), WORK]
-    runs = campaign(works, [1], silent, processes=1)
-    (stopped,), (refused,), (good,) = runs
+    stopped, refused, good = (carried(work, 1) for work in works)
     assert stopped.state is None
     assert stopped.failure is not None
     assert "stop" in stopped.failure
@@ -107,14 +106,14 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
 SCRIPT = """
 from cells import good_plan
 from zerobeam.interruption import stoppable
-from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds
+from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds_of
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 
 if __name__ == "__main__":
     try:
         with stoppable():
             work = Repeated(good_plan(5), Cell(camera=None))
-            campaign([work], seeds(0, 10_000), lambda share: print(share, flush=True), processes=2)
+            campaign(work, seeds_of(0, 10_000), lambda share: print(share, flush=True), processes=2)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
 """

@@ -15,16 +15,15 @@ from scipy import stats
 
 from zerobeam.analysis.so_far import SoFar
 from zerobeam.experiments.studies import cell as module
-from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.binomial import accuracy, held_share, share_interval
-from zerobeam.experiments.studies.campaign import CellRun, carried, seeds
-from zerobeam.experiments.studies.cell import StudiedPlan, cell_study, studied_plans
+from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval, to_json
+from zerobeam.experiments.studies.campaign import CellRun, carried, seeds_of
+from zerobeam.experiments.studies.cell import CellPlanStudied, cell_study, studied_plans
 
 RUNS = 2
 
 
 @functools.cache
-def plans() -> dict[str, StudiedPlan]:
+def plans() -> dict[str, CellPlanStudied]:
     return {plan.name: plan for plan in studied_plans(0, camera=False)}
 
 
@@ -41,7 +40,7 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
 
 @pytest.fixture(scope="module")
 def run() -> CellRun:
-    return carried(plans()["optimal"].repeated, seeds(0, 1)[0])
+    return carried(plans()["optimal"].repeated, seeds_of(0, 1)[0])
 
 
 def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[SoFar]:
@@ -64,7 +63,7 @@ def unidentifiable(offset: Any) -> Any:
     return replace(offset, status="unidentifiable", estimate=None, std=None, interval95=None)
 
 
-def judged(plan: StudiedPlan, run: CellRun, states: Sequence[SoFar | None]) -> dict[str, Any]:
+def judged(plan: CellPlanStudied, run: CellRun, states: Sequence[SoFar | None]) -> dict[str, Any]:
     return plain(module.judged(plan, [run] * len(states), states))
 
 

@@ -10,9 +10,16 @@ from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import coverage
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.coverage import LEVELS, coverage_study, studied_plans
+from zerobeam.experiments.studies.coverage import (
+    BINS,
+    DRAWS,
+    LEVELS,
+    calibration,
+    coverage_study,
+    power,
+    studied_plans,
+)
 from zerobeam.experiments.studies.data_sets import drawn, fitted
-from zerobeam.experiments.studies.ranks import BINS, DRAWS, calibration, power
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
 

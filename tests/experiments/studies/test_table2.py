@@ -13,21 +13,25 @@ from scipy import stats
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import table2
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.cell import header, paper_plan
+from zerobeam.experiments.studies.cell import paper_plan
 from zerobeam.experiments.studies.data_sets import DataSets, fitted
-from zerobeam.experiments.studies.scatter import Prediction, explained, scatter, unevenness
+from zerobeam.experiments.studies.laser_plans import laser_header
 from zerobeam.experiments.studies.table2 import (
     EXPERIMENTS,
     OFFSETS,
     PRINTED_MEAN,
     PRINTED_STD,
+    Prediction,
     compared,
+    explained,
+    scatter,
     table2_study,
+    unevenness,
 )
 
 DOF = 2
 TRUTH = dict(zip(OFFSETS, EXPERIMENTS.mean(axis=0).tolist(), strict=True))
-OURS = Prediction(paper_plan(header(0.01, 0.001)), TRUTH)
+OURS = Prediction(paper_plan(laser_header(0.01, 0.001)), TRUTH)
 
 
 def triples(count: int, joint_deg: float, seed: int, prediction: Prediction = OURS) -> np.ndarray:
@@ -80,7 +84,7 @@ def test_the_noise_is_found_in_closed_form_where_the_spot_says_nothing() -> None
 
 def test_the_interval_holds_the_noise_as_often_as_it_says() -> None:
     """With a spot noise that matters; 200 triples, the exact binomial's bounds at one in a thousand."""
-    loud = Prediction(paper_plan(header(0.01, 0.05)), TRUTH)
+    loud = Prediction(paper_plan(laser_header(0.01, 0.05)), TRUTH)
 
     @functools.cache
     def at(percent: int) -> np.ndarray:
@@ -98,7 +102,7 @@ def test_the_interval_holds_the_noise_as_often_as_it_says() -> None:
 
 
 def test_a_scatter_below_that_of_the_spot_leaves_the_noise_open_downwards() -> None:
-    loud = Prediction(paper_plan(header(0.01, 0.05)), TRUTH)
+    loud = Prediction(paper_plan(laser_header(0.01, 0.05)), TRUTH)
     told = explained(loud.covariance, 0.1 * scatter(triples(1, 1e-6, 4, loud))[0], DOF)
     assert told.low == 0.0
     assert told.high < 0.003
@@ -130,7 +134,7 @@ def test_the_study(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The real thing with fewer triples, without pictures and of our Y-Pattern alone: stopped after its first
     plan, and resumed."""
     monkeypatch.setattr(table2, "Cell", functools.partial(table2.Cell, camera=None))
-    monkeypatch.setattr(table2, "optimal_plan", lambda own, seed: paper_plan(own))
+    monkeypatch.setattr(table2, "optimal_plan", lambda header, seed: paper_plan(header))
     shares: list[float] = []
     store = tmp_path / "table2.cases.jsonl"
 

@@ -8,7 +8,7 @@ from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.noise import NoiseModel
 from zerobeam.model.likelihood.parameters import IN_RESIDUAL, ORDER, Parameters
 from zerobeam.model.likelihood.tool import Tool
-from zerobeam.words.causes import reason
+from zerobeam.words.observability import reason
 
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
 PROBE = {"kind": "probe", "point_mm": [1, 2, 100]}

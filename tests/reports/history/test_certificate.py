@@ -34,7 +34,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.reports.history.certificate import SCHEMA, certificate_json, why_history_differs
 from zerobeam.reports.history.certificate_folder import files_of_certificate, write_certificate
 from zerobeam.reports.history.certificate_page import certificate_page
-from zerobeam.reports.output import page_files
+from zerobeam.reports.output import whole_folder as page_files
 from zerobeam.reports.output.html import html
 from zerobeam.words.result_json import to_json
 

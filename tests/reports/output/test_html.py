@@ -23,7 +23,7 @@ from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.output.html import html
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.report import report_page
 from zerobeam.words.result_json import dumps, to_json
 from zerobeam.words.wording import label
 

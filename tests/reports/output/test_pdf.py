@@ -19,7 +19,7 @@ from study_text import cells, text_of
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.output.pdf import pdf
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.report import report_page
 
 
 def made(result: Result) -> pypdf.PdfReader:

@@ -32,9 +32,13 @@ from zerobeam.analysis.observability.check import Check, check
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.plan.plan_file import write_plan_page
-from zerobeam.reports.plan.plan_page import NOT_DETERMINED, plan_page
-from zerobeam.reports.plan.plan_scene import plan_scene, postures_of
+from zerobeam.reports.plan.plan_page import (
+    NOT_DETERMINED,
+    plan_page,
+    plan_scene,
+    postures_of,
+    write_plan_page,
+)
 from zerobeam.words import numbers
 from zerobeam.words.result_json import check_json
 from zerobeam.words.wording import label

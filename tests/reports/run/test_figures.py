@@ -12,9 +12,9 @@ from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, uncon
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.status import UnsoundResult
-from zerobeam.reports.run.diagnostics.residuals import drawn_of
-from zerobeam.reports.run.offsets_figure import offsets_picture
+from zerobeam.reports.run.parameters import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture
+from zerobeam.reports.run.residuals import drawn_of
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 

@@ -14,10 +14,9 @@ from example_results import geometry, good, misfit, x_pattern
 from study_text import texts_of
 
 from zerobeam.analysis.answer.result import Result
-from zerobeam.reports.run.geometry import geometry_lines, geometry_section, ladder_table
-from zerobeam.reports.run.ladder_figure import ladder_picture
+from zerobeam.reports.run.geometry import geometry_lines, geometry_section, ladder_picture, ladder_table
 from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Paragraph, Section, Table
 from zerobeam.words.wording import label
 

@@ -17,9 +17,9 @@ from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
-from zerobeam.reports.run import report_page
-from zerobeam.reports.run.report_folder import write_report
-from zerobeam.reports.run.report_page import pictures as pictures_of
+from zerobeam.reports.run import report as report_page
+from zerobeam.reports.run.report import pictures as pictures_of
+from zerobeam.reports.run.report import write_report
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.words.result_json import to_json
 

@@ -30,7 +30,7 @@ from zerobeam.analysis.diagnostics.outliers import RobustParameter
 from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.intervals import Intervals
 from zerobeam.analysis.status import UnsoundResult
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Paragraph, Section, Table
 from zerobeam.words.wording import NOT_DETERMINED, label
 
@@ -102,7 +102,7 @@ def test_a_held_offset_says_where_and_why() -> None:
     own = section(good(), "Offsets")
     assert row_of(table(own), "J1 (δ1)") == ["J1 (δ1)", "held at 0°", "held", "—", "—"]
     (legend,) = [block for block in own.all if isinstance(block, Legend)]
-    reasons = {entry.names: entry.text for entry in legend.reasons}
+    reasons = {entry.word: entry.text for entry in legend.reasons}
     assert reasons["J1 (δ1):"].startswith("joint 1 defines the base frame")
 
 

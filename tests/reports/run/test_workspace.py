@@ -16,8 +16,7 @@ from study_text import texts_of
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
 from zerobeam.analysis.status import Status, UnsoundResult
-from zerobeam.reports.run.workspace import workspace_section
-from zerobeam.reports.run.workspace_figure import class_of, workspace_picture
+from zerobeam.reports.run.workspace import class_of, workspace_picture, workspace_section
 from zerobeam.reports.style.blocks import Paragraph, Section, Table
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE

@@ -22,7 +22,7 @@ from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.kinds import study_of, study_page
-from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import write_study
 from zerobeam.reports.style.blocks import (
     Block,

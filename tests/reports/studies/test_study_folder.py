@@ -28,7 +28,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.coverage_page import comparison
 from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
-from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import check_target, write_study
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.words.wording import label
@@ -382,7 +382,7 @@ def test_a_study_of_ours_is_replaced_and_a_fault_leaves_it_as_it_was(
     def full(*_: object) -> bytes:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("zerobeam.reports.output.page_files.pdf", full)
+    monkeypatch.setattr("zerobeam.reports.output.whole_folder.pdf", full)
     with pytest.raises(BadInput, match="No space left"):
         write_study(out, typed(agreeing()))
     assert (out / "study.html").read_bytes() == before

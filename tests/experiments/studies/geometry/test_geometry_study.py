@@ -13,19 +13,22 @@ from made_once import made_once
 from scipy import stats
 
 from zerobeam.experiments.studies import coverage
+from zerobeam.experiments.studies import geometry as module
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.geometry import study as module
-from zerobeam.experiments.studies.geometry.answer import GeometryEstimator, GeometryPlan, GeometryStudy
-from zerobeam.experiments.studies.geometry.plans import (
+from zerobeam.experiments.studies.geometry import (
     CLOSE,
     CLOSE_MEASUREMENTS,
     MEASUREMENTS,
     TYPICAL,
-    StudiedPlan,
+    GeometryEstimator,
+    GeometryPlan,
+    GeometryPlanStudied,
+    GeometryStudy,
+    answer_of,
+    geometry_study,
     studied_plans,
     with_tolerance,
 )
-from zerobeam.experiments.studies.geometry.study import answer_of, geometry_study
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words import numbers
 
@@ -113,7 +116,7 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     store = tmp_path / "cases.jsonl"
     made: list[str] = []
 
-    def once(plan: StudiedPlan, count: int, seed: int) -> GeometryPlan:
+    def once(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
         made.append(plan.name)
         if len(made) == 2:
             raise KeyboardInterrupt

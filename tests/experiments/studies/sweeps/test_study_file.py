@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.studies.sweeps.case_settings import Settings, setting_names
 from zerobeam.experiments.studies.sweeps.study_file import (
     OTHER_STUDIES,
     Case,
-    StatedStudy,
+    Settings,
+    SettingsStudy,
     built_in_studies,
     built_in_study,
     read_study,
+    setting_names,
 )
 from zerobeam.model.errors import BadInput
 
@@ -41,7 +42,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def read(folder: Path, axes: str, base: str = BASE, runs: int | None = None) -> StatedStudy:
+def read(folder: Path, axes: str, base: str = BASE, runs: int | None = None) -> SettingsStudy:
     return read_study(written(folder, base + axes), runs)
 
 
@@ -51,7 +52,7 @@ def refused(folder: Path, axes: str, base: str = BASE, runs: int | None = None) 
     return caught.value
 
 
-def by_words(study: StatedStudy) -> dict[str, Case]:
+def by_words(study: SettingsStudy) -> dict[str, Case]:
     return {case.words: case for case in study.cases}
 
 
@@ -106,7 +107,7 @@ def test_tolerances_of_the_geometry_may_be_stated_and_varied(tmp_path: Path) -> 
     plain = read(tmp_path, SHOTS).cases[0]
     assert plain.header.geometry is None
     # A case without it is what it was before there was such a key, and has the same random numbers.
-    assert "geometry" not in plain.settings.stated()
+    assert "geometry" not in plain.settings.as_in_file()
 
 
 def test_runs_asked_for_take_the_place_of_the_files(tmp_path: Path) -> None:

@@ -30,8 +30,8 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
     LikelihoodErrors,
     RunErrors,
 )
-from zerobeam.experiments.studies.sweeps.study_file import StatedStudy, read_study
-from zerobeam.experiments.studies.sweeps.sweep import CHANCE, judged, refitted, studied_case, sweep
+from zerobeam.experiments.studies.sweeps.study_file import SettingsStudy, read_study
+from zerobeam.experiments.studies.sweeps.sweep import FALSE_ALARM, judged, refitted, studied_case, sweep
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
 
@@ -66,13 +66,13 @@ def silent(stage: str, share: float) -> None:
     pass
 
 
-def stated(folder: Path, text: str = STUDY, runs: int | None = RUNS) -> StatedStudy:
+def stated(folder: Path, text: str = STUDY, runs: int | None = RUNS) -> SettingsStudy:
     path = folder / "own.yaml"
     path.write_text(text, encoding="utf-8")
     return read_study(path, runs)
 
 
-def swept(study: StatedStudy, store: Path | None = None, seed: int = 3) -> Json:
+def swept(study: SettingsStudy, store: Path | None = None, seed: int = 3) -> Json:
     return to_json(sweep(study, seed, silent, store=store, processes=1))
 
 
@@ -81,12 +81,12 @@ def timeless(answer: Json) -> str:
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> StatedStudy:
+def study(tmp_path_factory: pytest.TempPathFactory) -> SettingsStudy:
     return stated(tmp_path_factory.mktemp("sweep"))
 
 
 @pytest.fixture(scope="module")
-def answer(study: StatedStudy) -> Json:
+def answer(study: SettingsStudy) -> Json:
     return swept(study)
 
 
@@ -125,7 +125,7 @@ def test_what_cannot_be_told_has_no_number(answer: Json) -> None:
     assert {"weak", "identified"} <= {row["status"] for row in told}
 
 
-def test_what_is_predicted_is_what_check_says(study: StatedStudy, answer: Json) -> None:
+def test_what_is_predicted_is_what_check_says(study: SettingsStudy, answer: Json) -> None:
     for case, told in zip(study.cases, answer["cases"], strict=True):
         kind = case.settings.plan.kind
         assert kind != "optimal"
@@ -275,7 +275,7 @@ def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
 
 
 def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
-    tmp_path: Path, study: StatedStudy, answer: Json, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, study: SettingsStudy, answer: Json, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "own.cases.jsonl"
 
@@ -309,12 +309,12 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
 
 
 @pytest.mark.long
-def test_the_number_of_processes_makes_no_difference(study: StatedStudy, answer: Json) -> None:
+def test_the_number_of_processes_makes_no_difference(study: SettingsStudy, answer: Json) -> None:
     assert timeless(to_json(sweep(study, 3, silent, processes=2))) == timeless(answer)
 
 
 def test_runs_of_more_noise_than_stated_are_seen_to_contradict(
-    study: StatedStudy, monkeypatch: pytest.MonkeyPatch
+    study: SettingsStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = module.drawn
 
@@ -358,7 +358,7 @@ def test_what_agrees(off: float, held: float, verdict: str, agrees: bool) -> Non
     assert agreeing(made(off, held, "degenerate")) is agrees
 
 
-def test_a_degenerate_case_is_no_promise(study: StatedStudy, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_degenerate_case_is_no_promise(study: SettingsStudy, monkeypatch: pytest.MonkeyPatch) -> None:
     for verdict, agrees in (("pass", False), ("weak", False), ("degenerate", True)):
         case = replace(made(1.3, 0.94), verdict=verdict, at=study.cases[0].at)
         monkeypatch.setattr(module, "studied_case", lambda *_, case=case: case)
@@ -373,12 +373,12 @@ def test_a_weak_plan_is_judged_by_what_its_own_fits_say() -> None:
 
 def test_the_alarm_is_for_the_whole_study() -> None:
     # As far off as one study in a thousand: seen alone, and not where there are five hundred such rows.
-    off = float(np.sqrt(stats.chi2.isf(CHANCE / 20, 400) / 400))
+    off = float(np.sqrt(stats.chi2.isf(FALSE_ALARM / 20, 400) / 400))
     assert agreeing(made(off, 0.95)) is False
     assert agreeing(made(off, 0.95), *(made(1.0, 0.95) for _ in range(499))) is True
 
 
-def test_a_fit_in_the_wrong_basin_is_found_and_fitted_anew(study: StatedStudy) -> None:
+def test_a_fit_in_the_wrong_basin_is_found_and_fitted_anew(study: SettingsStudy) -> None:
     case = study.cases[-1]
     problem = module._planned(case, 3)
     data = drawn(problem, 4, np.random.default_rng(0))

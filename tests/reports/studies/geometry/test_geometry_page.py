@@ -16,10 +16,10 @@ from study_text import printed, tables_of, texts_of, words
 
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.geometry.answer import GeometryEstimator
+from zerobeam.experiments.studies.geometry import GeometryEstimator
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import study_of, study_page
-from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import write_study
 
 

@@ -42,14 +42,13 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page
-from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import write_study
 from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, rmse_interval, tolerance
 from zerobeam.reports.studies.sweeps.marks import gap
 from zerobeam.reports.style.blocks import FigureBlock, Row
 from zerobeam.reports.style.blocks import Page as BlockPage
-from zerobeam.reports.style.canvas import Picture
-from zerobeam.reports.style.log_axis import log_ticks
+from zerobeam.reports.style.canvas import Picture, log_ticks
 from zerobeam.words.wording import label
 
 Json = dict[str, Any]

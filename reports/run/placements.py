@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....analysis.answer.result import Result
-from ....analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
-from ....analysis.misfit import LACK_OF_FIT
-from ....analysis.recordings.recordings import Effective
-from ....analysis.recordings.steps import RecordingStep, RecordingSteps
-from ....words import numbers
-from ....words.wording import clipped, counted, label, listed, shown
-from ...style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.palette import light
-from ...style.typeface import in_font
+from ...analysis.answer.result import Result
+from ...analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
+from ...analysis.misfit import LACK_OF_FIT
+from ...analysis.recordings.recordings import Effective
+from ...analysis.recordings.steps import RecordingStep, RecordingSteps
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed, shown
+from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,70 +28,65 @@ _MOST_BARS = 40
 
 def placements_section(result: Result) -> Section | None:
     """None where there is one placement and no recording long enough to say anything."""
-    own = result.placements
-    said = [
+    placements = result.placements
+    sentences = [
         text
         for text in (
-            *_left_out_sentences(own.leave_one_out),
-            _jackknife_sentence(result, own.jackknife),
-            _effective_sentence(own.effective, result),
-            *_step_sentences(own.steps),
+            *_left_out_sentences(placements.leave_one_out),
+            _jackknife_sentence(result, placements.jackknife),
+            _effective_sentence(placements.effective, result),
+            *_step_sentences(placements.steps),
         )
         if text
     ]
-    if not said:
+    if not sentences:
         return None
     return section_of(
         "Placements and recordings",
-        *map(Paragraph, said),
-        None if own.leave_one_out is None else FigureBlock(_PICTURE),
-        None if own.leave_one_out is None else _left_out_table(own.leave_one_out),
-        None if own.jackknife is None else _jackknife_table(result, own.jackknife),
+        *map(Paragraph, sentences),
+        None if placements.leave_one_out is None else FigureBlock(_PICTURE),
+        None if placements.leave_one_out is None else _left_out_table(placements.leave_one_out),
+        None if placements.jackknife is None else _jackknife_table(result, placements.jackknife),
     )
 
 
 def placements_lines(result: Result) -> list[str]:
     """What the terminal says of them, a line each."""
-    own = result.placements
+    placements = result.placements
     lines = []
-    if own.leave_one_out is not None and own.leave_one_out.rms_mm is not None:
-        lines.append(_pooled(own.leave_one_out))
-    if own.effective.divisor > 1:
-        lines.append(_effective_sentence(own.effective, result))
-    return [*lines, *_step_sentences(own.steps)]
+    if placements.leave_one_out is not None and placements.leave_one_out.rms_mm is not None:
+        lines.append(_pooled(placements.leave_one_out))
+    if placements.effective.divisor > 1:
+        lines.append(_effective_sentence(placements.effective, result))
+    return [*lines, *_step_sentences(placements.steps)]
 
 
-def _pooled(own: LeaveOneOut) -> str:
-    off = [row.placements[0] for row in own.rows if row.p_value is not None and row.p_value < LACK_OF_FIT]
+def _pooled(held_out: LeaveOneOut) -> str:
+    off = [
+        row.placements[0] for row in held_out.rows if row.p_value is not None and row.p_value < LACK_OF_FIT
+    ]
     text = (
-        f"Each of {counted(len(own.rows), 'placement')} as the others predict it: residuals"
-        f" {numbers.or_words(own.rms_mm, 'not available', 'mm')} rms, expected from noise and fit"
-        f" {numbers.or_words(own.expected_mm, 'not available', 'mm')}."
+        f"Each of {counted(len(held_out.rows), 'placement')} as the others predict it: residuals"
+        f" {numbers.or_words(held_out.rms_mm, 'not available', 'mm')} rms, expected from noise and fit"
+        f" {numbers.or_words(held_out.expected_mm, 'not available', 'mm')}."
     )
     if off:
         text += f" Beyond noise and fit (p < {LACK_OF_FIT:g}): {listed([clipped(n, _NAME) for n in off])}."
     return text
 
 
-def _left_out_sentences(own: LeaveOneOut | None) -> list[str]:
-    if own is None:
+def _left_out_sentences(held_out: LeaveOneOut | None) -> list[str]:
+    if held_out is None:
         return []
     return [
-        _pooled(own)
+        _pooled(held_out)
         + " For each row offsets and tool come from the other placements; only its own targets are"
         " fitted to it. The factor is the root of χ² over its degrees of freedom."
     ]
 
 
-def _left_out_table(own: LeaveOneOut) -> Table:
-    columns = [
-        ("placement", "left"),
-        ("measurements", "right"),
-        ("residual, rms", "right"),
-        ("expected", "right"),
-        ("factor", "right"),
-        ("p-value", "right"),
-    ]
+def _left_out_table(held_out: LeaveOneOut) -> Table:
+    columns = ["placement", "measurements", "residual, rms", "expected", "factor", "p-value"]
     missing = "not available"
     rows = [
         row_of(
@@ -102,43 +97,38 @@ def _left_out_table(own: LeaveOneOut) -> Table:
             numbers.or_words(row.factor, missing),
             missing if row.p_value is None else numbers.p_value(row.p_value),
         )
-        for row in own.rows
+        for row in held_out.rows
     ]
     return table_of("Each placement as the others predict it", columns, rows)
 
 
-def _jackknife_sentence(result: Result, own: Jackknife | None) -> str:
-    if own is None or not own.offsets:
+def _jackknife_sentence(result: Result, jackknife: Jackknife | None) -> str:
+    if jackknife is None or not jackknife.offsets:
         return ""
     larger = [
         row.name
-        for row in own.offsets
+        for row in jackknife.offsets
         if row.u is not None and row.u > 2 * (result.parameters.named(row.name).std or row.u)
     ]
     text = (
         f"The jackknife takes the standard uncertainty of an offset from the scatter of its estimates without"
-        f" one placement, not from the stated noise. It has {own.dof} degrees of freedom, and does not see an"
-        " error that all placements share."
+        f" one placement, not from the stated noise. It has {jackknife.dof} degrees of freedom, and"
+        " does not see an error that all placements share."
     )
     if larger:
         text += f" It is more than twice the stated u for {listed([label(name) for name in larger])}."
     return text
 
 
-def _jackknife_table(result: Result, own: Jackknife) -> Table | None:
-    columns = [
-        ("name", "left"),
-        ("u", "right"),
-        ("u by jackknife", "right"),
-        ("not determined without", "left"),
-    ]
+def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
+    columns: list[Head] = ["name", "u", "u by jackknife", ("not determined without", "left")]
     rows = []
-    for row in own.offsets:
-        stated = result.parameters.named(row.name).std
+    for row in jackknife.offsets:
+        std = result.parameters.named(row.name).std
         rows.append(
             row_of(
                 label(row.name),
-                "—" if stated is None else numbers.spread(stated, row.unit),
+                "—" if std is None else numbers.spread(std, row.unit),
                 "none" if row.u is None else numbers.spread(row.u, row.unit),
                 listed([clipped(name, _NAME) for name in row.needs]) if row.needs else "",
             )
@@ -146,24 +136,25 @@ def _jackknife_table(result: Result, own: Jackknife) -> Table | None:
     return table_of("Offsets by the delete-one-placement jackknife", columns, rows) if rows else None
 
 
-def _effective_sentence(own: Effective, result: Result) -> str:
-    if own.rho is None or own.kappa is None or own.p_value is None:
+def _effective_sentence(effective: Effective, result: Result) -> str:
+    if effective.rho is None or effective.kappa is None or effective.p_value is None:
         return ""
-    measure = f"lag-1 correlation {numbers.fixed(own.rho, 2)}, p {numbers.p_value(own.p_value)}"
-    if own.divisor == 1:
+    measure = f"lag-1 correlation {numbers.fixed(effective.rho, 2)}, p {numbers.p_value(effective.p_value)}"
+    if effective.divisor == 1:
         return f"Successive residuals of a recording are not correlated beyond chance ({measure})."
     used = "their information is divided by κ"
     if result.misfit is not None and not result.geometry.stated:
         used = "a misfit by nominal geometry is left as it is"
     return (
         f"Successive residuals of a recording are correlated ({measure}):"
-        f" {counted(own.shots, 'measurement')} say as much as {numbers.significant(own.number, 2)}"
-        f" independent ones (κ = {numbers.significant(own.kappa, 2)}); {used}."
+        f" {counted(effective.shots, 'measurement')} say as much as"
+        f" {numbers.significant(effective.number, 2)} independent ones"
+        f" (κ = {numbers.significant(effective.kappa, 2)}); {used}."
     )
 
 
-def _step_sentences(own: RecordingSteps) -> list[str]:
-    return [_step_sentence(step) for step in own.rows]
+def _step_sentences(steps: RecordingSteps) -> list[str]:
+    return [_step_sentence(step) for step in steps.rows]
 
 
 def _step_sentence(step: RecordingStep) -> str:
@@ -174,29 +165,35 @@ def _step_sentence(step: RecordingStep) -> str:
     )
     size = "" if step.size_mm is None else f" by {numbers.significant(step.size_mm, 2, 'mm')}"
     return (
-        f"Step in a recording of {clipped(step.target, _NAME)}: {shots} are off the rest{size}"
+        f"RecordingStep in a recording of {clipped(step.target, _NAME)}: {shots} are off the rest{size}"
         f" (p {numbers.p_value(step.p_value)}, Holm-adjusted), as if the target had slipped."
     )
 
 
 def placements_picture(result: Result) -> Picture | None:
     """The residual at each placement that the others predict, dots, and what is expected, ticks."""
-    own = result.placements.leave_one_out
-    if own is None:
+    held_out = result.placements.leave_one_out
+    if held_out is None:
         return None
-    rows = [row for row in own.rows if row.rms_mm is not None][:_MOST_BARS]
+    rows = [row for row in held_out.rows if row.rms_mm is not None][:_MOST_BARS]
     if not rows:
         return None
     with style():
         figure = new_figure(2.6)
         axes: Axes = figure.subplots()
         x = np.arange(len(rows))
-        found = np.array([row.rms_mm for row in rows], dtype=float)
+        residuals = np.array([row.rms_mm for row in rows], dtype=float)
         expected = np.array([row.expected_mm for row in rows], dtype=float)
-        axes.vlines(x, 0, found, color=light("line"), linewidth=1)
+        axes.vlines(x, 0, residuals, color=light("line"), linewidth=1)
         axes.plot(x, expected, "_", markersize=16, markeredgewidth=1.5, color=light("weak"), label="expected")
         axes.plot(
-            x, found, "o", markersize=5, markeredgewidth=0, color=light("identified"), label="residual, rms"
+            x,
+            residuals,
+            "o",
+            markersize=5,
+            markeredgewidth=0,
+            color=light("identified"),
+            label="residual, rms",
         )
         axes.set_ylabel("mm")
         axes.set_ylim(bottom=0)

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....analysis.answer.result import Result
-from ....analysis.diagnostics.influence import ShotResult
-from ....words import numbers
-from ....words.wording import clipped, shown
-from ...style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.palette import light
-from ...style.typeface import in_font
+from ...analysis.answer.result import Result
+from ...analysis.diagnostics.influence import ShotResult
+from ...words import numbers
+from ...words.wording import clipped, shown
+from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,31 +28,31 @@ WORST_SHOTS = 20
 
 def residuals_section(result: Result) -> Section:
     """The section of a report; of many measurements the table has the worst."""
-    columns = [
+    columns: list[Head] = [
         ("measurement", "right"),
         ("target", "left"),
-        ("residual", "right"),
-        ("normalised", "right"),
-        ("leave-one-out", "right"),
-        ("Cook’s distance", "right"),
+        "residual",
+        "normalised",
+        "leave-one-out",
+        "Cook’s distance",
     ]
     shots, robust = result.shots, result.robust
     weights = robust.weights if robust is not None and robust.converged else None
     outliers = set(robust.outliers) if robust is not None and weights is not None else set()
     chosen, caption = list(range(len(shots))), "Residual of every measurement"
-    said = (
+    text = (
         "A residual is what the fit leaves between beam (or probe) and target; normalised, it is divided"
         " by its standard deviation. The leave-one-out residual is that from the fit to the other"
         " measurements; Cook’s distance is how far the estimates move without the measurement."
     )
     if weights is not None:
         columns += [("weight", "right"), ("outlier", "left")] if outliers else [("weight", "right")]
-        said += " The weight is that of the robust fit."
+        text += " The weight is that of the robust fit."
     influential = [(shot.cooks, i) for i, shot in enumerate(shots) if shot.cooks is not None]
-    heaviest = max(influential, key=lambda own: own[0])[1] if influential else None
+    heaviest = max(influential, key=lambda pair: pair[0])[1] if influential else None
     if heaviest is not None:
         cooks = numbers.or_words(shots[heaviest].cooks, "not defined")
-        said += f" Most influential measurement: {shots[heaviest].shot} (Cook’s distance {cooks})."
+        text += f" Most influential measurement: {shots[heaviest].shot} (Cook’s distance {cooks})."
     if len(shots) > MOST_SHOTS:
         # An outlier of the robust fit may have pulled the likelihood fit to itself.
         worst = sorted(chosen, key=lambda i: (shots[i].shot not in outliers, -shots[i].whitened))
@@ -60,7 +60,7 @@ def residuals_section(result: Result) -> Section:
         chosen += [] if heaviest is None or heaviest in chosen else [heaviest]
         caption = f"The {WORST_SHOTS} largest residuals of {len(shots)}"
         caption += ", and the most influential measurement" if len(chosen) > WORST_SHOTS else ""
-        said += f" Of {len(shots)} measurements the table shows the {WORST_SHOTS} worst; result.json has all."
+        text += f" Of {len(shots)} measurements the table shows the {WORST_SHOTS} worst; result.json has all."
     rows = []
     for i in chosen:
         shot = shots[i]
@@ -77,7 +77,7 @@ def residuals_section(result: Result) -> Section:
         if outliers:
             cells.append(Cell("yes", mark="weak") if shot.shot in outliers else "no")
         rows.append(row_of(*cells))
-    return section_of("Residuals", Paragraph(said), FigureBlock("misses"), table_of(caption, columns, rows))
+    return section_of("Residuals", Paragraph(text), FigureBlock("misses"), table_of(caption, columns, rows))
 
 
 # ── the figure ────────────────────────────────────────────────────────────────────────────────

@@ -1,0 +1,347 @@
+"""How well the model fits by both costs, what may explain a misfit, and second opinions: the robust fit,
+held-out targets, the intervals by three methods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...analysis.answer.findings import HeldOutMisfit
+from ...analysis.answer.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
+from ...analysis.diagnostics.hold_out import HoldOut
+from ...analysis.diagnostics.outliers import Robust
+from ...analysis.misfit import LACK_OF_FIT, LackOfFit
+from ...analysis.posterior.intervals import Intervals
+from ...analysis.solution import ParameterResult
+from ...words import numbers
+from ...words.findings import hold_out_message, likelihood_message
+from ...words.misfit import CAUSES, changed, criterion_sentence, diagnosis_said, explanation_sentence
+from ...words.numbers import times, unit_of
+from ...words.wording import NOT_DETERMINED, clipped, label, listed, person, sentence
+from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
+from .parameters import noise_factors, other_tables
+
+_NO_COST = "—"  # not defined for this cost
+
+
+def fit_section(result: Result) -> Section:
+    """The section of a report, with the parameters besides the offsets."""
+    likelihood, midpoint = result.likelihood, result.midpoint
+    separate = noise_factors(result.parameters)
+    sides = [_likelihood_facts(likelihood, separate)]
+    if midpoint.available:
+        sides.append(_midpoint_facts(midpoint))
+    columns = ["quantity", "beam-residual likelihood", "midpoint cost (eq. 8)"]
+    rows = [row_of(name, *(side.get(name, _NO_COST) for side in sides)) for name in sides[0]]
+    sentences = _verdict(result, "fitted" if separate else "stated")
+    if (message := likelihood_message(likelihood)) is not None:
+        sentences.append(f"{message[0].upper()}{message[1:]}.")
+    if not midpoint.available:
+        sentences.append(f"The paper’s midpoint fit (eq. 8) is not available: {sentence(midpoint.reason)}.")
+    if midpoint.message:
+        sentences.append(f"Midpoint fit: {sentence(midpoint.message)}.")
+    return section_of(
+        "Fit quality",
+        *map(Paragraph, sentences),
+        table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
+        _both_estimates(result.parameters),
+        _distances(result.distances),
+        *other_tables(result.parameters),
+    )
+
+
+def _likelihood_facts(fit: LikelihoodSummary, separate: bool) -> dict[str, str]:
+    no_p = "not defined: the noise was estimated" if not fit.noise_known else "zero degrees of freedom"
+    noise = "its factors are estimated" if separate else "taken as stated"
+    return {
+        "Converged": _converged(fit),
+        "Iterations": str(fit.iterations),
+        "Residuals before, rms": numbers.significant(fit.rms_before_mm, unit="mm"),
+        "Residuals after, rms": numbers.significant(fit.rms_mm, unit="mm"),
+        "χ²": numbers.significant(fit.chi2),
+        "Degrees of freedom": str(fit.dof),
+        "p-value": no_p if fit.p_value is None else numbers.p_value(fit.p_value),
+        "Noise, as a multiple of the stated": numbers.or_words(fit.noise_scale, noise),
+        "Other local optima found": str(fit.other_basins),
+    }
+
+
+def _midpoint_facts(fit: MidpointSummary) -> dict[str, str]:
+    return {
+        "Converged": _converged(fit),
+        "Iterations": str(fit.iterations),
+        "Residuals after, rms": numbers.or_words(fit.rms_mm, _NO_COST, "mm"),
+    }
+
+
+def _converged(fit: LikelihoodSummary | MidpointSummary) -> str:
+    return f"{'yes' if fit.converged else 'NO'}: {sentence(fit.reason)}"
+
+
+def _both_estimates(parameters: Sequence[ParameterResult]) -> Table | None:
+    """The offsets by both costs, where both have an estimate."""
+    columns = ["name", "beam-residual likelihood", "midpoint cost (eq. 8)", "difference over u"]
+    rows = [
+        row_of(
+            label(row.name),
+            numbers.estimate(row.estimate, row.std, row.unit),
+            numbers.estimate(row.midpoint, row.std, row.unit),
+            numbers.significant((row.midpoint - row.estimate) / row.std, 2),
+        )
+        for row in parameters
+        if row.group == "offset"
+        and row.midpoint is not None
+        and row.estimate is not None
+        and row.std is not None
+    ]
+    return table_of("Offsets by both costs", columns, rows) if rows else None
+
+
+def misfit_factor(result: Result) -> str | None:
+    """How many times the stated noise the residuals are; None where they agree with it."""
+    for finding in result.findings:
+        if isinstance(finding, LackOfFit):
+            return numbers.significant(finding.factor, 2)
+    return None
+
+
+def _verdict(result: Result, noise: str) -> list[str]:
+    """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
+    fit = result.likelihood
+    sentences = not_converged(fit)
+    others = () if result.misfit is None else result.misfit.criteria
+    beside = [
+        f"{criterion_sentence(criterion, person)}."
+        for criterion in others
+        if not isinstance(criterion, LackOfFit)
+    ]
+    if fit.p_value is None or not fit.dof:
+        return sentences + beside
+    measure = (
+        f"χ²\u00a0{numbers.significant(fit.chi2)}, {fit.dof}\u00a0dof, p\u00a0{numbers.p_value(fit.p_value)}"
+    )
+    if (times := misfit_factor(result)) is not None:
+        sentences.append(
+            f"Lack of fit: residuals are {times} times the {noise} noise ({measure}). The geometry, the"
+            " noise or single measurements are not as stated, and the intervals do not cover that error."
+        )
+    elif fit.p_value > 1 - LACK_OF_FIT:
+        sentences.append(
+            f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated."
+        )
+    else:
+        sentences.append(f"The residuals agree with the {noise} noise ({measure}).")
+    return sentences + beside
+
+
+def not_converged(fit: LikelihoodSummary) -> list[str]:
+    """What a reader must know of a fit that did not converge."""
+    if fit.converged:
+        return []
+    return [
+        f"The fit did not converge ({sentence(fit.reason)}): do not use its numbers. "
+        "Look at the residuals for a wrong measurement, or state a better guess of target and tool."
+    ]
+
+
+def _distances(rows: Sequence[DistanceResult]) -> Table | None:
+    columns = ["between", "stated", "its u", "after the fit", "its u"]
+    shown_rows = []
+    for row in rows:
+        names = f"{clipped(row.between[0], 24)} and {clipped(row.between[1], 24)}"
+        as_stated = (numbers.exact(row.mm, "mm"), numbers.exact(row.sigma_mm, "mm"))
+        if row.estimate is None or row.std is None:
+            shown_rows.append(row_of(names, *as_stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
+        else:
+            estimate = numbers.estimate(row.estimate, row.std, "mm")
+            shown_rows.append(row_of(names, *as_stated, estimate, numbers.spread(row.std, "mm")))
+    return table_of("Distances between targets", columns, shown_rows) if rows else None
+
+
+def diagnosis_section(result: Result) -> Section | None:
+    """The explanations, the best first; None where there is none."""
+    if not result.diagnosis:
+        return None
+    columns: list[Head] = ["cause", ("tried", "left"), "residuals", "estimates", "freed"]
+    rows = [
+        row_of(
+            CAUSES[explanation.cause],
+            sentence(changed(explanation)),
+            times(explanation.factor),
+            times(explanation.farthest),
+            f"{round(explanation.freed, 1):g}",
+        )
+        for explanation in result.diagnosis
+    ]
+    before = times(result.diagnosis[0].before)
+    caption = (
+        f"Tried, best first: residuals in multiples of the noise (as recorded: {before}), largest estimate in"
+        " prior standard deviations, parameters freed"
+    )
+    first = sentence(explanation_sentence(result.diagnosis[0]))
+    text = f"{first[0].upper()}{first[1:]}. {diagnosis_said(result.diagnosis)}"
+    return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows))
+
+
+def robust_section(result: Result) -> Section | None:
+    """The robust fit next to the likelihood fit; None where it was not asked for."""
+    robust = result.robust
+    if robust is None:
+        return None
+    table = _robust_table(result, robust) if robust.converged else None
+    return section_of("Robust fit", Paragraph(robust_sentence(result, robust)), table)
+
+
+def robust_sentence(result: Result, robust: Robust) -> str:
+    """What the robust fit is and found."""
+    if not robust.converged:
+        return f"The robust fit did not converge ({sentence(robust.reason)}) and is not shown."
+    if robust.loss == "huber":
+        threshold = numbers.significant(robust.tuning)
+        sentences = [
+            f"Huber’s loss: a normalised residual beyond {threshold} weighs less, the larger the less."
+        ]
+    else:
+        nu = numbers.exact(robust.tuning)
+        sentences = [
+            f"Student’s loss with {nu} degrees of freedom: the larger a residual, the less it weighs."
+        ]
+    sentences.append("A measurement of weight 1 counts as in the likelihood fit.")
+    sentences.append(_outliers(result, robust))
+    if robust.noise_scale is not None:
+        sentences.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated.")
+    if robust.with_uncertainty:
+        sentences.append("Its intervals follow from the residuals as they are, not from the stated noise.")
+    else:
+        sentences.append(
+            "It has no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns."
+        )
+    return " ".join(sentences)
+
+
+def _outliers(result: Result, robust: Robust) -> str:
+    if not robust.outliers:
+        return "No outlier."
+    weights = {shot.shot: weight for shot, weight in zip(result.shots, robust.weights, strict=True)}
+    named = [f"{number} (weight {numbers.fixed(weights[number], 2)})" for number in robust.outliers]
+    return f"Outlier{'' if len(named) == 1 else 's'}: {listed(named)}."
+
+
+def _robust_table(result: Result, robust: Robust) -> Table:
+    columns = ["name", "likelihood", "robust", "its 95 % interval", "difference over u"]
+    rows = []
+    for row in robust.parameters:
+        parameter, unit = result.parameters.named(row.name), unit_of(row.unit)
+        if parameter.group in ("target", "geometry"):
+            continue
+        name = label(row.name)
+        if parameter.estimate is None or parameter.std is None or row.estimate is None:
+            rows.append(row_of(name, Cell(NOT_DETERMINED, span=4), tone="unidentifiable"))
+            continue
+        std = row.std or parameter.std
+        rows.append(
+            row_of(
+                name,
+                numbers.estimate(parameter.estimate, parameter.std, unit),
+                numbers.estimate(row.estimate, std, unit),
+                "none" if row.interval95 is None else numbers.interval(row.interval95, std, unit),
+                numbers.significant((row.estimate - parameter.estimate) / parameter.std, 2),
+            )
+        )
+    return table_of("Offsets and tool by both fits", columns, rows)
+
+
+def hold_out_section(result: Result) -> Section | None:
+    """How the fit does at targets that it has not seen; None where none was held out."""
+    held_out = result.hold_out
+    if held_out is None:
+        return None
+    names = [clipped(name, 24) for name in held_out.targets]
+    missing = "not available"
+    rows = [
+        ("Placements", listed([clipped(name, 24) for name in held_out.placements])),
+        ("Targets", f"{len(names)}: {listed(names)}"),
+        ("Measurements there", str(held_out.shots)),
+        ("Measurements of the fit", str(held_out.shots_fitted)),
+        ("Residuals without offsets, rms", numbers.or_words(held_out.rms_before_mm, missing, "mm")),
+        ("Residuals with them, rms", numbers.or_words(held_out.rms_mm, missing, "mm")),
+        ("Residuals expected from noise and fit", numbers.or_words(held_out.expected_mm, missing, "mm")),
+        ("χ²", numbers.or_words(held_out.chi2, missing)),
+        ("Degrees of freedom", missing if held_out.dof is None else str(held_out.dof)),
+        ("p-value", missing if held_out.p_value is None else numbers.p_value(held_out.p_value)),
+    ]
+    about = (
+        "Offsets and tool are fitted without these placements, each taken whole. Then only the position of"
+        " each target is fitted, to its own measurements; what is left of the residuals shows whether"
+        " the offsets hold there."
+    )
+    return section_of(
+        "Held-out targets",
+        Paragraph(about),
+        *map(Paragraph, hold_out_sentences(result, held_out)),
+        Facts(rows),
+    )
+
+
+def hold_out_sentences(result: Result, held_out: HoldOut) -> list[str]:
+    """How it went."""
+    sentences = []
+    misfit = next((finding for finding in result.findings if isinstance(finding, HeldOutMisfit)), None)
+    if misfit is not None:
+        sentences.append(
+            f"The residuals are {numbers.significant(misfit.factor, 2)} times what noise and fit explain: the"
+            " offsets do not carry over to these targets as stated."
+        )
+    elif held_out.p_value is not None:
+        sentences.append("The residuals agree with noise and fit: they do not contradict the offsets.")
+    if (message := hold_out_message(held_out)) is not None:
+        sentences.append(f"No judgement: {sentence(message)}.")
+    return sentences
+
+
+def intervals_section(result: Result) -> Section | None:
+    """The intervals by three methods, where they differ or a parameter is weak; None where there is none
+    such."""
+    if not _of_people(result):
+        return None
+    table, text = intervals_table(result)
+    return section_of("Intervals by three methods", Paragraph(text), table)
+
+
+def _of_people(result: Result) -> list[Intervals]:
+    """All but those of the geometry, whose section has them; `result.json` has all."""
+    return [row for row in result.intervals if result.parameters.named(row.name).group != "geometry"]
+
+
+def intervals_table(result: Result) -> tuple[Table, str]:
+    """The intervals, and what they say together."""
+
+    def ends(name: str, unit: str, interval: tuple[float, float] | None, missing: str) -> str:
+        std = result.parameters.named(name).std
+        return missing if interval is None or std is None else numbers.interval(interval, std, unit_of(unit))
+
+    # The fit is at the marginal mode of noise factors, where no profile starts.
+    chosen = _of_people(result)
+    no_profile = "not defined" if noise_factors(result.parameters) else "no end found"
+    columns = ["name", "curvature", "profile", "posterior"]
+    rows = [
+        row_of(
+            label(row.name),
+            ends(row.name, row.unit, row.linear, ""),
+            ends(row.name, row.unit, row.profile, no_profile),
+            ends(row.name, row.unit, row.posterior, "not sampled"),
+        )
+        for row in chosen
+    ]
+    text = (
+        "By the curvature at the estimate, by the profile likelihood and by the quantiles of the posterior’s"
+        " draws."
+    )
+    if differing := [label(row.name) for row in chosen if row.differ]:
+        text += (
+            f" They differ by a tenth of their width or more for {listed(differing)}: do not rely on one"
+            " alone there, the widest is the safe one."
+        )
+    else:
+        text += " They agree."
+    return table_of("95 % intervals by three methods", columns, rows), text

@@ -1,0 +1,210 @@
+"""The report of a run: its page of sections, its figures, and its folder, written whole or not at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ...analysis.answer.result import RESULT_SCHEMA, Result
+from ...analysis.posterior.posterior import Draws
+from ...words.findings import finding_sentence, headline
+from ...words.next_steps import next_steps
+from ...words.result_json import dumps, to_json
+from ...words.verdict import VERDICT_WORDS
+from ...words.wording import clipped, counted, ended, label, person, sentence
+from ..output import whole_folder
+from ..output.whole_folder import Kind, write_folder
+from ..style.blocks import (
+    Block,
+    Commands,
+    Page,
+    Paragraph,
+    Section,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+from ..style.canvas import Picture
+from .fit import (
+    diagnosis_section,
+    fit_section,
+    hold_out_section,
+    intervals_section,
+    not_converged,
+    robust_section,
+)
+from .geometry import geometry_section, ladder_picture
+from .inputs import head_facts, inputs_sections, traceability_section
+from .parameters import offsets_picture, offsets_section, rehearsal_section
+from .placements import placements_picture, placements_section
+from .posterior_summary import posterior_picture, posterior_section
+from .residuals import residuals_picture, residuals_section
+from .run_scene import scene_section
+from .uncertainty_budget import budget_section
+from .unobservable import unobservable_section
+from .workspace import workspace_picture, workspace_section
+
+
+def report_page(result: Result) -> Page:
+    """All that a report shows."""
+    inputs = result.inputs
+    sections = [
+        diagnosis_section(result),
+        offsets_section(result),
+        next_steps_section(result),
+        rehearsal_section(result),
+        unobservable_section(result.parameters, result.identifiability),
+        workspace_section(result),
+        scene_section(result),
+    ]
+    details = [
+        fit_section(result),
+        budget_section(result),
+        geometry_section(result),
+        robust_section(result),
+        hold_out_section(result),
+        placements_section(result),
+        posterior_section(result),
+        intervals_section(result),
+        residuals_section(result),
+        *inputs_sections(inputs),
+        traceability_section(result),
+    ]
+    sections += [None if section is None else replace(section, folded=True) for section in details]
+    return Page(
+        f"Joint offsets of {clipped(inputs.robot)}",
+        f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
+        Verdict(result.verdict, VERDICT_WORDS[result.verdict], sentence(headline(result, person))),
+        report_notes(result),
+        [section for section in sections if section is not None],
+        head_facts(result),
+    )
+
+
+def report_notes(result: Result) -> list[str]:
+    """What a reader must see, the gravest first; what the headline has said is not said again."""
+    first = None if result.misfit is None else result.misfit.criteria[0]
+    notes = [
+        ended(sentence(finding_sentence(finding, person))) for finding in result.findings if finding != first
+    ]
+    return not_converged(result.likelihood) + notes
+
+
+def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
+    """The figures of a report by name; one that may not be drawn is left out."""
+    drawn = (
+        offsets_picture(result),
+        ladder_picture(result),
+        workspace_picture(result),
+        posterior_picture(result, draws),
+        residuals_picture(result),
+        placements_picture(result),
+    )
+    return {picture.name: picture for picture in drawn if picture is not None}
+
+
+RESULT = "result.json"
+REPORT_NAMES = frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"})
+REPORT = Kind(
+    noun="report",
+    names=REPORT_NAMES,
+    mark=RESULT,
+    schema=RESULT_SCHEMA,
+)
+
+
+@dataclass(frozen=True)
+class ReportPaths:
+    """The files of a report; `posterior` is None if there were no draws."""
+
+    folder: Path
+    html: Path
+    pdf: Path
+    result: Path
+    posterior: Path | None
+    figures: tuple[Path, ...]
+
+
+def write_report(folder: Path | str, result: Result, draws: Draws | None) -> ReportPaths:
+    """Write the whole report, or nothing: HTML, PDF, result.json, posterior.nc and figures.
+
+    Parameters
+    ----------
+    folder
+        Where to; a report that zerobeam wrote there before is replaced, anything else is not.
+    result, draws
+        Of `analyse`; without draws there is no posterior.nc.
+
+    Returns
+    -------
+    ReportPaths
+        The files.
+
+    Raises
+    ------
+    BadInput
+        `folder` is a file, is not ours, or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     paths = zb.write_report(f"{folder}/report", sol.result, sol.draws)
+    >>> paths.html.name, paths.posterior.name
+    ('report.html', 'posterior.nc')
+    """
+    folder = Path(folder)
+    names = write_folder(folder, REPORT, lambda aside: _write_files(aside, result, draws))
+    return ReportPaths(
+        folder=folder,
+        html=folder / "report.html",
+        pdf=folder / "report.pdf",
+        result=folder / RESULT,
+        posterior=None if draws is None else folder / "posterior.nc",
+        figures=tuple(folder / "figures" / name for name in names),
+    )
+
+
+def check_target(folder: Path | str) -> None:
+    """Raise BadInput unless a report may be written to `folder`: absent, empty, or a report of ours."""
+    whole_folder.check_target(folder, REPORT)
+
+
+def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]:
+    """All files of the report into an empty folder; the names of the figures."""
+    # The heavy libraries (matplotlib, xarray) are loaded only once it is known that they are needed.
+    text = dumps(to_json(result))
+
+    from ..output.posterior_file import write_posterior
+    from ..output.whole_folder import write_page
+    from ..scenes.turnable import STILL, still_picture
+    from .run_scene import run_turnable
+
+    if draws is not None:
+        write_posterior(folder / "posterior.nc", result, draws)
+    turnable, drawn = run_turnable(result), pictures(result, draws)
+    if turnable is not None:
+        drawn[STILL] = still_picture(turnable)
+    return write_page(
+        folder, "report", report_page(result), drawn, "report", answer=(RESULT, text), turnable=turnable
+    )
+
+
+def next_steps_section(result: Result) -> Section:
+    """The section of the report, of any answer."""
+    advice = next_steps(result)
+    blocks: list[Block] = []
+    if advice.enter:
+        columns = ["joint", "add to the recorded position", "expanded U (k = 2)"]
+        rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
+        caption = "Values to enter: true position = recorded position + value"
+        blocks.append(table_of(caption, columns, rows))
+    for step in advice.steps:
+        blocks.append(Paragraph(step.text))
+        if step.commands:
+            blocks.append(Commands(step.commands))
+    return section_of("What to do", *blocks)

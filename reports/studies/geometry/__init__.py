@@ -1,1 +1,0 @@
-"""What the study `geometry` shows: page, tables and figures."""
