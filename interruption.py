@@ -19,77 +19,72 @@ from types import FrameType
 
 INTERRUPTED = 130  # exit status
 ATTENDED = "ZEROBEAM_ATTENDED"  # in the environment: end as by Ctrl-C once standard input ends
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_REQUESTS = (signal.SIGINT, signal.SIGTERM)
+_REMINDER = getattr(signal, "SIGURG", signal.SIGABRT)  # one that comes late, to no handler, is ignored
+SIGNALS = (*_REQUESTS, _REMINDER)
 _SAME_S = 1.0  # `timeout` sends its signal twice, to the process and to its group: that is one request
 _AGAIN_S = 0.05
 _PATIENCE_S = 10.0  # from the end of an attendance until the process ends, whatever it does
 
 
 class _Request:
-    """What is asked of this process: `since` when (None: nothing). Only the main thread is interrupted."""
+    """`since` when this process is to end (None: it is not). Only the `main` thread is interrupted."""
 
-    def __init__(self) -> None:
-        self.since: float | None = None
-        self.put_off = False
-        self.reminded = False
-        self.main = _thread.get_ident()
-        self.lock = _thread.allocate_lock()  # between a reminder and an answer
-
-    def hear(self, number: int, frame: FrameType | None) -> None:
-        """The handler of the signals: of those from outside, and of reminders."""
-        reminder, self.reminded = self.reminded, False
-        now, before = time.monotonic(), self.since
-        if reminder:
-            insisted = False
-        elif insisted := before is None or now - before > _SAME_S:
-            self.since = now
-            if before is None:
-                with suppress(RuntimeError):  # no more threads: then nobody reminds
-                    _thread.start_new_thread(self.remind, ())
-        if requested() and not self.put_off and (insisted or not _on_its_way_out()):
-            raise KeyboardInterrupt
-
-    def remind(self) -> None:
-        """A thread of its own: until the request is answered, the handler is called again and again."""
-        while True:
-            time.sleep(_AGAIN_S)
-            with self.lock:
-                if self.since is None:
-                    return
-                self.reminded = True
-                self.wake()
-
-    def wake(self) -> None:
-        """Let the main thread hear, from another one."""
-        if sys.platform == "win32":
-            _thread.interrupt_main()
-        else:
-            signal.pthread_kill(self.main, signal.SIGINT)  # wakes what waits, too
-
-    def answer(self) -> None:
-        before, self.put_off = self.put_off, True  # the lock must not be left locked
-        with self.lock:
-            self.since = None
-        self.put_off = before
+    since: float | None = None
+    put_off = False
+    main = _thread.get_ident()
 
 
-_request = _Request()
+def _handle(number: int, frame: FrameType | None) -> None:
+    now, before = time.monotonic(), _Request.since
+    insisted = number != _REMINDER and (before is None or now - before > _SAME_S)
+    if insisted:
+        _Request.since = now
+    if insisted and before is None:
+        with suppress(RuntimeError):  # no more threads: then nobody reminds
+            _thread.start_new_thread(_remind, ())
+    if requested() and not _Request.put_off and (insisted or not _on_its_way_out()):
+        raise KeyboardInterrupt
+
+
+def _remind() -> None:
+    """A thread of its own: until the request is answered, the handler is called again and again."""
+    while requested():
+        time.sleep(_AGAIN_S)
+        if requested():
+            _send(_REMINDER)
+
+
+def _send(number: int) -> None:
+    """A signal to the main thread, from another one."""
+    if sys.platform == "win32":
+        _thread.interrupt_main(number)
+    else:
+        signal.pthread_kill(_Request.main, number)  # wakes what waits, too
+
+
+def _on_its_way_out() -> bool:
+    """Whether an interruption is being raised: a `finally`, a handler or the end of a `with` is at work."""
+    error = sys.exception()
+    while error is not None and not isinstance(error, (KeyboardInterrupt, GeneratorExit)):
+        error = error.__context__
+    return error is not None
 
 
 def requested() -> bool:
     """Whether this process was asked to end, and has not yet answered."""
-    return _request.since is not None
+    return _Request.since is not None
 
 
 def obey() -> None:
     """Raise KeyboardInterrupt if this process was asked to end: a stage, a motion must not begin any more."""
-    if requested() and not _request.put_off and _thread.get_ident() == _request.main:
+    if requested() and not _Request.put_off and _thread.get_ident() == _Request.main:
         raise KeyboardInterrupt
 
 
 def answered() -> None:
     """The request was obeyed, and what comes now belongs to the end."""
-    _request.answer()
+    _Request.since = None
 
 
 @contextmanager
@@ -98,16 +93,16 @@ def stoppable() -> Iterator[None]:
 
     A shell lets what it starts in the background ignore SIGINT, many CI runners too, and Python leaves it so.
     """
-    _request.main, hear, lost = _thread.get_ident(), _request.hear, sys.unraisablehook
-    before = {number: signal.signal(number, hear) for number in _SIGNALS}
-    sys.unraisablehook = lambda raised: None if raised.exc_type is KeyboardInterrupt else lost(raised)
+    _Request.main, report = _thread.get_ident(), sys.unraisablehook
+    before = {number: signal.signal(number, _handle) for number in SIGNALS}
+    sys.unraisablehook = lambda raised: None if raised.exc_type is KeyboardInterrupt else report(raised)
     try:
         yield
     finally:
         answered()
-        sys.unraisablehook = lost
+        sys.unraisablehook = report
         for number, handler in before.items():
-            if signal.getsignal(number) == hear:  # not so after `leave`
+            if signal.getsignal(number) == _handle:  # not so after `leave`
                 signal.signal(number, handler)
 
 
@@ -137,15 +132,15 @@ def uninterrupted() -> Iterator[None]:
 
 
 @contextmanager
-def _putting_off(asked: bool) -> Iterator[None]:
-    if _thread.get_ident() != _request.main:  # no other thread is ever interrupted
+def _putting_off(put_off: bool) -> Iterator[None]:
+    if _thread.get_ident() != _Request.main:  # no other thread is ever interrupted
         yield
         return
-    before, _request.put_off = _request.put_off, asked
+    before, _Request.put_off = _Request.put_off, put_off
     try:
         yield
     finally:
-        _request.put_off = before
+        _Request.put_off = before
 
 
 def attend() -> None:
@@ -159,13 +154,11 @@ def attend() -> None:
     os.close(inner)
 
     def read() -> None:
-        try:
+        with suppress(OSError):  # as good as an end
             while part := os.read(outer, 2**16):
                 while part:
                     part = part[os.write(passed, part) :]
-        except OSError:
-            pass  # as good as an end
-        _request.wake()
+        _send(signal.SIGINT)
         time.sleep(_PATIENCE_S)
         os._exit(INTERRUPTED)
 
@@ -174,19 +167,5 @@ def attend() -> None:
 
 def leave(status: int) -> None:
     """The command has ended: whoever asks from now on need not wait until the interpreter has tidied up."""
-
-    def at_once(number: int, frame: FrameType | None) -> None:
-        os._exit(status)
-
-    for number in _SIGNALS:
-        signal.signal(number, at_once)
-
-
-def _on_its_way_out() -> bool:
-    """Whether an interruption is being raised: a `finally`, a handler or the end of a `with` is at work."""
-    error = sys.exception()
-    while error is not None:
-        if isinstance(error, (KeyboardInterrupt, GeneratorExit)):
-            return True
-        error = error.__context__
-    return False
+    for number in _REQUESTS:
+        signal.signal(number, lambda number, frame: os._exit(status))

@@ -27,8 +27,7 @@ from batch_time import write_runs
 
 from zerobeam.experiments.batch.rows import BatchSettings
 from zerobeam.experiments.batch.run_files import PATTERN, run_files
-from zerobeam.experiments.cluster import cluster
-from zerobeam.experiments.cluster_pieces import PARCEL_BYTES, PARCELS_A_SECOND, Traffic
+from zerobeam.experiments.cluster import PARCEL_BYTES, PARCELS_A_SECOND, Traffic, cluster
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies.coverage import StudiedPlan, studied, studied_plans
 from zerobeam.reports.batch.carried_out import batch

@@ -97,7 +97,7 @@ def write(
     found = candidates(own, robot, np.array(place), shots, seed=1)
     names, lines = ("psd",) * shots, tuple(range(shots))
     plan = Plan(own, robot, found.postures, names, lines, Path("plan.yaml"), "0" * 64, ())
-    stated, rng = Truth.stated(plan, truth), np.random.default_rng(2)
+    stated, rng = Truth.with_values(plan, truth), np.random.default_rng(2)
     files = [path] if runs == 1 else [path.with_stem(f"{path.stem}-{k}") for k in range(runs)]
     for file in files:
         write_run(file, own, simulated_shots(stated, rng))

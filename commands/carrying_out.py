@@ -18,8 +18,7 @@ from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
-    from ..experiments.rigs.abb.access import Access
-    from ..experiments.rigs.abb.caution import Caution
+    from ..experiments.rigs.abb.access import Caution, ControllerAccess
     from ..model.files.plan import Plan
 
 
@@ -132,7 +131,7 @@ def run(
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
     from ..experiments.plans.constraints import require_constraints
-    from ..experiments.procedure.events import ConfirmationAsked, Event, event_json
+    from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
     from ..experiments.recording import Answers, RunRequest, record
     from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
     from ..model.files.plan import read_plan
@@ -150,9 +149,9 @@ def run(
     planned = read_plan(plan)
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
-        seen: Callable[[Event], None] = led_view(err)
+        seen: Callable[[RunEvent], None] = led_view(err)
 
-        def told(event: Event) -> None:
+        def told(event: RunEvent) -> None:
             seen(event)
             if json_lines:
                 try:
@@ -246,9 +245,9 @@ def controller(
     """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
     import threading
 
-    from ..experiments.controller.egm_server import PacketFaults
-    from ..experiments.controller.sensor_server import CellSensors
-    from ..experiments.controller.service import SimulatedController, own_plan
+    from ..controller.egm_server import PacketFaults
+    from ..controller.sensor_server import CellSensors
+    from ..controller.service import SimulatedController, own_plan
     from ..experiments.rigs.simulated.cell_file import Cell, read_cell
     from ..experiments.sensors.stand_in import stand_ins
     from ..model.files.plan import read_plan
@@ -286,7 +285,7 @@ def controller(
             raise typer.Exit(0) from None
 
 
-def _access(host: str | None, port: int, user: str | None, password: str | None) -> Access:
+def _access(host: str | None, port: int, user: str | None, password: str | None) -> ControllerAccess:
     import os
 
     from ..experiments.rigs.abb.access import find_access
@@ -298,18 +297,23 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
 
 def _caution(speed: float, egm_port: int, laser: str, confirm: Callable[[str], bool]) -> Caution:
     """`confirm` asks a person before the first motion."""
-    from ..experiments.rigs.abb.caution import Caution, Signal
+    from ..experiments.rigs.abb.access import Caution, Signal
 
-    return Caution(confirm, speed, egm_port, Signal.stated(laser))
+    return Caution(confirm, speed, egm_port, Signal.parse(laser))
 
 
 def _controller(
-    opened: ExitStack, plan: Plan, access: Access, sensors: Path | None, sensor_port: int, caution: Caution
+    opened: ExitStack,
+    plan: Plan,
+    access: ControllerAccess,
+    sensors: Path | None,
+    sensor_port: int,
+    caution: Caution,
 ) -> Controller:
     """How the controller is reached, and which sensors belong to it: closed with `opened`."""
-    from ..experiments.controller.sensor_server import RemoteSensors
     from ..experiments.recording import Controller
     from ..experiments.sensors.attached import read_sensors
+    from ..experiments.sensors.interface import RemoteSensors
 
     if sensors is None:
         remote = RemoteSensors(access.address, sensor_port)

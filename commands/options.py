@@ -11,7 +11,7 @@ import typer
 from ..model.errors import BadInput
 
 if TYPE_CHECKING:
-    from ..experiments.cluster_pieces import Traffic
+    from ..experiments.cluster import Traffic
 
 J3Origin = Literal["ground", "link"]
 

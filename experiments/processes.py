@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from ..analysis.estimation.threads import one_thread
+from ..interruption import SIGNALS
 from ..model.likelihood.kernel import compiled_at_once
 
 Job = TypeVar("Job")
@@ -46,8 +47,8 @@ def on_cluster(work: Callable[[Job], Answer], jobs: Sequence[Job]) -> Iterable[A
     other. For what takes no longer than processes take to start."""
     if _engine.get() is None:
         return map(work, jobs)
-    with closing(side_by_side(work, jobs)) as found:
-        answers = dict(found)
+    with closing(side_by_side(work, jobs)) as results:
+        answers = dict(results)
     return [answers[number] for number in range(len(jobs))]
 
 
@@ -124,9 +125,9 @@ def interruptions_put_off() -> Iterator[None]:
     def note(number: int, frame: FrameType | None) -> None:
         heard.append((number, frame))
 
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    own = {int(number): handler for number, handler in handlers.items() if callable(handler)}
-    for number in own:
+    before = {int(number): signal.getsignal(number) for number in SIGNALS}
+    handlers = {number: handler for number, handler in before.items() if callable(handler)}
+    for number in handlers:
         signal.signal(number, note)
     blocked = hasattr(signal, "pthread_sigmask") and signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -134,10 +135,10 @@ def interruptions_put_off() -> Iterator[None]:
     finally:
         if blocked is not False:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        for number, handler in own.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler)
         for number, frame in heard:
-            own[number](number, frame)
+            handlers[number](number, frame)
 
 
 def _start(ended: Connection) -> None:

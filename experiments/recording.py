@@ -18,18 +18,17 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
 from ..model.kinematics.pendant import pendant_of
-from ..model.kinematics.robot import J3, PendantUnit
+from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.findings import finding_sentence, headline
 from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed, person
-from .corrected_arm import corrected_arm
+from .exporters.verification import offsets_to_enter
 from .plans.constraints import require_constraints, violations
-from .procedure.events import Begun, Ended, KnownOffset, Told
-from .procedure.order import Adaptive, Closing, InTurn, Order
-from .procedure.session import Carried, Procedure, recorded_event, told_by
-from .rigs.abb.access import Access
-from .rigs.abb.caution import Caution
+from .procedure.events import Ended, KnownOffset, Listener, RunOpened
+from .procedure.order import Adaptive, InTurn, Order, WithClosing
+from .procedure.session import Procedure, ProcedureResult, recorded_event, state_of
+from .rigs.abb.access import Caution, ControllerAccess
 from .rigs.abb.driver import AbbRig
 from .rigs.manual.lines import Lines
 from .rigs.manual.session import Manual
@@ -39,6 +38,60 @@ from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
 from .simulate import Truth, simulated_shots
 
+
+@dataclass(frozen=True)
+class CorrectedArm:
+    """`values` are true values by parameter (deg, mm): the offsets less those that were entered, the tool and
+    the geometry as they were. `run` and `sha256` are of the run's file."""
+
+    run: str
+    sha256: str
+    values: Mapping[str, float]
+
+    def provenance(self) -> dict[str, str]:
+        """For the header of a run of this arm."""
+        return {"arm": self.run, "arm sha256": self.sha256}
+
+
+def corrected_arm(path: Path, plan: Plan, cell: Cell | None) -> CorrectedArm:
+    """The arm of the simulated run at `path`, for a plan of the same robot in the same cell.
+
+    BadInput for a run that is not simulated, of another robot, from another cell (which has the arm's
+    backlash, geometry and encoders), or that does not determine all its offsets: nothing would be entered.
+    """
+    run = read_run(path)
+    true = true_values(run.header.provenance)
+    if not true:
+        raise BadInput(
+            "the run is not simulated: what its arm truly is, nobody knows",
+            allowed="a run of zerobeam run --rig simulated",
+            remedy="run the plan on the robot",
+            file=path,
+            line=run.header_line,
+        )
+    if not same_arm(run.robot, plan.robot):
+        raise BadInput(
+            "the plan is for another robot than the run's",
+            found=f"the plan's {plan.robot.name}",
+            allowed=run.robot.name,
+            file=path,
+            line=run.header_line,
+        )
+    cell_of_run, cell_sha256 = run.header.provenance.get("cell sha256"), None if cell is None else cell.sha256
+    if cell_of_run != cell_sha256:
+        raise BadInput(
+            "the arm of the run belongs to another cell",
+            found="no --cell" if cell_sha256 is None else f"a cell with SHA-256 {cell_sha256[:12]}",
+            allowed="no --cell" if cell_of_run is None else f"the cell with SHA-256 {str(cell_of_run)[:12]}",
+            remedy="state the cell that the run was simulated in, and no other",
+            file=path,
+            line=run.header_line,
+        )
+    entered = offsets_to_enter(run)
+    values = {name: value - entered.get(name, 0.0) for name, value in true.items()}
+    return CorrectedArm(path.name, run.sha256, values)
+
+
 RigName = Literal["simulated", "replay", "abb", "manual"]
 
 
@@ -46,7 +99,7 @@ RigName = Literal["simulated", "replay", "abb", "manual"]
 class Controller:
     """How an ABB controller is reached, which sensors belong to it, and how carefully it is driven."""
 
-    access: Access
+    access: ControllerAccess
     sensors: Sensors
     caution: Caution
     about: Mapping[str, str] = field(default_factory=dict)  # what the run's provenance says of the sensors
@@ -84,7 +137,7 @@ class RunRequest:
     answers: Answers | None = None
 
 
-def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
+def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
     """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
 
     A plan that breaks its constraints moves no robot: it can be rehearsed, with a note.
@@ -97,9 +150,9 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     if request.rig in ("abb", "manual"):
         require_constraints(plan)
     if request.rig == "manual":
-        return _led(plan, file, request, told)
+        return _led(plan, file, request, listener)
     if plan.header.tool.kind == "probe":
-        return _rehearsed_probe(plan, file, request, told)
+        return _rehearsed_probe(plan, file, request, listener)
     if plan.via and (request.tolerance is not None or request.closing):
         raise BadInput(
             "the plan states intermediate postures (via_deg), which are safe in its own order only",
@@ -110,15 +163,15 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     header = _header(plan, file, {**rig.provenance(), **about})
     order, adaptive = _order(plan, request)
     with _journal(plan, file, header, request) as journal:
-        told(_begin(plan, journal, request))
-        carried = Procedure(plan, rig, journal, order, told, request.scene).carry_out()
+        listener(_begin(plan, journal, request))
+        carried = Procedure(plan, rig, journal, order, listener, request.scene).carry_out()
         torn = journal.torn
     answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
-    told(answer)
+    listener(answer)
     return answer
 
 
-def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
+def _led(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
     """A person, or a robot that goes its own way, says where the arm is."""
     _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for a run by hand")
     answers = request.answers
@@ -131,12 +184,12 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     order, adaptive = _order(plan, request)
     header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
     with _journal(plan, file, header, request) as journal:
-        told(_begin(plan, journal, request))
+        listener(_begin(plan, journal, request))
         led = Manual(
             plan,
             journal,
             order,
-            told,
+            listener,
             answers.lines,
             pendant,
             answers.units or pendant.unit,
@@ -145,11 +198,11 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         carried = led.carry_out()
         torn = journal.torn
     answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
-    told(answer)
+    listener(answer)
     return answer
 
 
-def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
+def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
     """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
@@ -175,18 +228,18 @@ def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, told: Told) ->
     shots: tuple[Shot, ...] = ()
     header = _header(plan, file, about)
     with _journal(plan, file, header, request) as journal:
-        told(_begin(plan, journal, request))
+        listener(_begin(plan, journal, request))
         done = {shot.shot for shot in journal.shots}
         for shot in simulated_shots(truth, rng):
             if shot.shot not in done:
                 journal.append(shot)
-                state = told_by(truth.problem, journal.shots)
+                state = state_of(truth.problem, journal.shots)
                 assert state is not None
-                told(recorded_event(shot, len(journal.shots), state))
+                listener(recorded_event(shot, len(journal.shots), state))
         shots, torn = journal.shots, journal.torn
-    carried = Carried(shots, (), told_by(truth.problem, shots), {})
+    carried = ProcedureResult(shots, (), state_of(truth.problem, shots), {})
     answer = _answer(plan, file, header, carried, torn, None)
-    told(answer)
+    listener(answer)
     return answer
 
 
@@ -194,7 +247,7 @@ def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
     """Which posture comes next, and who decides that in an adaptive run, and why it ended."""
     adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
     order: Order = adaptive or InTurn(len(plan.postures))
-    return Closing(order, len(plan.postures)) if request.closing else order, adaptive
+    return WithClosing(order, len(plan.postures)) if request.closing else order, adaptive
 
 
 def _rig(
@@ -259,11 +312,11 @@ def _journal(plan: Plan, file: Path, header: Header, request: RunRequest) -> Run
             _require_rehearsal(file, request)
             file.unlink()
         return RunJournal(file, header)
-    said = "the recording has a measurement that is not of this plan"
+    message = "the recording has a measurement that is not of this plan"
     remedy = "remove its line, or start without --resume under another name"
     by_hand = request.rig == "manual"  # a person may have said that another posture is meant
     return RunJournal.resumed(
-        file, header, lambda run: require_planned(plan, run, said, remedy, anywhere=by_hand)
+        file, header, lambda run: require_planned(plan, run, message, remedy, anywhere=by_hand)
     )
 
 
@@ -282,8 +335,8 @@ def _require_rehearsal(file: Path, request: RunRequest) -> None:
         )
 
 
-def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> Begun:
-    return Begun(
+def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> RunOpened:
+    return RunOpened(
         rig=request.rig,
         file=journal.path.name,
         postures=len(plan.postures),
@@ -293,7 +346,7 @@ def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> Begun:
 
 
 def _answer(
-    plan: Plan, file: Path, header: Header, carried: Carried, torn: str | None, why: str | None
+    plan: Plan, file: Path, header: Header, carried: ProcedureResult, torn: str | None, why: str | None
 ) -> Ended:
     state = carried.state
     if state is None:
@@ -319,7 +372,7 @@ def _answer(
         file=file.name,
         verdict=state.verdict,
         headline=incomplete + headline(state),
-        said=incomplete + headline(state, person),
+        person_headline=incomplete + headline(state, person),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
             for row in state.offsets

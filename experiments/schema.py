@@ -14,8 +14,7 @@ from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
 from .rigs.simulated.cell_file import Cell
-from .sensors.counts import PsdCalibration
-from .sensors.sensors_file import SensorsFile
+from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
 _MODELS: dict[str, type[BaseModel]] = {

@@ -38,7 +38,7 @@ class Truth:
         return cls(problem, np.where(parameters.free, x, parameters.prior_mean))
 
     @classmethod
-    def stated(cls, plan: Plan, values: dict[str, float]) -> Truth:
+    def with_values(cls, plan: Plan, values: dict[str, float]) -> Truth:
         """As `drawn` without any error, with the named parameters at the stated values (deg, mm)."""
         problem = Problem.from_plan(plan)
         for name in values:

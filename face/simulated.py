@@ -68,7 +68,7 @@ def simulate(
     if offsets is None:
         truth = Truth.drawn(plan, rng)
     else:
-        truth = Truth.stated(plan, {})
+        truth = Truth.with_values(plan, {})
         names = truth.problem.parameters.names
         for parameter, value in offsets.items():
             if parameter not in names:
@@ -80,7 +80,7 @@ def simulate(
                     argument="offsets",
                 )
             require_number(value, -np.inf, f"offsets[{parameter!r}]")
-        truth = Truth.stated(plan, dict(offsets))
+        truth = Truth.with_values(plan, dict(offsets))
     header = plan.header.model_copy(
         update={"schema_": RUN_SCHEMA, "provenance": {**plan.header.provenance, **truth.provenance()}}
     )

@@ -45,7 +45,7 @@ class CandidatePostures:
     postures: Matrix
     drawn: int
     removed: dict[str, int]
-    alone: Alone | None = None
+    alone: ConditionsAlone | None = None
 
     def in_words(self) -> str:
         """Which constraint removed how many, in words."""
@@ -60,7 +60,7 @@ class CandidatePostures:
 
 
 @dataclass(frozen=True)
-class Alone:
+class ConditionsAlone:
     """Of `aimed` postures that can be turned onto the target: how many each constraint `removes`, and how
     many would be left `without` it, if all others stay."""
 
@@ -113,9 +113,9 @@ def candidates(
     removed: dict[str, int] = {}
     kept: list[Matrix] = []
     sample: Conditions | None = None  # on postures of the first draw that can be turned onto the target
-    drawn = found = 0
+    drawn = left_count = 0
     most = max(_LEAST_DRAWN, _MOST_DRAWN_PER_CANDIDATE * count)
-    while found < count and drawn < most:
+    while left_count < count and drawn < most:
         joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
         drawn += _BATCH
         aimed = aim(problem.moved(joints), x, servo_joints(problem))
@@ -124,14 +124,14 @@ def candidates(
             sample = Conditions(some, x, view, clearance)
         left = _fit(Conditions(aimed.problem, x, view, clearance), aimed.hit, removed)
         kept.append(left)
-        found += len(left)
+        left_count += len(left)
         if progress is not None:
-            progress(min(found / count, 1.0))
-        if found == 0 and drawn >= _LEAST_DRAWN:
+            progress(min(left_count / count, 1.0))
+        if left_count == 0 and drawn >= _LEAST_DRAWN:
             break
-    if found > count:
-        removed["are more than asked for"] = found - count
-    alone = None if found >= count or sample is None else _alone(sample)
+    if left_count > count:
+        removed["are more than asked for"] = left_count - count
+    alone = None if left_count >= count or sample is None else _alone(sample)
     return CandidatePostures(np.concatenate(kept)[:count], drawn, removed, alone)
 
 
@@ -152,7 +152,7 @@ def _fit(conditions: Conditions, hit: Mask, removed: dict[str, int]) -> Matrix:
     return conditions.joints[left]
 
 
-def _alone(conditions: Conditions) -> Alone:
+def _alone(conditions: Conditions) -> ConditionsAlone:
     """What each condition does by itself to postures that are all turned onto the target."""
     rows = np.arange(len(conditions.joints))
     broken = {
@@ -160,7 +160,7 @@ def _alone(conditions: Conditions) -> Alone:
         for condition, breaks in conditions.in_order()
     }
     faults = np.sum(list(broken.values()), axis=0)
-    return Alone(
+    return ConditionsAlone(
         len(rows),
         {reason: int(mask.sum()) for reason, mask in broken.items()},
         {reason: int((faults - mask == 0).sum()) for reason, mask in broken.items()},

@@ -40,7 +40,7 @@ class View:
     margin: float = float(np.radians(5.0))
 
     @classmethod
-    def stated(cls, constraints: StatedConstraints) -> View:
+    def of(cls, constraints: StatedConstraints) -> View:
         """What a plan file states."""
         return cls(
             facing=constraints.facing,
@@ -161,8 +161,8 @@ def violations(turned: AimedPlan) -> tuple[Violation, ...]:
     Postures that cannot be turned onto their targets have no beam to be judged: `check` names them. What the
     arm may touch is judged in the postures as written and in the intermediate ones as well.
     """
-    stated = turned.plan.constraints
-    if not stated.model_fields_set:
+    constraints = turned.plan.constraints
+    if not constraints.model_fields_set:
         return ()
     with one_blas_thread():
         try:
@@ -186,17 +186,17 @@ def touched_boxes(turned: AimedPlan) -> list[bool]:
 
 
 def _broken(turned: AimedPlan) -> Iterator[Violation]:
-    plan, problem, stated = turned.plan, turned.aimed.problem, turned.plan.constraints
-    view = View.stated(stated).rounded()
-    clearance = None if stated.obstacles is None else Clearance(problem, stated.obstacles)
+    plan, problem, constraints = turned.plan, turned.aimed.problem, turned.plan.constraints
+    view = View.of(constraints).rounded()
+    clearance = None if constraints.obstacles is None else Clearance(problem, constraints.obstacles)
     conditions = Conditions(problem, turned.x, view, clearance)
     every, hit = np.arange(problem.shots), np.flatnonzero(turned.aimed.hit)
-    seen = hit[conditions.length[hit] > 0]
+    in_front = hit[conditions.length[hit] > 0]
     touched: set[tuple[int, Condition]] = set()
     for condition, breaks in conditions.in_order():
-        if condition == "behind" or (condition == "limits" and stated.margin_deg is None):
+        if condition == "behind" or (condition == "limits" and constraints.margin_deg is None):
             continue  # findings of `check`, stated or not
-        rows = hit if condition == "beam_mm" else seen if condition in ("facing", "beam") else every
+        rows = hit if condition == "beam_mm" else in_front if condition in ("facing", "beam") else every
         for i in rows[breaks(rows)].tolist():
             touched.add((i, condition))
             yield from _violation(conditions, plan, condition, i)
@@ -211,19 +211,19 @@ def _broken(turned: AimedPlan) -> Iterator[Violation]:
 
 
 def _violation(conditions: Conditions, plan: Plan, condition: Condition, i: int) -> Iterator[Violation]:
-    stated, row = plan.constraints, np.array([i])
+    constraints, row = plan.constraints, np.array([i])
     match condition:
         case "limits":
-            lower, upper = View.stated(stated).limits(plan.robot)
+            lower, upper = View.of(constraints).limits(plan.robot)
             for j in np.flatnonzero(conditions.beyond(row)[0]).tolist():
                 joint = plan.robot.joints[j]
                 at, low, high = (float(v[j] * joint.display) for v in (conditions.joints[i], lower, upper))
                 yield Violation(i, "margin_deg", condition, at, low, high, joint.unit, j + 1)
         case "beam_mm":
-            assert stated.beam_mm is not None
-            yield Violation(i, "beam_mm", condition, float(conditions.length[i]), *stated.beam_mm, "mm")
+            assert constraints.beam_mm is not None
+            yield Violation(i, "beam_mm", condition, float(conditions.length[i]), *constraints.beam_mm, "mm")
         case "facing":
             at = float(np.degrees(conditions.incidence[i]))
-            yield Violation(i, "acceptance_deg", condition, at, 0.0, stated.acceptance, "deg")
+            yield Violation(i, "acceptance_deg", condition, at, 0.0, constraints.acceptance, "deg")
         case _:
             yield Violation(i, "obstacles", condition)

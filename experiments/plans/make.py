@@ -70,7 +70,7 @@ class MadePlan:
     removed: str | None
 
     @property
-    def said(self) -> list[str]:
+    def sentences(self) -> list[str]:
         """How good the choice is and why it may not be better, or why there is no plan; a sentence each."""
         made, fewest = self.proposal, self.fewest
         if self.checked is None and fewest is not None:
@@ -114,7 +114,7 @@ class MadePlan:
             "max_shots": None if fewest is None else fewest.most,
             "curve": [] if fewest is None else [{"shots": k, "worst_std": std} for k, std in fewest.curve],
             "limit": None if fewest is None else fewest.limit,
-            "said": self.said,
+            "said": self.sentences,
             "check": None if checked is None else check_json(checked),
         }
 
@@ -133,31 +133,31 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     target = np.array(request.target)
     proposal, fewest, removed = None, None, None
     if request.kind == "optimal":
-        found = candidates(
+        pool = candidates(
             header,
             robot,
             target,
             request.candidates,
-            view=View.stated(_constraints(request)),
+            view=View.of(_constraints(request)),
             obstacles=request.obstacles,
             seed=request.seed,
             name=name,
             progress=lambda share: tell("candidates", share),
         )
-        removed = found.in_words()
-        wanted = request.shots if request.tolerance is None else 2
-        if len(found.postures) < wanted:
+        removed = pool.in_words()
+        least = request.shots if request.tolerance is None else 2
+        if len(pool.postures) < least:
             raise BadInput(
-                f"there are too few postures to choose {wanted} measurements from",
-                found=found.reasons(),
+                f"there are too few postures to choose {least} measurements from",
+                found=pool.reasons(),
                 remedy="loosen the condition without which most would be left, or put the target elsewhere",
             )
         tell("choice", 0.0)
-        planner = Planner(header, robot, target, found, name=name)
+        planner = Planner(header, robot, target, pool, name=name)
         if request.tolerance is None:
             proposal = planner.optimal(request.shots, request.criterion, seed=request.seed)
         else:
-            most = min(request.max_shots, len(found.postures))
+            most = min(request.max_shots, len(pool.postures))
             fewest = planner.fewest(request.tolerance, most, request.criterion, seed=request.seed)
             proposal = fewest.proposal
         if proposal is None:
@@ -183,18 +183,18 @@ def _target_name(header: Header) -> str:
 
 def _with_target(request: PlanRequest, folder: Path) -> Header:
     """The header with the target's guess, its robot named as seen from the plan's folder."""
-    stated, name = dict(request.header.targets), _target_name(request.header)
-    if stated and set(stated) != {name}:
+    targets, name = dict(request.header.targets), _target_name(request.header)
+    if targets and set(targets) != {name}:
         raise BadInput(
             "the header states other targets than the plan is made for",
-            found=", ".join(stated),
+            found=", ".join(targets),
             allowed=f"none, or {name}",
             remedy="remove `targets` from the header: the target's position is stated separately",
         )
     guess = {"guess_mm": tuple(request.target)}
-    stated[name] = stated[name].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]
+    targets[name] = targets[name].model_copy(update=guess) if targets else StatedTarget(**guess)  # type: ignore[arg-type]
     robot_ref = rebased(request.header.robot, request.header_folder, folder)
-    return request.header.model_copy(update={"targets": stated, "robot": robot_ref})
+    return request.header.model_copy(update={"targets": targets, "robot": robot_ref})
 
 
 def _constraints(request: PlanRequest) -> StatedConstraints:
@@ -220,9 +220,9 @@ def _constraints(request: PlanRequest) -> StatedConstraints:
             allowed="0 <= shortest < longest",
             argument="beam_mm",
         )
-    stated: dict[str, Any] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
+    constraints: dict[str, Any] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
     if request.header.tool.kind == "laser":
         if request.facing is not None:
-            stated = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **stated}
-        stated["beam_mm"] = request.beam_mm
-    return checked(StatedConstraints, stated)
+            constraints = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **constraints}
+        constraints["beam_mm"] = request.beam_mm
+    return checked(StatedConstraints, constraints)

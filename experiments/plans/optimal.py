@@ -64,12 +64,12 @@ class Planner:
     """Chooses measurements for one header, robot and target from candidate postures."""
 
     def __init__(
-        self, header: Header, robot: Robot, target: Matrix, found: CandidatePostures, *, name: str = "psd"
+        self, header: Header, robot: Robot, target: Matrix, pool: CandidatePostures, *, name: str = "psd"
     ) -> None:
-        if len(found.postures) == 0:
-            raise BadInput("no posture is fit for a plan", found=found.in_words(), remedy=_LOOSEN)
-        self._robot, self._postures, self._removed = robot, found.postures, found.in_words()
-        self._problem = Problem.build(header, robot, found.postures, [name] * len(found.postures))
+        if len(pool.postures) == 0:
+            raise BadInput("no posture is fit for a plan", found=pool.in_words(), remedy=_LOOSEN)
+        self._robot, self._postures, self._removed = robot, pool.postures, pool.in_words()
+        self._problem = Problem.build(header, robot, pool.postures, [name] * len(pool.postures))
         self._x = self._problem.parameters.prior_mean.copy()
         self._x[self._problem.parameters.group("target")] = target
         parameters = self._problem.parameters
@@ -88,7 +88,7 @@ class Planner:
         if not offsets.any():
             raise BadInput(
                 "no measurement at this target makes any offset identifiable",
-                found=f"all {len(found.postures)} candidates together carry almost no information",
+                found=f"all {len(pool.postures)} candidates together carry almost no information",
                 remedy="hold what is unidentifiable (`held`), or calibrate the tool",
             )
         self._all_determined = bool(determined[self._columns].all())

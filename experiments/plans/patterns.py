@@ -60,14 +60,14 @@ def pattern(
     done: list[int] = []
     for i in order:
         near = [postures[j] for j in done if abs(j - i) == 1]
-        found = solver.posture(starts[i], near)
-        if found is None:
+        posture = solver.posture(starts[i], near)
+        if posture is None:
             raise BadInput(
                 f"the {which.upper()}-Pattern cannot be made: the arm cannot shoot from all of its line",
                 found=f"no posture has the laser at {_point(starts[i])} mm and sees {_point(target)} mm",
                 remedy="put the target nearer to the middle of the workspace",
             )
-        postures[i] = found
+        postures[i] = posture
         done.append(i)
     return postures
 
@@ -104,19 +104,19 @@ class _BeamAt:
 
         def residual(q: Matrix, _: Index) -> tuple[Matrix, Matrix]:
             origin, by = self._placed(q, parts.arm, point)
-            residual_mm, own = self._problem.linearise(self._x, q)
+            residual_mm, jacobian = self._problem.linearise(self._x, q)
             value = np.concatenate([origin - start, residual_mm, _KEEP_NEAR * (q - seed)], axis=1)
             near = _KEEP_NEAR * np.eye(n)[None]
             by_joints = by[:, :, self._problem.parameters.block("offset")]
-            return value, np.concatenate([by_joints, self._problem.by_joints(own), near], axis=1)
+            return value, np.concatenate([by_joints, self._problem.by_joints(jacobian), near], axis=1)
 
-        found = levenberg_marquardt(least_squares(residual), seed[None], max_iterations=60)
-        value, _ = residual(found.x, np.zeros(1, dtype=np.int64))
+        solution = levenberg_marquardt(least_squares(residual), seed[None], max_iterations=60)
+        value, _ = residual(solution.x, np.zeros(1, dtype=np.int64))
         if np.abs(value[0, : 3 + self._problem.tool.residual_size]).max() > _HIT_MM:
             return None
-        origin, direction = self._beam(found.x, parts.arm, parts.tool)
+        origin, direction = self._beam(solution.x, parts.arm, parts.tool)
         ahead = float(direction[0] @ (self._target - origin[0])) > 0
-        return found.x[0] if ahead else None
+        return solution.x[0] if ahead else None
 
 
 def _point(point: Matrix) -> str:

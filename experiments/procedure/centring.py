@@ -15,8 +15,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ..sensors.psd import BRIGHTEST, LIT, Psd
 from .readings import Spot, read_spot
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, RefusalReason, Rig
 from .steering import Belief, come_to, step
 
 ENOUGH_MM = 0.005  # far below what the joints' own noise makes of the beam
@@ -48,19 +47,19 @@ def centre(
     joints: Matrix,
     dark: Matrix,
     frame: Matrix,
-    told: Callable[[Matrix], None] = lambda at: None,
+    report: Callable[[Matrix], None] = lambda at: None,
 ) -> Centred:
     """Move the spot to the centre from anywhere on the face; MeasurementRefused if that fails.
 
     The laser is on; `dark` (4,) are the currents without it, `frame` (3, 3) the PSD's axes in the base
-    frame as believed. `told` is called with each position (2,) mm of the spot.
+    frame as believed. `report` is called with each position (2,) mm of the spot.
     """
     spot, follows = _on_face(rig, psd, dark), np.eye(2)
     off = [_length(spot.position)]
-    told(spot.position)
+    report(spot.position)
     # The first position does not count, however near: it was not approached from below.
     nearest, waited = np.inf, 0
-    asked, seen, idle = 0.0, 0.0, 0  # mm since the light was known to follow; short steps are added up
+    sent_mm, moved_mm, idle = 0.0, 0.0, 0  # mm since the light was known to follow; short steps are added up
     while nearest > ENOUGH_MM and waited < _PATIENCE and len(off) <= _STEPS:
         _, by_joints = belief.spot(joints, frame)
         scatter = _length(by_joints * belief.problem.noise.joint)
@@ -69,17 +68,17 @@ def centre(
         sent, before, spot = by_joints @ (after - joints), spot, _on_face(rig, psd, dark)
         joints, moved = after, spot.position - before.position
         off.append(_length(spot.position))
-        told(spot.position)
-        asked, seen = asked + _length(sent), seen + _length(moved)
-        if asked >= _TELLING_MM:
-            if seen < _FOLLOWS * asked:
+        report(spot.position)
+        sent_mm, moved_mm = sent_mm + _length(sent), moved_mm + _length(moved)
+        if sent_mm >= _TELLING_MM:
+            if moved_mm < _FOLLOWS * sent_mm:
                 idle += 1
             else:
-                asked, seen, idle = 0.0, 0.0, 0
+                sent_mm, moved_mm, idle = 0.0, 0.0, 0
         if idle == _STRIKES:
             raise MeasurementRefused(
-                Reason.NOT_FOLLOWING,
-                f"sent by {asked:.1f} mm, the light on the PSD moved by {seen:.1f} mm: a reflection, or"
+                RefusalReason.NOT_FOLLOWING,
+                f"sent by {sent_mm:.1f} mm, the light on the PSD moved by {moved_mm:.1f} mm: a reflection, or"
                 " another light",
             )
         # A step that is long compared with the joints' noise, and followed, shows how the spot follows.
@@ -89,7 +88,9 @@ def centre(
         nearest = min(nearest, off[-1])
     # Nearer than the joints' noise alone makes it, the spot is as good as centred: its place is recorded.
     if off[-1] > max(ACCEPTED_MM, scatter):
-        raise MeasurementRefused(Reason.NOT_CONVERGING, f"the spot stays {off[-1]:.2f} mm off the centre")
+        raise MeasurementRefused(
+            RefusalReason.NOT_CONVERGING, f"the spot stays {off[-1]:.2f} mm off the centre"
+        )
     return Centred(joints, tuple(off))
 
 
@@ -100,9 +101,10 @@ def _length(vector: Matrix) -> float:
 def _on_face(rig: Rig, psd: Psd, dark: Matrix) -> Spot:
     spot = read_spot(rig, psd, dark, _SAMPLES)
     if spot.light < LIT:
-        raise MeasurementRefused(Reason.OFF_FACE, "the beam has left the PSD's face")
+        raise MeasurementRefused(RefusalReason.OFF_FACE, "the beam has left the PSD's face")
     if spot.light > BRIGHTEST:
         raise MeasurementRefused(
-            Reason.TOO_BRIGHT, f"{spot.light:.1f} times the laser's light: there is a second light on the PSD"
+            RefusalReason.TOO_BRIGHT,
+            f"{spot.light:.1f} times the laser's light: there is a second light on the PSD",
         )
     return spot

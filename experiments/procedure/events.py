@@ -9,18 +9,18 @@ from typing import Any, ClassVar
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
 from ...words.result_json import geometry_document
-from .refusal import Reason, RefusedPosture
+from .rig import RefusalReason, RefusedPosture
 
 
 @dataclass(frozen=True)
-class Event:
+class RunEvent:
     """`event` is the kind of it in JSON; times are seconds since the start of the run."""
 
     event: ClassVar[str]
 
 
 @dataclass(frozen=True)
-class Begun(Event):
+class RunOpened(RunEvent):
     """The run file is open. `recorded` are the measurements in it, `tolerance` is of an adaptive run."""
 
     event: ClassVar[str] = "begin"
@@ -32,7 +32,7 @@ class Begun(Event):
 
 
 @dataclass(frozen=True)
-class ConfirmationAsked(Event):
+class ConfirmationAsked(RunEvent):
     """A real arm is about to move: a person reads `text`, and answers yes or no."""
 
     event: ClassVar[str] = "confirm"
@@ -40,7 +40,7 @@ class ConfirmationAsked(Event):
 
 
 @dataclass(frozen=True)
-class Attempted(Event):
+class Attempted(RunEvent):
     """An attempt (from 1) at a measurement begins."""
 
     event: ClassVar[str] = "shot"
@@ -50,7 +50,7 @@ class Attempted(Event):
 
 
 @dataclass(frozen=True)
-class PhaseBegun(Event):
+class PhaseBegun(RunEvent):
     """Move, search, servo or settle begins."""
 
     event: ClassVar[str] = "phase"
@@ -59,7 +59,7 @@ class PhaseBegun(Event):
 
 
 @dataclass(frozen=True)
-class SpotSeen(Event):
+class SpotSeen(RunEvent):
     """The distance of the spot from the PSD's centre after a step of the servo.
 
     `at_mm` is where it is on the face, in the PSD's axes; `size_mm` the side of that face.
@@ -74,7 +74,7 @@ class SpotSeen(Event):
 
 
 @dataclass(frozen=True)
-class ArmSent(Event):
+class ArmSent(RunEvent):
     """The arm is sent to joint positions, or (by hand) asked for there; told where the scene is asked for.
 
     Points are mm in the base frame, as believed of arm, tool and target: `arm` from the base over the joints
@@ -92,7 +92,7 @@ class ArmSent(Event):
 
 
 @dataclass(frozen=True)
-class PictureTaken(Event):
+class PictureTaken(RunEvent):
     """What the camera saw; told where the scene is asked for, a few times a second at most.
 
     `grey` is base64 of a byte a pixel, row by row: the brightest of `reduced` by `reduced` pixels.
@@ -107,28 +107,28 @@ class PictureTaken(Event):
 
 
 @dataclass(frozen=True)
-class Retried(Event):
+class Retried(RunEvent):
     """An attempt was refused, and another one follows."""
 
     event: ClassVar[str] = "retry"
     attempt: int
     shot: int
-    reason: Reason
+    reason: RefusalReason
     found: str
 
 
 @dataclass(frozen=True)
-class GivenUp(Event):
+class GivenUp(RunEvent):
     """The last attempt was refused."""
 
     event: ClassVar[str] = "refused"
     shot: int
-    reason: Reason
+    reason: RefusalReason
     found: str
 
 
 @dataclass(frozen=True)
-class Recorded(Event):
+class MeasurementRecorded(RunEvent):
     """A measurement is on the disk, `recorded` with it; `std` by offset (deg; mm), None where unidentifiable.
 
     `seconds` is what it took; None for a probe, which is led by hand.
@@ -148,7 +148,7 @@ class Recorded(Event):
 
 
 @dataclass(frozen=True)
-class Asked(Event):
+class PostureRequested(RunEvent):
     """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
     planned, joint 3 as the pendant counts it; `pendant`: name, value and unit of each joint as it shows
     them."""
@@ -163,7 +163,7 @@ class Asked(Event):
 
 
 @dataclass(frozen=True)
-class Doubted(Event):
+class Doubted(RunEvent):
     """What was typed is not recorded: `kind` is limit, radians, repeated, far, unreadable, refused or help;
     `answers` are the words that record it all the same."""
 
@@ -175,7 +175,7 @@ class Doubted(Event):
 
 
 @dataclass(frozen=True)
-class Withdrawn(Event):
+class Withdrawn(RunEvent):
     """A measurement is removed from the run file, to be repeated."""
 
     event: ClassVar[str] = "withdrawn"
@@ -183,7 +183,7 @@ class Withdrawn(Event):
 
 
 @dataclass(frozen=True)
-class Suspected(Event):
+class Suspected(RunEvent):
     """A measurement contradicts the others: its residual at their fit, and the corrected p-value."""
 
     event: ClassVar[str] = "suspect"
@@ -193,7 +193,7 @@ class Suspected(Event):
 
 
 @dataclass(frozen=True)
-class Stopped(Event):
+class Stopped(RunEvent):
     """A fault of the rig, or an interruption, ended the run."""
 
     event: ClassVar[str] = "stopped"
@@ -221,11 +221,11 @@ class KnownOffset:
 
 
 @dataclass(frozen=True)
-class Ended(Event):
+class Ended(RunEvent):
     """The answer of `zerobeam run`, `zerobeam/carried/1`.
 
-    `headline` calls offsets as files do, `said` is the same for people and is not printed as JSON. `saved`
-    postures were not needed, and `why` an adaptive run ended; None in any other. `missing` are the
+    `headline` calls offsets as files do, `person_headline` is the same for people and is not printed as JSON.
+    `saved` postures were not needed, and `why` an adaptive run ended; None in any other. `missing` are the
     measurements that were still to come where a run by hand ended before the plan was through. `seconds` by
     phase. `geometry` says what the offsets are worth if the arm deviates from what was taken. `true` has the
     true offsets (deg; mm) of a simulated run by name, else nothing.
@@ -235,7 +235,7 @@ class Ended(Event):
     file: str
     verdict: Verdict
     headline: str
-    said: str
+    person_headline: str
     parameters: tuple[KnownOffset, ...]
     p_value: float | None
     consistent: bool
@@ -250,18 +250,18 @@ class Ended(Event):
     missing: tuple[int, ...] = ()
 
 
-Told = Callable[[Event], None]
+Listener = Callable[[RunEvent], None]
 
 
-def event_json(event: Event) -> dict[str, Any]:
+def event_json(event: RunEvent) -> dict[str, Any]:
     """Plain JSON types, keys in the order of the fields."""
     content: dict[str, Any] = {"event": event.event}
     if isinstance(event, Ended):
         content["schema"] = "zerobeam/carried/1"
     content |= asdict(event)
-    content.pop("said", None)
+    content.pop("person_headline", None)
     if isinstance(event, Ended):
         content["geometry"] = None if event.geometry is None else geometry_document(event.geometry).to_json()
-    if isinstance(event, Recorded) and event.seconds is None:
+    if isinstance(event, MeasurementRecorded) and event.seconds is None:
         del content["seconds"]
     return content

@@ -49,7 +49,7 @@ class InTurn:
         return next((number for number in range(self._count) if number not in done), None)
 
 
-class Closing:
+class WithClosing:
     """What `order` says, and in the end the first recorded posture of each target once more: the measurement
     that is the best test of whether a target has moved. Its number is that of the posture plus `count`, the
     plan's."""

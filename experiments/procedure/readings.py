@@ -8,8 +8,7 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ..sensors.psd import Psd
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, RefusalReason, Rig
 
 _PATIENCE = 8  # readings of which most is lost before the link counts as down
 _BETWEEN = 0.25  # s, while waiting for it
@@ -39,9 +38,9 @@ def arrived(rig: Rig, psd: Psd, samples: int) -> Matrix:
             break
         rig.wait(_BETWEEN)
     else:
-        raise MeasurementRefused(Reason.NO_SIGNAL, "most samples of the PSD do not arrive")
+        raise MeasurementRefused(RefusalReason.NO_SIGNAL, "most samples of the PSD do not arrive")
     if psd.saturated(sound).any():
-        raise MeasurementRefused(Reason.SATURATED, "the PSD is saturated: shade it, or dim the laser")
+        raise MeasurementRefused(RefusalReason.SATURATED, "the PSD is saturated: shade it, or dim the laser")
     return np.asarray(sound)
 
 
@@ -78,12 +77,12 @@ def read_joints(rig: Rig, sent: Matrix, tolerance: Matrix) -> Matrix:
     if (apart > tolerance).any():
         joint = int(np.argmax(apart / tolerance))
         raise MeasurementRefused(
-            Reason.READING, f"joint {joint + 1} was read differently while the arm was at rest"
+            RefusalReason.READING, f"joint {joint + 1} was read differently while the arm was at rest"
         )
     off = np.abs(middle - sent)
     if (off > tolerance).any():
         joint = int(np.argmax(off / tolerance))
         raise MeasurementRefused(
-            Reason.READING, f"joint {joint + 1} does not read the position it was sent to"
+            RefusalReason.READING, f"joint {joint + 1} does not read the position it was sent to"
         )
     return np.asarray(middle)

@@ -1,14 +1,52 @@
-"""A rig: an arm with a laser, a PSD and perhaps a camera, as far as the procedure knows it."""
+"""A rig: an arm with a laser, a PSD and perhaps a camera; and why a measurement with it is refused."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol
 
 from ...model.arrays import Matrix
 from ...model.files.shot import Shot
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
+
+
+class RefusalReason(StrEnum):
+    """What can keep a measurement from being recorded."""
+
+    OUT_OF_VIEW = "marker out of view"
+    CAMERA = "camera"
+    OFF_FACE = "beam off the face"
+    NO_SIGNAL = "no signal"
+    SATURATED = "saturated"
+    TOO_WEAK = "too weak"
+    TOO_BRIGHT = "too bright"
+    NOT_FOLLOWING = "light does not follow the arm"
+    LIMIT = "joint limit"
+    NOT_CONVERGING = "not converging"
+    UNSTEADY = "unsteady"
+    READING = "joint reading"
+    SKIPPED = "skipped"
+
+
+class MeasurementRefused(Exception):
+    """A measurement cannot be made from here; the next attempt, or the next posture, may do better."""
+
+    def __init__(self, reason: RefusalReason, why: str) -> None:
+        self.reason = reason
+        self.why = why
+        super().__init__(f"{reason}: {why}")
+
+
+@dataclass(frozen=True)
+class RefusedPosture:
+    """A posture from which no measurement was recorded, and why."""
+
+    shot: int
+    reason: RefusalReason
+    found: str
 
 
 class Rig(Protocol):

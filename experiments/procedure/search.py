@@ -18,8 +18,7 @@ from ..sensors.camera import Camera, Image
 from ..sensors.markers import NoPair, Pair, blobs, is_black, marker_pair, spot_between
 from ..sensors.psd import LIT, Psd
 from .readings import read_spot
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, RefusalReason, Rig
 from .steering import Belief, step
 
 _SAMPLES = 8
@@ -61,7 +60,9 @@ class Search:
             except MeasurementRefused as refused:
                 self.left = refused
         if not self._by_spiral():
-            raise self.left or MeasurementRefused(Reason.OFF_FACE, "the beam did not find the PSD's face")
+            raise self.left or MeasurementRefused(
+                RefusalReason.OFF_FACE, "the beam did not find the PSD's face"
+            )
 
     def frame(self) -> Matrix:
         """(3, 3) the PSD's axes in the base frame under the beam, turned about its normal as it was seen."""
@@ -73,19 +74,21 @@ class Search:
         """Turn the wrist until the beam points at the middle of the LEDs."""
         around = self._look_around(camera)
         for _ in range(_LOOKS):
-            found = self._markers(camera, self._picture())
-            if isinstance(found, NoPair):
+            markers = self._markers(camera, self._picture())
+            if isinstance(markers, NoPair):
                 following = next(around, None)
                 if following is None:
-                    raise MeasurementRefused(Reason.OUT_OF_VIEW, found.reason)
+                    raise MeasurementRefused(RefusalReason.OUT_OF_VIEW, markers.reason)
                 self._go(following)
                 continue
-            self._place(camera, found.pixels)
+            self._locate(camera, markers.pixels)
             centre, beam = self._pixels(camera, np.array([self.belief.target, self._beam_there()]))
             if np.linalg.norm(centre - beam) <= _ON_CENTRE:
                 return
             self._go(self._image_step(camera, centre - beam))
-        raise MeasurementRefused(Reason.NOT_CONVERGING, f"the markers were not centred in {_LOOKS} pictures")
+        raise MeasurementRefused(
+            RefusalReason.NOT_CONVERGING, f"the markers were not centred in {_LOOKS} pictures"
+        )
 
     def _by_spot(self, camera: Camera) -> bool:
         """Lead the spot onto the middle of the LEDs, in pictures with and without the laser; True if lit.
@@ -98,11 +101,11 @@ class Search:
             self._rig.laser(False)
             dark = self._picture()
             self._rig.laser(True)
-            found = self._markers(camera, dark)
+            markers = self._markers(camera, dark)
             lights = np.array([[light.x, light.y] for light in spot_between(dark, self._picture())])
-            if isinstance(found, NoPair) or not len(lights):
+            if isinstance(markers, NoPair) or not len(lights):
                 return False
-            self._place(camera, found.pixels)
+            self._locate(camera, markers.pixels)
             centre, beam = self._pixels(camera, np.array([self.belief.target, self._beam_there()]))
             apart = np.linalg.norm(lights[:, None] - (beam[None] if before is None else before), axis=2)
             spot, before = lights[apart.min(axis=1).argmin()], lights
@@ -116,22 +119,22 @@ class Search:
             image = self._rig.image()
             if not is_black(image):
                 return image
-        raise MeasurementRefused(Reason.CAMERA, "its pictures are black")
+        raise MeasurementRefused(RefusalReason.CAMERA, "its pictures are black")
 
     def _markers(self, camera: Camera, picture: Image) -> Pair | NoPair:
         """The two LEDs. Where they are the only lights, they need not match the believed pose of the PSD."""
-        seen = blobs(picture)
+        lights = blobs(picture)
         expected = self._pixels(camera, self.belief.target + self._leds())
-        found = marker_pair(seen, expected if np.isfinite(expected).all() else None)
-        if isinstance(found, NoPair) and len(seen) == len(self._psd.markers):
-            return marker_pair(seen)
-        return found
+        pair = marker_pair(lights, expected if np.isfinite(expected).all() else None)
+        if isinstance(pair, NoPair) and len(lights) == len(self._psd.markers):
+            return marker_pair(lights)
+        return pair
 
     def _leds(self) -> Matrix:
         """(2, 3) mm from the PSD's centre to its markers in the base frame, by the believed pose."""
         return np.asarray(self._psd.markers @ self.frame().T)
 
-    def _place(self, camera: Camera, pixels: Matrix) -> None:
+    def _locate(self, camera: Camera, pixels: Matrix) -> None:
         """Believe the PSD's centre and its rotation about the normal by the pixels (2, 2) of its markers.
 
         Two rays, four equations for the four unknowns. First the turn t: the line a of the markers lies in
@@ -139,8 +142,8 @@ class Search:
         has along n, which is nothing); of its two solutions the one that is the smaller rotation. Then the
         centre, which is linear.
         """
-        rotation, place = self.belief.flange(self.joints)
-        eye = place + rotation @ camera.mount[:3, 3]
+        rotation, position = self.belief.flange(self.joints)
+        eye = position + rotation @ camera.mount[:3, 3]
         rays = camera.rays(pixels) @ (rotation @ camera.mount[:3, :3]).T
         leds, normal, across = self._leds(), self.frame()[:, 2], np.cross(rays[0], rays[1])
         line = leds[1] - leds[0]
@@ -157,8 +160,8 @@ class Search:
 
     def _pixels(self, camera: Camera, points: Matrix) -> Matrix:
         """(N, 2) px of points (N, 3) mm of the base frame; NaN for one that has no image."""
-        rotation, place = self.belief.flange(self.joints)
-        return camera.project(camera.seen((points - place) @ rotation))
+        rotation, position = self.belief.flange(self.joints)
+        return camera.project(camera.from_flange((points - position) @ rotation))
 
     def _beam_there(self) -> Matrix:
         """(3,) mm, base frame: the point of the beam that is nearest to the believed target."""
@@ -171,9 +174,9 @@ class Search:
 
     def _image_jacobian(self, camera: Camera) -> Matrix:
         """(2, n) px/rad (mm): how the image of the believed target moves by the joints."""
-        seen, by_joints = self.belief.call("sighted", self.joints, self.belief.target)
+        point, by_joints = self.belief.call("sighted", self.joints, self.belief.target)
         return np.asarray(
-            camera.project_jacobian(camera.seen(seen[None]))[0] @ camera.mount[:3, :3].T @ by_joints
+            camera.project_jacobian(camera.from_flange(point[None]))[0] @ camera.mount[:3, :3].T @ by_joints
         )
 
     def _look_around(self, camera: Camera) -> Iterator[Matrix]:
@@ -199,12 +202,12 @@ class Search:
         pitch = _SPIRAL_STEP * self._psd.size
         self._rig.laser(True)
         for ring in range(round(_FARTHEST / pitch / max(float(-direction @ frame[:, 2]), _SLANT)) + 1):
-            for place in _ring(np.eye(2), ring * pitch, max(1, round(2 * np.pi * ring))):
-                if np.linalg.norm(np.cross(frame[:, :2] @ place, direction)) > _FARTHEST:
+            for offset in _ring(np.eye(2), ring * pitch, max(1, round(2 * np.pi * ring))):
+                if np.linalg.norm(np.cross(frame[:, :2] @ offset, direction)) > _FARTHEST:
                     continue
                 spot, by_joints = belief.spot(self.joints, frame)
                 try:
-                    joints = step(belief, self.joints, by_joints, spot - place, _LARGEST)
+                    joints = step(belief, self.joints, by_joints, spot - offset, _LARGEST)
                 except MeasurementRefused:  # this side is beyond a joint's limit, the others need not be
                     continue
                 self._go(joints)

@@ -7,7 +7,9 @@ stopped.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import base64
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -25,16 +27,107 @@ from ...model.files.shot import Shot
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ..sensors.psd import WEAKEST
+from ..sensors.camera import Camera, Image
+from ..sensors.psd import WEAKEST, Psd
 from .centring import centre
-from .events import Attempted, GivenUp, PhaseBegun, Recorded, Retried, SpotSeen, Stopped, Told
+from .events import (
+    ArmSent,
+    Attempted,
+    GivenUp,
+    Listener,
+    MeasurementRecorded,
+    PhaseBegun,
+    PictureTaken,
+    Retried,
+    SpotSeen,
+    Stopped,
+)
 from .order import Order
 from .readings import Spot, read_dark, read_joints, read_spot
-from .refusal import MeasurementRefused, Reason, RefusedPosture
-from .rig import Rig
+from .rig import MeasurementRefused, RefusalReason, RefusedPosture, Rig
 from .search import Search
 from .steering import Belief, come_to
-from .watched import WatchedRig
+
+_WIDEST = 320  # px of a picture that is told
+_BETWEEN_S = 0.25  # from one picture to the next
+
+
+class WatchedRig:
+    """The same rig. `belief` is what is believed during the measurement under way, to be set before each."""
+
+    def __init__(self, rig: Rig, listener: Listener) -> None:
+        self._rig, self._listener = rig, listener
+        self.psds: Mapping[str, Psd] = rig.psds
+        self.camera: Camera | None = rig.camera
+        self.steerable = rig.steerable
+        self.belief: Belief | None = None
+        self._shot, self._lit, self._taken = 0, False, -np.inf
+
+    def now(self) -> float:
+        return self._rig.now()
+
+    def wait(self, seconds: float) -> None:
+        self._rig.wait(seconds)
+
+    def begin(self, shot: int, target: str, last: Shot | None) -> None:
+        self._shot, self._lit = shot, False
+        self._rig.begin(shot, target, last)
+
+    def move(self, joints: Matrix) -> None:
+        if self.belief is not None:
+            self._listener(arm_sent(self.belief, self._shot, joints, lit=self._lit))
+        self._rig.move(joints)
+
+    def joints(self) -> Matrix:
+        return self._rig.joints()
+
+    def currents(self, samples: int) -> Matrix:
+        return self._rig.currents(samples)
+
+    def image(self) -> Image:
+        image = self._rig.image()
+        if time.monotonic() - self._taken >= _BETWEEN_S:
+            self._taken = time.monotonic()
+            self._listener(picture_taken(self._shot, image))
+        return image
+
+    def laser(self, on: bool) -> None:
+        self._rig.laser(on)
+        self._lit = on
+
+    def stop(self) -> None:
+        self._rig.stop()
+
+
+def arm_sent(belief: Belief, shot: int, joints: Matrix, *, lit: bool) -> ArmSent:
+    """The event for an arm at `joints` (n,) rad or mm."""
+    (points,) = belief.call("skeleton", joints)
+    origin, direction = belief.beam(joints)
+    along = float((belief.target - origin) @ direction)
+    laser = belief.problem.tool.kind == "laser"
+    beam = [origin, origin + max(along, 0.0) * direction] if laser else [origin]
+    return ArmSent(
+        shot=shot,
+        joints_deg=_rounded(joints * belief.problem.robot.display, 6),
+        arm=tuple(_rounded(point, 2) for point in points.T),
+        beam=tuple(_rounded(point, 2) for point in beam),
+        target=_rounded(belief.target, 2),
+        lit=lit,
+    )
+
+
+def picture_taken(shot: int, image: Image) -> PictureTaken:
+    """The event for a picture (height, width), reduced so that the LEDs remain the brightest."""
+    by = -(-image.shape[1] // _WIDEST)
+    height, width = (size // by for size in image.shape)
+    blocks = image[: height * by, : width * by].reshape(height, by, width, by)
+    grey = np.ascontiguousarray(blocks.max(axis=(1, 3)), dtype=np.uint8)
+    return PictureTaken(shot, width, height, by, base64.b64encode(grey.tobytes()).decode())
+
+
+def _rounded(values: Matrix, digits: int) -> tuple[float, ...]:
+    return tuple((np.round(values, digits) + 0.0).tolist())
+
 
 PHASES = ("move", "search", "servo", "settle")
 ATTEMPTS = 3
@@ -60,7 +153,7 @@ class Journal(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class ProcedureResult:
     """What a plan came to. `state` is None where nothing was recorded; `seconds` of this session by phase;
     `missing` are the measurements that were still to come where the run was broken off."""
 
@@ -73,13 +166,13 @@ class Carried:
 
 @dataclass(eq=False)
 class Procedure:
-    """One session of a run: `told` is called with what happens, as events (docs/files.md)."""
+    """One session of a run: `listener` is called with what happens, as events (docs/files.md)."""
 
     plan: Plan
     rig: Rig
     journal: Journal
     order: Order
-    told: Told
+    listener: Listener
     scene: bool = False  # whether to tell where the arm is sent and what the camera sees
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
 
@@ -88,11 +181,11 @@ class Procedure:
         self._supposed = self._problem.nominal()
         self._near = near_nominal(self._problem, self._supposed)
         self._refused: dict[int, RefusedPosture] = {}
-        self._watched = WatchedRig(self.rig, self.told) if self.scene else None
+        self._watched = WatchedRig(self.rig, self.listener) if self.scene else None
         if self._watched is not None:
             self.rig = self._watched
 
-    def carry_out(self) -> Carried:
+    def carry_out(self) -> ProcedureResult:
         """Make the measurements that are not in the journal yet. The rig is stopped however this ends."""
         try:
             with uninterrupted():
@@ -102,10 +195,10 @@ class Procedure:
                 finally:
                     self.rig.stop()  # before anything is said: who is told may be slow to listen
         except (RigFault, KeyboardInterrupt) as stopped:
-            self.told(Stopped(str(stopped) or "interrupted"))
+            self.listener(Stopped(str(stopped) or "interrupted"))
             raise
 
-    def _carry_out(self) -> Carried:
+    def _carry_out(self) -> ProcedureResult:
         state = self.state()
         while (number := self._following(state)) is not None:
             began = sum(self.seconds.values())
@@ -117,12 +210,12 @@ class Procedure:
             state = self.state()
             assert state is not None
             seconds = round(sum(self.seconds.values()) - began, 3)
-            self.told(recorded_event(shot, len(self.journal.shots), state, seconds))
-        return Carried(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
+            self.listener(recorded_event(shot, len(self.journal.shots), state, seconds))
+        return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> SoFar | None:
         """What follows from the measurements of the journal; None while there are none."""
-        return told_by(self._problem, self.journal.shots)
+        return state_of(self._problem, self.journal.shots)
 
     def _following(self, state: SoFar | None) -> int | None:
         return self.order.following(self.journal.shots, self._refused, state)
@@ -135,15 +228,15 @@ class Procedure:
         last = self.journal.shots[-1] if self.journal.shots else None
         self.rig.begin(number, self.plan.targets[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
-            self.told(Attempted(number, attempt, self._now()))
+            self.listener(Attempted(number, attempt, self._now()))
             try:
                 return self._shoot(number, belief)
             except MeasurementRefused as refused:
                 if attempt < ATTEMPTS:
-                    self.told(Retried(attempt, number, refused.reason, refused.found))
+                    self.listener(Retried(attempt, number, refused.reason, refused.why))
                 else:
-                    self._refused[number] = RefusedPosture(number, refused.reason, refused.found)
-                    self.told(GivenUp(number, refused.reason, refused.found))
+                    self._refused[number] = RefusedPosture(number, refused.reason, refused.why)
+                    self.listener(GivenUp(number, refused.reason, refused.why))
         return None
 
     def _belief(self, number: int) -> Belief:
@@ -156,11 +249,11 @@ class Procedure:
         # A replay is read as it was recorded: in the axes of what was nominal then, as it does itself.
         if not shots or not self.rig.steerable:
             return x
-        found = fit_likelihood(with_shots(self._near, shots), starts=0).x
+        mode = fit_likelihood(with_shots(self._near, shots), starts=0).x
         parameters = self._problem.parameters
-        x = parameters.with_values(x, self._near.parameters, found)
-        seen = {shot.target for shot in shots}
-        determined = [item.group != "target" or item.of in seen for item in parameters.items]
+        x = parameters.with_values(x, self._near.parameters, mode)
+        measured = {shot.target for shot in shots}
+        determined = [item.group != "target" or item.of in measured for item in parameters.items]
         return np.where(determined, x, self._supposed)
 
     def _posture(self, number: int) -> int:
@@ -205,7 +298,7 @@ class Procedure:
         outside = beyond_limits(robot, read, 0.0)
         if self.plan.header.limits == "error" and outside.any():
             joint = int(np.flatnonzero(outside)[0])
-            raise MeasurementRefused(Reason.LIMIT, f"joint {joint + 1} is read beyond its limit")
+            raise MeasurementRefused(RefusalReason.LIMIT, f"joint {joint + 1} is read beyond its limit")
         # The beam's place is known in the PSD's axes; a run wants the target's place across the beam.
         _, _, across = belief.problem.tool.nominal_beam()
         off = -(belief.turned(joints, frame[:, :2] @ spot.position) @ across)
@@ -220,12 +313,13 @@ class Procedure:
     def _steady(self, spot: Spot) -> Spot:
         if spot.light < WEAKEST:
             raise MeasurementRefused(
-                Reason.TOO_WEAK,
+                RefusalReason.TOO_WEAK,
                 f"{spot.light:.0%} of the laser's light arrives; at least {WEAKEST:.0%} are required",
             )
         if (np.abs(spot.drift) > _DRIFTS * 2 * spot.std + _DRIFTS_MM).any():
             raise MeasurementRefused(
-                Reason.UNSTEADY, f"the spot moved by {np.abs(spot.drift).max():.3f} mm while it was averaged"
+                RefusalReason.UNSTEADY,
+                f"the spot moved by {np.abs(spot.drift).max():.3f} mm while it was averaged",
             )
         return spot
 
@@ -234,12 +328,12 @@ class Procedure:
 
     def _tell_spot(self, number: int, at: Matrix, size: float) -> None:
         off, (x, y) = float(np.linalg.norm(at)), at.tolist()
-        self.told(SpotSeen(number, round(off, 4), self._now(), (round(x, 4), round(y, 4)), size))
+        self.listener(SpotSeen(number, round(off, 4), self._now(), (round(x, 4), round(y, 4)), size))
 
     @contextmanager
     def _phase(self, name: str) -> Iterator[None]:
         began = self.rig.now()
-        self.told(PhaseBegun(name, self._now()))
+        self.listener(PhaseBegun(name, self._now()))
         try:
             yield
         finally:
@@ -261,9 +355,11 @@ def near_nominal(problem: Problem, x: Matrix) -> Problem:
     return replace(problem, parameters=Parameters(items)).with_noise_of(x)[0]
 
 
-def recorded_event(shot: Shot, recorded: int, state: SoFar, seconds: float | None = None) -> Recorded:
+def recorded_event(
+    shot: Shot, recorded: int, state: SoFar, seconds: float | None = None
+) -> MeasurementRecorded:
     """The event of a measurement that is on the disk, with what is known after it."""
-    return Recorded(
+    return MeasurementRecorded(
         shot=shot.shot,
         target=shot.target,
         spot_mm=shot.spot_mm,
@@ -277,7 +373,7 @@ def recorded_event(shot: Shot, recorded: int, state: SoFar, seconds: float | Non
     )
 
 
-def told_by(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
+def state_of(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
     """What follows from measurements for the unknowns of a plan's problem; None without any."""
     return so_far(with_shots(problem, shots)) if shots else None
 

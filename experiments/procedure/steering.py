@@ -11,8 +11,7 @@ from ...interruption import obey
 from ...model.arrays import Matrix
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.problem import Problem
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, RefusalReason, Rig
 
 FROM_BELOW = 0.05  # deg (mm): more than the the backlash of sound gears
 _DAMPING = 1e-6  # of the largest eigenvalue: keeps a step across a singular direction short
@@ -79,9 +78,9 @@ class Belief:
     def onto_target(self, joints: Matrix) -> Matrix | None:
         """(n,) the joints with the wrist turned onto the target; None where the limits do not allow it."""
         aimed = aim(self.problem.moved(joints[None]), self.x, self.wrist)
-        found, robot = aimed.problem.joints[0], self.problem.robot
-        inside = not beyond_limits(robot, found, 0.0).any()
-        return found if aimed.hit[0] and aimed.ahead[0] and inside else None
+        after, robot = aimed.problem.joints[0], self.problem.robot
+        inside = not beyond_limits(robot, after, 0.0).any()
+        return after if aimed.hit[0] and aimed.ahead[0] and inside else None
 
 
 def come_to(rig: Rig, belief: Belief, joints: Matrix) -> None:
@@ -117,4 +116,4 @@ def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, larges
         if not outside.any():
             return np.asarray(after)
         weights[outside] = 0.0
-    raise MeasurementRefused(Reason.LIMIT, "the wrist would have to go beyond a joint's limit")
+    raise MeasurementRefused(RefusalReason.LIMIT, "the wrist would have to go beyond a joint's limit")

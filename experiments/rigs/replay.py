@@ -102,7 +102,7 @@ class ReplayRig:
         return np.asarray(np.linalg.solve(-axes.T, np.array(self._shot.spot_mm or (0.0, 0.0))))
 
 
-def require_planned(plan: Plan, run: Run, said: str, remedy: str, *, anywhere: bool = False) -> None:
+def require_planned(plan: Plan, run: Run, message: str, remedy: str, *, anywhere: bool = False) -> None:
     """BadInput for the first measurement that is not of the plan: by its number, its target, and with a laser
     by the joints that no servo turns, unless it may be `anywhere`."""
     kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.tool.kind == "laser" else slice(0)
@@ -110,24 +110,24 @@ def require_planned(plan: Plan, run: Run, said: str, remedy: str, *, anywhere: b
     for shot, line in zip(run.shots, run.lines, strict=True):
         number = shot.shot % count  # a closing measurement is in the posture of the first
         if shot.shot >= 2 * count:
-            found, allowed = (
+            deviation, allowed = (
                 f"measurement {shot.shot}",
                 f"measurements 0 to {count - 1}, and closing measurements",
             )
         elif shot.target != plan.targets[number]:
-            found = f"measurement {shot.shot} at target {shot.target}"
+            deviation = f"measurement {shot.shot} at target {shot.target}"
             allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
         else:
             off = np.abs(shot.joints_deg - planned_deg[number])[kept]
             if anywhere or off.max(initial=0.0) <= SAME_POSTURE:
                 continue
-            found = (
+            deviation = (
                 f"measurement {shot.shot}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"
             )
             allowed = f"the plan's posture {number}, but for the joints that the servo turns"
         raise BadInput(
-            said,
-            found=found,
+            message,
+            found=deviation,
             allowed=allowed,
             remedy=remedy,
             file=run.path,

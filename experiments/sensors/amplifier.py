@@ -1,10 +1,24 @@
-"""The amplifier of one PSD at a serial port: who it is, and its counts."""
+"""The amplifier of one PSD at a serial port: who it is, and its counts.
+
+Lines are ASCII with LF at the end, those of the amplifier with a checksum:
+
+    I                → I NAME*CRC4                      who is there
+    R request n      → n lines, each once its sample is taken:
+                       D request i x+ x- y+ y-*CRC4     i from 0; four whole numbers, counts of the ADC
+
+A request ends the one before it; what it does not understand the amplifier does not answer. CRC4 is the
+CRC-16/IBM-3740 of all before the asterisk, in four hexadecimal digits. The computer's own lines have none:
+an answer states what it belongs to.
+"""
 
 from __future__ import annotations
 
+import binascii
 import os
+import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +26,65 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.errors import RigFault, missing_extra
 from ...model.files.confinement import require_device
-from .line import IDENTITY, LONGEST, REQUESTS, asking, heard, sample_of
+
+LONGEST = 80  # bytes of a line with its end; what is longer is noise
+REQUESTS = 65536  # numbers of requests: from 0, and from 0 again
+MOST_SAMPLES = 10_000  # in one request
+
+IDENTITY = b"I\n"
+_DATA = re.compile(r"D (\d{1,5}) (\d{1,5})" + r" (-?\d{1,8})" * 4)
+_REQUEST = re.compile(rb"R (\d{1,5}) (\d{1,5})")
+
+
+@dataclass(frozen=True)
+class PsdSample:
+    """Sample `index` of a request: counts in the order x+, x-, y+, y-."""
+
+    request: int
+    index: int
+    counts: tuple[int, ...]
+
+
+def with_checksum(body: str) -> bytes:
+    """A line of the amplifier."""
+    checksum = binascii.crc_hqx(body.encode("ascii"), 0xFFFF)
+    return f"{body}*{checksum:04X}\n".encode("ascii")
+
+
+def verified_body(line: bytes) -> str | None:
+    """What a line of the amplifier says, its end (LF, or CR LF) left out; None if it is torn or changed."""
+    body, asterisk, digits = line.rstrip(b"\r\n").rpartition(b"*")
+    if not asterisk or re.fullmatch(rb"[0-9A-Fa-f]{4}", digits) is None:
+        return None
+    if binascii.crc_hqx(body, 0xFFFF) != int(digits, 16):
+        return None
+    return body.decode("ascii") if body.isascii() else None
+
+
+def parse_sample(body: str) -> PsdSample | None:
+    """The sample of a line; None for another line, and for one with a number too many or too few."""
+    data = _DATA.fullmatch(body)
+    if data is None:
+        return None
+    request, index, *counts = (int(number) for number in data.groups())
+    return PsdSample(request, index, tuple(counts))
+
+
+def sample_line(sample: PsdSample) -> str:
+    """The line of a sample, without its checksum."""
+    return f"D {sample.request} {sample.index} {' '.join(str(count) for count in sample.counts)}"
+
+
+def request_line(request: int, samples: int) -> bytes:
+    """The computer's request for so many samples."""
+    return f"R {request} {samples}\n".encode("ascii")
+
+
+def parse_request(line: bytes) -> tuple[int, int] | None:
+    """Request and number of samples that a line of the computer asks for; None for another line."""
+    match = _REQUEST.fullmatch(line.rstrip(b"\r\n"))
+    return None if match is None else (int(match[1]), int(match[2]))
+
 
 T = TypeVar("T")
 
@@ -49,10 +121,10 @@ class Amplifier:
     def counts(self, samples: int, rate: float) -> Matrix:
         """(samples, 4) counts, taken from now on at `rate` Hz; NaN in the row of one that did not arrive."""
         self._request = (self._request + 1) % REQUESTS
-        self._send(asking(self._request, samples))
+        self._send(request_line(self._request, samples))
         rows = np.full((samples, 4), np.nan)
         for body in self._bodies(samples / rate + _GRACE_S):
-            sample = sample_of(body)
+            sample = parse_sample(body)
             # What an earlier request is still answered is older than the motion before this one.
             if sample is None or sample.request != self._request or sample.index >= samples:
                 continue
@@ -86,7 +158,7 @@ class Amplifier:
             *lines, self._rest = self._rest.split(b"\n")
             self._rest = self._rest[-LONGEST:]
             for line in lines:
-                body = heard(line)
+                body = verified_body(line)
                 if body is not None:
                     yield body
 

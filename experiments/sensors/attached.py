@@ -14,13 +14,18 @@ from ...model.files.plan import Plan
 from ...model.files.reading import did_you_mean
 from ...model.kinematics.orientation import roll_pitch_yaw
 from ...model.kinematics.robot import shift
-from .amplifier import Amplifier
+from .amplifier import MOST_SAMPLES, REQUESTS, Amplifier, PsdSample, sample_line, with_checksum
 from .camera import Camera, Image
-from .counts import PsdCalibration, read_calibration
-from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, sealed
 from .pictures import open_camera
 from .psd import BRIGHTEST, PAIR_LIGHT, Psd
-from .sensors_file import CameraBeside, PsdBeside, SensorsFile, read_sensors_file
+from .sensors_file import (
+    CameraBeside,
+    PsdBeside,
+    PsdCalibration,
+    SensorsFile,
+    read_calibration,
+    read_sensors_file,
+)
 
 _BITS_A_BYTE = 10  # 8N1
 
@@ -28,32 +33,32 @@ _BITS_A_BYTE = 10  # 8N1
 class RealSensors:
     """PSDs by target and the camera, all there and answering; `close` gives their ports back."""
 
-    def __init__(self, stated: SensorsFile, targets: Sequence[str]) -> None:
-        self._stated = stated
-        folder = stated.folder
-        self._calibrations = {name: _calibration(stated, name) for name in targets}
+    def __init__(self, file: SensorsFile, targets: Sequence[str]) -> None:
+        self._file = file
+        folder = file.folder
+        self._calibrations = {name: _calibration(file, name) for name in targets}
         self.psds: Mapping[str, Psd] = {
-            name: _sheet(stated.psds[name], calibration) for name, calibration in self._calibrations.items()
+            name: _sheet(file.psds[name], calibration) for name, calibration in self._calibrations.items()
         }
-        self.camera = None if stated.camera is None else _camera(stated.camera)
+        self.camera = None if file.camera is None else _camera(file.camera)
         self._amplifiers: dict[str, Amplifier] = {}
         with ExitStack() as opened:
             for name in targets:
-                port = stated.psds[name].serial
+                port = file.psds[name].serial
                 amplifier = Amplifier(port.device, port.baud, f"the PSD amplifier of {name}")
                 opened.callback(amplifier.close)
                 self._require_own(name, amplifier.name)
                 self._amplifiers[name] = amplifier
             self._pictures = None
-            if stated.camera is not None and self.camera is not None:
-                self._pictures = open_camera(stated.camera, self.camera, folder)
+            if file.camera is not None and self.camera is not None:
+                self._pictures = open_camera(file.camera, self.camera, folder)
                 opened.callback(self._pictures.close)
             self._opened = opened.pop_all()
 
     def provenance(self) -> dict[str, str]:
         """For the run's header: the SHA-256 of each file that the readings depend on."""
         files = {f"calibration of {name} sha256": each.sha256 for name, each in self._calibrations.items()}
-        files["sensors sha256"] = self._stated.sha256
+        files["sensors sha256"] = self._file.sha256
         return {name: sha256 for name, sha256 in files.items() if sha256 is not None}
 
     def currents(self, target: str, samples: int) -> Matrix:
@@ -73,51 +78,51 @@ class RealSensors:
         self._opened.close()
 
     def _require_own(self, target: str, name: str) -> None:
-        own = self._calibrations[target].amplifier
-        if name != own:
-            raise self._stated.refuse(
+        expected = self._calibrations[target].amplifier
+        if name != expected:
+            raise self._file.refuse(
                 ("psds", target, "calibration"),
                 f"the calibration of {target} is of another amplifier",
                 found=f"the amplifier calls itself {name}",
-                allowed=f"{own}, as in the calibration file",
+                allowed=f"{expected}, as in the calibration file",
                 remedy="name the calibration of this amplifier, or the port of that one",
             )
 
 
 def read_sensors(path: Path, plan: Plan) -> RealSensors:
     """The sensors of a file that the plan's targets need, opened; BadInput where a target has no PSD."""
-    stated = read_sensors_file(path)
-    absent = [target for target in plan.target_names if target not in stated.psds]
+    file = read_sensors_file(path)
+    absent = [target for target in plan.target_names if target not in file.psds]
     if absent:
-        raise stated.refuse(
+        raise file.refuse(
             ("psds",),
             "a target of the plan has no PSD",
             found=", ".join(absent),
-            allowed=", ".join(stated.psds) or "none is stated",
-            remedy=did_you_mean(absent[0], stated.psds) or "state its PSD",
+            allowed=", ".join(file.psds) or "none is stated",
+            remedy=did_you_mean(absent[0], file.psds) or "state its PSD",
         )
-    return RealSensors(stated, plan.target_names)
+    return RealSensors(file, plan.target_names)
 
 
-def _calibration(stated: SensorsFile, target: str) -> PsdCalibration:
+def _calibration(file: SensorsFile, target: str) -> PsdCalibration:
     """The calibration of a target's amplifier; BadInput where it allows no reading."""
-    psd = stated.psds[target]
-    calibration = read_calibration(stated.folder / psd.calibration)
+    psd = file.psds[target]
+    calibration = read_calibration(file.folder / psd.calibration)
     # At the centre each electrode has a quarter of what all four have.
-    wanted = BRIGHTEST * PAIR_LIGHT[psd.kind] / 2
-    if calibration.saturation(psd.kind) <= wanted:
-        raise stated.refuse(
+    needed = BRIGHTEST * PAIR_LIGHT[psd.kind] / 2
+    if calibration.saturation(psd.kind) <= needed:
+        raise file.refuse(
             ("psds", target, "calibration"),
             f"the laser's full light saturates the amplifier of {target}",
             found=f"an electrode measures {calibration.saturation(psd.kind):.2f} of it at most",
-            allowed=f"above {wanted:.2f}",
+            allowed=f"above {needed:.2f}",
             remedy="dim the laser or lower the gain and calibrate again, or correct the calibration",
         )
     counts = [*calibration.saturation_counts, calibration.lowest_counts]
     widest = max(counts, key=lambda count: len(str(count)))
-    line = len(sealed(read_sample(Sample(REQUESTS - 1, MOST_SAMPLES - 1, (widest,) * 4))))
+    line = len(with_checksum(sample_line(PsdSample(REQUESTS - 1, MOST_SAMPLES - 1, (widest,) * 4))))
     if line * _BITS_A_BYTE * psd.rate_hz > psd.serial.baud:
-        raise stated.refuse(
+        raise file.refuse(
             ("psds", target, "serial", "baud"),
             f"the line is too slow for the samples of {target}",
             found=f"{psd.serial.baud} baud",
@@ -127,27 +132,27 @@ def _calibration(stated: SensorsFile, target: str) -> PsdCalibration:
     return calibration
 
 
-def _sheet(stated: PsdBeside, calibration: PsdCalibration) -> Psd:
-    normal = None if stated.normal == "beam" else np.array(stated.normal, dtype=float)
-    markers = np.full((2, 3), np.nan) if stated.markers_mm is None else np.array(stated.markers_mm)
+def _sheet(settings: PsdBeside, calibration: PsdCalibration) -> Psd:
+    normal = None if settings.normal == "beam" else np.array(settings.normal, dtype=float)
+    markers = np.full((2, 3), np.nan) if settings.markers_mm is None else np.array(settings.markers_mm)
     return Psd(
-        size=stated.size_mm,
-        kind=stated.kind,
-        rate=stated.rate_hz,
-        noise=stated.noise_mm,
-        saturation=calibration.saturation(stated.kind),
+        size=settings.size_mm,
+        kind=settings.kind,
+        rate=settings.rate_hz,
+        noise=settings.noise_mm,
+        saturation=calibration.saturation(settings.kind),
         markers=markers,
         normal=None if normal is None else normal / np.linalg.norm(normal),
-        turn=float(np.radians(stated.turn_deg)),
+        turn=float(np.radians(settings.turn_deg)),
     )
 
 
-def _camera(stated: CameraBeside) -> Camera:
+def _camera(settings: CameraBeside) -> Camera:
     return Camera(
-        width=stated.width_px,
-        height=stated.height_px,
-        focal=stated.focal_px,
-        centre=stated.centre_px,
-        distortion=stated.distortion,
-        mount=shift(*stated.mount.xyz_mm) @ roll_pitch_yaw(*np.radians(stated.mount.rpy_deg)),
+        width=settings.width_px,
+        height=settings.height_px,
+        focal=settings.focal_px,
+        centre=settings.centre_px,
+        distortion=settings.distortion,
+        mount=shift(*settings.mount.xyz_mm) @ roll_pitch_yaw(*np.radians(settings.mount.rpy_deg)),
     )

@@ -36,7 +36,7 @@ class Camera:
     distortion: tuple[float, float, float, float, float]
     mount: Matrix
 
-    def seen(self, points: Matrix) -> Matrix:
+    def from_flange(self, points: Matrix) -> Matrix:
         """(N, 3) mm in the camera frame, from points (N, 3) mm in the flange frame."""
         result: Matrix = (points - self.mount[:3, 3]) @ self.mount[:3, :3]
         return result
@@ -66,19 +66,19 @@ class Camera:
 
         By Newton's iteration to rounding; NaN for a pixel that no point in front of the camera projects to.
         """
-        wanted = (pixels - np.array(self.centre)) / self.focal
-        slopes = wanted.copy()
+        goal = (pixels - np.array(self.centre)) / self.focal
+        slopes = goal.copy()
         with np.errstate(all="ignore"):  # a pixel that has no ray runs away, and is found out below
             for _ in range(_ITERATIONS):
                 distorted, by_slope = self._distorted(slopes)
                 (a, b), (c, d) = by_slope.transpose(1, 2, 0)
-                x, y = (wanted - distorted).T
+                x, y = (goal - distorted).T
                 step = np.column_stack([d * x - b * y, a * y - c * x]) / (a * d - b * c)[:, None]
                 slopes = self._within(slopes + step)
                 if not (np.abs(step) > _ROUNDING * (1 + np.abs(slopes))).any():
                     break
-            missed = np.abs(self._distorted(slopes)[0] - wanted).max(axis=1, initial=0.0)
-        slopes[~(missed <= 10 * _ROUNDING * (1 + np.abs(wanted).max(axis=1, initial=0.0)))] = np.nan
+            missed = np.abs(self._distorted(slopes)[0] - goal).max(axis=1, initial=0.0)
+        slopes[~(missed <= 10 * _ROUNDING * (1 + np.abs(goal).max(axis=1, initial=0.0)))] = np.nan
         directions = np.column_stack([slopes, np.ones(len(slopes))])
         result: Matrix = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return result

@@ -77,7 +77,7 @@ class NoPair:
     """Why the markers are not known, and how many lights were seen."""
 
     reason: str
-    seen: int
+    lights: int
 
 
 def blobs(image: Image) -> list[Blob]:
@@ -98,7 +98,7 @@ def is_black(image: Image) -> bool:
     return _background(image.astype(np.int16))[0] <= _BLACK and not blobs(image)
 
 
-def marker_pair(seen: Sequence[Blob], expected: Matrix | None = None) -> Pair | NoPair:
+def marker_pair(lights: Sequence[Blob], expected: Matrix | None = None) -> Pair | NoPair:
     """Which two of the blobs are the LEDs.
 
     They are alike in light and area; `expected` (2, 2), the pixels where the first and the second should be,
@@ -106,19 +106,19 @@ def marker_pair(seen: Sequence[Blob], expected: Matrix | None = None) -> Pair | 
     is not held against them: that is what the picture is taken for. Without `expected` the left one is the
     first. Where a second pair would do nearly as well, neither is taken.
     """
-    if len(seen) < 2:
-        return NoPair("only one light in the picture" if seen else "no light in the picture", len(seen))
-    pairs = [_in_order(*two, expected) for two in combinations(seen, 2)]
+    if len(lights) < 2:
+        return NoPair("only one light in the picture" if lights else "no light in the picture", len(lights))
+    pairs = [_in_order(*two, expected) for two in combinations(lights, 2)]
     ranked = sorted(((_strangeness(*pair, expected), pair) for pair in pairs), key=lambda entry: entry[0])
     likely = [entry for entry in ranked if entry[0] <= 1]
     if not likely:
         how = "alike" if expected is None else "alike and as far apart as expected"
-        return NoPair(f"no two lights are {how}", len(seen))
+        return NoPair(f"no two lights are {how}", len(lights))
     best, (first, second) = likely[0]
     if len(likely) > 1 and likely[1][0] < best + _CLEARLY:
-        return NoPair("more than one pair of lights could be the markers", len(seen))
+        return NoPair("more than one pair of lights could be the markers", len(lights))
     if first.cut or second.cut:
-        return NoPair("a marker is cut off by the edge of the picture", len(seen))
+        return NoPair("a marker is cut off by the edge of the picture", len(lights))
     return Pair(first, second)
 
 
@@ -154,18 +154,18 @@ def _blobs(grey: NDArray[np.int16], full: NDArray[np.bool_]) -> list[Blob]:
     from scipy import ndimage  # slow to come, and a cell without a camera does without
 
     labels, _ = ndimage.label(grey > background + threshold, np.ones((3, 3)))
-    found = []
+    lights = []
     for label, box in enumerate(ndimage.find_objects(labels), start=1):
-        own = labels[box] == label
-        area = int(np.count_nonzero(own))
+        inside = labels[box] == label
+        area = int(np.count_nonzero(inside))
         if _SMALLEST <= area <= _LARGEST_SHARE * grey.size:
             # As wide as a Gaussian of which so much is above the threshold. The top of a faint one is noise.
-            above = math.log((float(grey[box][own].max()) - background) / threshold)
+            above = math.log((float(grey[box][inside].max()) - background) / threshold)
             sigma = max(math.sqrt(area / (2 * math.pi * max(above, 0.5))), _NARROWEST)
             blob = _blob(grey, full, labels, label, box, sigma)
             if blob is not None and blob.light > area * threshold:
-                found.append(blob)
-    return sorted(found, key=lambda blob: -blob.light)
+                lights.append(blob)
+    return sorted(lights, key=lambda blob: -blob.light)
 
 
 def _blob(
@@ -184,8 +184,8 @@ def _blob(
     height, width = grey.shape
     down, right = np.arange(height)[window[0]] - row, np.arange(width)[window[1]] - column
     near = (np.abs(down) <= half)[:, None] & (np.abs(right) <= half)
-    own = labels[window] == label
-    others = (labels[window] != 0) & ~own
+    inside = labels[window] == label
+    others = (labels[window] != 0) & ~inside
     ring = ~near & ~others
     local = float(grey[window][ring].mean()) if ring.any() else 0.0
     shine = np.where(near & ~others, grey[window] - local, 0.0)
@@ -195,9 +195,9 @@ def _blob(
     return Blob(
         x=column + centre[0],
         y=row + centre[1],
-        area=int(np.count_nonzero(own)),
+        area=int(np.count_nonzero(inside)),
         light=float(shine.sum()),
-        saturated=float(full[window][own].mean()),
+        saturated=float(full[window][inside].mean()),
         cut=min(row, column) < half or row + half >= height or column + half >= width,
     )
 

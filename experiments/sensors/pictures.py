@@ -111,34 +111,42 @@ class _Folder:
         pass
 
 
-def open_camera(stated: CameraBeside, sheet: Camera, folder: Path) -> Pictures:
+def open_camera(settings: CameraBeside, sheet: Camera, folder: Path) -> Pictures:
     """The camera of a sensors file, whose paths are relative to `folder`; RigFault where it does not open.
 
     A camera is asked for a picture at once, so that a wrong size is known before anything
     moves; files would be one picture short after that.
     """
-    if stated.folder is not None:
-        pictures = folder / stated.folder
+    if settings.folder is not None:
+        pictures = folder / settings.folder
         require_within(pictures)
-        return Pictures(f"the folder {pictures}", lambda: _Folder(pictures), stated.held_frames, sheet)
-    stream = stated.video is not None and "://" in stated.video
-    source = stated.device if stated.video is None else stated.video if stream else str(folder / stated.video)
-    if stated.video is not None and not stream:
-        require_within(folder / stated.video)
-    elif stated.video is not None and confining_folder() is not None and not _NETWORK.match(stated.video):
-        raise BadInput("this is no stream that the app opens", found=stated.video, allowed=_NETWORK.pattern)
+        return Pictures(f"the folder {pictures}", lambda: _Folder(pictures), settings.held_frames, sheet)
+    stream = settings.video is not None and "://" in settings.video
+    source = (
+        settings.device
+        if settings.video is None
+        else settings.video
+        if stream
+        else str(folder / settings.video)
+    )
+    if settings.video is not None and not stream:
+        require_within(folder / settings.video)
+    elif settings.video is not None and confining_folder() is not None and not _NETWORK.match(settings.video):
+        raise BadInput("this is no stream that the app opens", found=settings.video, allowed=_NETWORK.pattern)
     # A URL may hold a password: it is in no message.
     called = (
-        "the camera's stream" if stream else f"the video {source}" if stated.video else f"camera {source}"
+        "the camera's stream" if stream else f"the video {source}" if settings.video else f"camera {source}"
     )
-    found = Pictures(called, lambda: _capture(source, called, sheet), stated.held_frames, sheet, anew=stream)
-    if stream or stated.device is not None:
+    camera = Pictures(
+        called, lambda: _capture(source, called, sheet), settings.held_frames, sheet, anew=stream
+    )
+    if stream or settings.device is not None:
         try:
-            found.picture()
+            camera.picture()
         except BaseException:
-            found.close()
+            camera.close()
             raise
-    return found
+    return camera
 
 
 def _capture(source: str | int | None, called: str, sheet: Camera) -> Capture:

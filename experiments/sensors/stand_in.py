@@ -17,9 +17,9 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.whole_file import Closing
-from .counts import read_calibration
+from .amplifier import IDENTITY, LONGEST, MOST_SAMPLES, PsdSample, parse_request, sample_line, with_checksum
 from .interface import Sensors
-from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, sealed
+from .sensors_file import read_calibration
 
 _POLL_S = 0.02
 
@@ -58,10 +58,10 @@ class AmplifierStandIn(Closing):
 
         self.name, self.faults = name, faults
         self._counts, self._rng = counts, np.random.default_rng(seed)
-        self._own, self._other = pty.openpty()
-        tty.setraw(self._other)  # no echo, before the other side has set up anything
-        os.set_blocking(self._own, False)
-        self.device = os.ttyname(self._other)
+        self._near, self._far = pty.openpty()
+        tty.setraw(self._far)  # no echo, before the other side has set up anything
+        os.set_blocking(self._near, False)
+        self.device = os.ttyname(self._far)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="amplifier-stand-in", daemon=True)
         self._thread.start()
@@ -71,14 +71,14 @@ class AmplifierStandIn(Closing):
         if not self._over.is_set():
             self._over.set()
             self._thread.join()
-            os.close(self._own)
-            os.close(self._other)
+            os.close(self._near)
+            os.close(self._far)
 
     def _serve(self) -> None:
         rest = b""
         while not self._over.is_set():
-            if select.select([self._own], [], [], _POLL_S)[0]:
-                *lines, rest = (rest + os.read(self._own, LONGEST)).split(b"\n")
+            if select.select([self._near], [], [], _POLL_S)[0]:
+                *lines, rest = (rest + os.read(self._near, LONGEST)).split(b"\n")
                 rest = rest[-LONGEST:]
                 for line in lines:
                     self._answer(line)
@@ -86,17 +86,19 @@ class AmplifierStandIn(Closing):
     def _answer(self, line: bytes) -> None:
         if self.faults.silent:
             return
-        request = asked(line)
+        request = parse_request(line)
         if line == IDENTITY.rstrip():
             self._say(f"I {self.name}")
         elif request is not None and 1 <= request[1] <= MOST_SAMPLES:
             for index, counts in enumerate(self._counts(request[1])):
                 if np.isfinite(counts).all():
-                    self._say(read_sample(Sample(request[0], index, tuple(int(count) for count in counts))))
+                    self._say(
+                        sample_line(PsdSample(request[0], index, tuple(int(count) for count in counts)))
+                    )
 
     def _say(self, body: str) -> None:
         """A line, with what is wrong with it."""
-        line, faults = sealed(body), self.faults
+        line, faults = with_checksum(body), self.faults
         lost, torn, wrong, garbage = self._rng.random(4) < (
             faults.lost,
             faults.torn,
@@ -116,19 +118,19 @@ class AmplifierStandIn(Closing):
     def _send(self, line: bytes) -> None:
         """Wait for room, but not for a client that has gone."""
         while line and not self._over.is_set():
-            if select.select([], [self._own], [], _POLL_S)[1]:
-                line = line[os.write(self._own, line) :]
+            if select.select([], [self._near], [], _POLL_S)[1]:
+                line = line[os.write(self._near, line) :]
 
 
 def stand_ins(opened: ExitStack, sensors: Sensors, calibration: Path) -> dict[str, str]:
     """By target: the serial port at which an amplifier of this calibration sends what its PSD reads."""
-    own = read_calibration(calibration)
+    calibrated = read_calibration(calibration)
 
     def counts(target: str) -> Callable[[int], Matrix]:
         kind = sensors.psds[target].kind
-        return lambda samples: own.counts(sensors.currents(target, samples), kind)
+        return lambda samples: calibrated.counts(sensors.currents(target, samples), kind)
 
     return {
-        target: opened.enter_context(AmplifierStandIn(own.amplifier, counts(target))).device
+        target: opened.enter_context(AmplifierStandIn(calibrated.amplifier, counts(target))).device
         for target in sensors.psds
     }

@@ -18,9 +18,9 @@ from ...model.arrays import ShareDone
 from ...model.errors import ZerobeamError
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
-from ..procedure.events import Event
+from ..procedure.events import RunEvent
 from ..procedure.order import Adaptive, InTurn, Order
-from ..procedure.refusal import RefusedPosture
+from ..procedure.rig import RefusedPosture
 from ..procedure.session import Procedure
 from ..processes import side_by_side
 from ..rigs.simulated.cell_file import Cell
@@ -120,5 +120,5 @@ def _run(job: tuple[Repeated, int]) -> CellRun:
     return carried(*job)
 
 
-def _silent(event: Event) -> None:
+def _silent(event: RunEvent) -> None:
     pass

@@ -22,7 +22,7 @@ from ...model.files.header import Header
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
-from ..procedure.session import PHASES, told_by
+from ..procedure.session import PHASES, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, Cell
 from .answer import (
     Accuracy,
@@ -288,7 +288,7 @@ def _with_half_the_noise(plan: Plan, runs: Sequence[CellRun]) -> list[SoFar | No
     problem = Problem.from_plan(plan)
     noise = problem.noise
     half = replace(problem, noise=replace(noise, joint=noise.joint / 2, spot=noise.spot / 2))
-    return [None if run.state is None else told_by(half, run.shots) for run in runs]
+    return [None if run.state is None else state_of(half, run.shots) for run in runs]
 
 
 def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[SoFar | None]) -> CellPlan:

@@ -71,7 +71,7 @@ def print_proposal(console: Console, made: MadePlan) -> None:
     """The answer of `plan`: verdict, predicted uncertainties, efficiency, travel, what removed candidates."""
     check = made.checked
     if check is None:
-        console.print(Text(" ".join(made.said)))
+        console.print(Text(" ".join(made.sentences)))
         return
     print_verdict(console, check.verdict, check_headline(check, person))
     table = Table(box=None, pad_edge=False)
@@ -86,14 +86,14 @@ def print_proposal(console: Console, made: MadePlan) -> None:
     if (worth_text := worth_sentence(check.geometry, offsets)) is not None:
         console.print(Text(worth_text))
     if made.proposal is not None:
-        for line in made.said:
+        for line in made.sentences:
             console.print(Text(line))
         console.print(Text(f"{made.removed}.", style="dim"))
 
 
 def print_carried(console: Console, answer: Ended) -> None:
     """The end of `run`: verdict, notes, offsets, what was measured and how long it took, what to do next."""
-    print_verdict(console, answer.verdict, answer.said)
+    print_verdict(console, answer.verdict, answer.person_headline)
     if not answer.consistent:
         console.print(contradicted(answer.p_value))
     print_notes(console, map(sentence, answer.notes))

@@ -14,19 +14,19 @@ from rich.table import Table
 from rich.text import Text
 
 from ...experiments.procedure.events import (
-    Asked,
     Attempted,
-    Begun,
     Doubted,
-    Event,
     GivenUp,
+    Listener,
+    MeasurementRecorded,
     PhaseBegun,
-    Recorded,
+    PostureRequested,
     Retried,
+    RunEvent,
+    RunOpened,
     SpotSeen,
     Stopped,
     Suspected,
-    Told,
     Withdrawn,
 )
 from ...words import numbers
@@ -42,7 +42,7 @@ _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
 
 @contextmanager
-def live_view(console: Console) -> Iterator[Told]:
+def live_view(console: Console) -> Iterator[Listener]:
     """Takes the events of a run (docs/files.md) and shows its progress; nothing remains on the screen.
 
     Nothing is written where `console` is no terminal on which a line can be drawn anew.
@@ -52,7 +52,7 @@ def live_view(console: Console) -> Iterator[Told]:
         return
     now = UnderWay()
 
-    def hear(event: Event) -> None:
+    def hear(event: RunEvent) -> None:
         nonlocal now
         now = now.after(event)
 
@@ -91,14 +91,14 @@ class UnderWay:
     consistent: bool = True
     trouble: str = ""
 
-    def after(self, event: Event) -> UnderWay:
+    def after(self, event: RunEvent) -> UnderWay:
         """The same run after one more event; the last one changes nothing."""
         now = self
         match event:
-            case Attempted() | PhaseBegun() | SpotSeen() | Recorded():
+            case Attempted() | PhaseBegun() | SpotSeen() | MeasurementRecorded():
                 now = self if event.time_s is None else replace(self, time_s=event.time_s)
         match event:
-            case Begun():
+            case RunOpened():
                 return replace(
                     now,
                     file=event.file,
@@ -119,7 +119,7 @@ class UnderWay:
             case GivenUp(shot, reason, what):
                 trouble = f"measurement {shot} given up ({reason}): {what}"
                 return replace(now, shot=None, refused=now.refused + 1, trouble=trouble)
-            case Recorded():
+            case MeasurementRecorded():
                 return replace(
                     now,
                     shot=None,
@@ -219,16 +219,16 @@ _DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
 _ANSWERS = {"yes": "'yes' records it all the same", "rad": "'rad' takes them as radians"}
 
 
-def led_view(console: Console) -> Told:
+def led_view(console: Console) -> Listener:
     """Takes the events of a run by hand and prints them, line by line."""
     before: Mapping[str, float | None] = {}
 
-    def hear(event: Event) -> None:
+    def hear(event: RunEvent) -> None:
         nonlocal before
         match event:
-            case Begun():
+            case RunOpened():
                 _say(console, _beginning(event))
-            case Asked():
+            case PostureRequested():
                 console.print()
                 _say(console, _request(event), "bold")
                 _say(console, _joints(event.pendant))
@@ -236,7 +236,7 @@ def led_view(console: Console) -> Told:
                 _say(console, sentence(event.found))
             case Doubted():
                 _say(console, f"! Not recorded: {ended(shown(event.found))}{_choices(event)}", "yellow")
-            case Recorded():
+            case MeasurementRecorded():
                 _say(
                     console,
                     f"Measurement {event.shot} is recorded, {counted(event.recorded, 'measurement')}.",
@@ -261,7 +261,7 @@ def _say(console: Console, text: str, style: str = "") -> None:
     console.print(Text(text, style=style), soft_wrap=True)
 
 
-def _beginning(event: Begun) -> str:
+def _beginning(event: RunOpened) -> str:
     done = len(event.recorded)
     so_far = f" {counted(done, 'measurement')} recorded already." if done else ""
     return (
@@ -269,7 +269,7 @@ def _beginning(event: Begun) -> str:
     )
 
 
-def _request(event: Asked) -> str:
+def _request(event: PostureRequested) -> str:
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
     return (

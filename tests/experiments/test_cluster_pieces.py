@@ -9,9 +9,7 @@ import pytest
 
 from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
-from zerobeam.experiments import cluster_pieces
-from zerobeam.experiments.cluster import cluster
-from zerobeam.experiments.cluster_pieces import about
+from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.model.errors import BadInput, WorkersLost
@@ -57,7 +55,7 @@ def test_short_pieces_travel_together(one_worker):
 
 
 def test_a_parcel_is_of_so_many_seconds_and_bytes(monkeypatch):
-    given = cluster_pieces._Given(None, cluster_pieces.Traffic(), lambda client: None, bool, b"")
+    given = clusters._Dispatch(None, clusters.Traffic(), lambda client: None, bool, b"")
     assert len(given.together(enumerate(range(100)), None)) == 1  # nobody knows yet how long they take
     given._piece_s = 0.1
     assert len(given.together(enumerate(range(100)), None)) == 10
@@ -83,16 +81,16 @@ def test_a_worker_that_joins_later_is_looked_at_too(one_worker, monkeypatch):
         return {**about(1), "versions": {**versions(), "numpy": "0.1"}}
 
     with cluster(scheduler=one_worker.scheduler_address):
-        monkeypatch.setattr(cluster_pieces, "about", changing)
+        monkeypatch.setattr(clusters, "about", changing)
         monkeypatch.setattr(clusters, "_about", with_another_numpy)
         with pytest.raises(BadInput, match=r"numpy 0\.1, here"):
             answers(negative, [7])
 
 
 def test_without_any_worker_it_does_not_wait_for_ever(one_worker, monkeypatch):
-    monkeypatch.setattr(cluster_pieces, "_COUNT_S", 0.0)
-    monkeypatch.setattr(cluster_pieces, "_NO_WORKER_S", 0.1)
-    monkeypatch.setattr(cluster_pieces, "_LOOK_S", 0.05)
+    monkeypatch.setattr(clusters, "_COUNT_S", 0.0)
+    monkeypatch.setattr(clusters, "_NO_WORKER_S", 0.1)
+    monkeypatch.setattr(clusters, "_LOOK_S", 0.05)
     with cluster(scheduler=one_worker.scheduler_address):
         one_worker.scale(0)
         one_worker.sync(one_worker._correct_state)
@@ -133,7 +131,7 @@ def test_workers_that_are_killed_all_the_time_change_no_byte():
 def test_a_worker_that_dask_gives_up_is_replaced(monkeypatch):
     """As on a busy machine: what was killed takes longer to start again than Dask waits."""
     monkeypatch.setitem(clusters._SETTINGS, "distributed.deploy.lost-worker-timeout", "100ms")
-    monkeypatch.setattr(cluster_pieces, "_NO_WORKER_S", 45.0)
+    monkeypatch.setattr(clusters, "_NO_WORKER_S", 45.0)
     with cluster(workers=1):
         assert answers(operator.neg, range(3)) == {k: -k for k in range(3)}
         local_workers()[0].kill()
@@ -145,7 +143,7 @@ def test_a_worker_that_dask_gives_up_is_replaced(monkeypatch):
 @pytest.mark.parametrize("elsewhere", [False, True])
 def test_a_piece_that_ends_every_worker_is_said(elsewhere, tmp_path, monkeypatch):
     """What travelled with it is worked out; a scheduler elsewhere tries four workers before it says so."""
-    monkeypatch.setattr(cluster_pieces, "_MOST_LOST", 7 if elsewhere else 3)
+    monkeypatch.setattr(clusters, "_MOST_LOST", 7 if elsewhere else 3)
     found = {}
 
     def carried_out(**where):
@@ -163,7 +161,7 @@ def test_a_piece_that_ends_every_worker_is_said(elsewhere, tmp_path, monkeypatch
 
 @pytest.mark.long
 def test_a_scheduler_that_goes_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster_pieces, "PATIENCE_S", 2.0)
+    monkeypatch.setattr(clusters, "PATIENCE_S", 2.0)
 
     def kill(found):
         for number, answer in found:
@@ -181,7 +179,7 @@ def test_a_scheduler_that_goes_is_said(tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_a_piece_on_a_slow_worker_is_given_to_another(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster_pieces, "_SLOW_S", 0.5)
+    monkeypatch.setattr(clusters, "_SLOW_S", 0.5)
     with cluster(workers=2) as traffic:
         jobs = [(k, str(tmp_path / "mark")) for k in range(6)]
         assert answers(slow_once, jobs) == {k: k for k in range(6)}

@@ -20,7 +20,7 @@ from command_line import plan_file
 from run_events import as_json
 
 from zerobeam.experiments import recording
-from zerobeam.experiments.procedure.events import Event, Told
+from zerobeam.experiments.procedure.events import Listener, RunEvent
 from zerobeam.experiments.recording import RunRequest
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan, read_plan
@@ -88,12 +88,12 @@ def short_plan(tmp_path: Path) -> Plan:
     return read_plan(plan_file(tmp_path / "short.yaml", good_plan(5)))
 
 
-def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str, Any]:
+def record(plan: Plan, file: Path, request: RunRequest, told: Listener) -> dict[str, Any]:
     """The answer as it is printed."""
     return as_json(recording.record(plan, file, request, told))
 
 
-def silent(event: Event) -> None:
+def silent(event: RunEvent) -> None:
     pass
 
 
@@ -270,7 +270,7 @@ def test_a_run_with_a_measurement_of_another_plan_cannot_be_resumed(
     file = tmp_path / "run.jsonl"
     before = b"\n".join(rows) + b'\n{"torn'
     file.write_bytes(before)
-    events: list[Event] = []
+    events: list[RunEvent] = []
     with pytest.raises(BadInput, match="not of this plan") as refused:
         record(plan, file, replace(QUICK, resume=True), events.append)
     assert (refused.value.line, file.read_bytes(), events) == (4, before, [])
@@ -293,7 +293,7 @@ def test_a_probe_run_with_a_measurement_of_another_plan_cannot_be_resumed(tmp_pa
 def test_a_file_that_exists_is_refused_before_anything_moves(tmp_path: Path, plan: Plan) -> None:
     file = tmp_path / "run.jsonl"
     file.write_text("mine")
-    events: list[Event] = []
+    events: list[RunEvent] = []
     with pytest.raises(BadInput, match="exists already") as refused:
         record(plan, file, QUICK, events.append)
     assert "--resume" in str(refused.value)

@@ -90,20 +90,20 @@ def test_a_posture_that_cannot_see_the_target_is_a_fault():
     """The shots before it are recorded; the fault says which and how far off."""
     plan = good_plan(spot_mm=0.1)
     far = plan_of(header(target=(900.0, 0.0, 0.0), tool={**PROBE}), plan.postures)
-    truth = Truth.stated(far, {"psd.x": 30_000.0})
+    truth = Truth.with_values(far, {"psd.x": 30_000.0})
     with pytest.raises(RigFault, match=r"posture 0: .* mm off") as caught:
         list(simulated_shots(truth, np.random.default_rng(1)))
     assert caught.value.exit_status == 3
 
 
 def test_a_truth_that_is_stated():
-    truth = Truth.stated(good_plan(), {"delta3": -0.5, "psd.y": 12.0})
+    truth = Truth.with_values(good_plan(), {"delta3": -0.5, "psd.y": 12.0})
     i = truth.problem.parameters.index
     assert truth.x[i("delta3")] == pytest.approx(np.radians(-0.5))
     assert truth.x[i("psd.y")] == 12.0
     assert truth.x[i("delta2")] == 0.0
     with pytest.raises(ValueError, match="not in tuple"):
-        Truth.stated(good_plan(), {"delta9": 1.0})
+        Truth.with_values(good_plan(), {"delta9": 1.0})
 
 
 def test_a_truth_that_is_drawn():
@@ -124,7 +124,7 @@ def test_a_truth_that_is_drawn():
 
 
 def test_the_truth_goes_into_the_provenance():
-    truth = Truth.stated(
+    truth = Truth.with_values(
         good_plan(12, 5, OPEN_LASER), {"delta3": -0.5, "tool.tilt1": 1.5, "tool.shift2": -4.0}
     )
     told = truth.provenance()

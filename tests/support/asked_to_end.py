@@ -25,5 +25,5 @@ def lost(number: signal.Signals = signal.SIGINT) -> None:
 def without_reminders() -> Iterator[None]:
     """A request that was lost is not raised again by itself: only who polls hears of it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(interruption._Request, "remind", lambda self: None)
+        patch.setattr(interruption, "_remind", lambda: None)
         yield

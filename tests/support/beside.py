@@ -7,7 +7,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from zerobeam.experiments.sensors.counts import PsdCalibration
+from zerobeam.experiments.sensors.sensors_file import PsdCalibration
 
 RATE = 20_000.0  # Hz: readings take no time
 MOUNT = {"xyz_mm": [60.0, 0.0, 65.0], "rpy_deg": [0.0, 90.0, 0.0]}

@@ -74,7 +74,7 @@ def run_of(own: Header, shots: Iterable[Shot], robot: Robot | None = None) -> Ru
 
 def simulated(plan: Plan, values: dict[str, float] | None = None, seed: int = 0) -> tuple[Truth, Run]:
     """A run of the plan with the named true values (deg, mm), else without any error but the noise."""
-    truth = Truth.stated(plan, values or {})
+    truth = Truth.with_values(plan, values or {})
     return truth, run_of(plan.header, simulated_shots(truth, np.random.default_rng(seed)), plan.robot)
 
 

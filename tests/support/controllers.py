@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from cells import good_plan
 
-from zerobeam.experiments.controller import irc5
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller import irc5
+from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure import session
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws

@@ -6,28 +6,28 @@ import json
 from typing import Any
 
 from zerobeam.experiments.procedure import events
-from zerobeam.experiments.procedure.events import Event, event_json
-from zerobeam.experiments.procedure.refusal import Reason, RefusedPosture
+from zerobeam.experiments.procedure.events import RunEvent, event_json
+from zerobeam.experiments.procedure.rig import RefusalReason, RefusedPosture
 
 Json = dict[str, Any]
-_KINDS: dict[str, Any] = {kind.event: kind for kind in Event.__subclasses__()}
+_KINDS: dict[str, Any] = {kind.event: kind for kind in RunEvent.__subclasses__()}
 
 
-def as_json(event: Event) -> Json:
+def as_json(event: RunEvent) -> Json:
     """As it is printed."""
     return dict(json.loads(json.dumps(event_json(event), allow_nan=False)))
 
 
-def event_of(content: Json) -> Event:
+def event_of(content: Json) -> RunEvent:
     """The event that is printed so."""
     stated = {key: value for key, value in content.items() if key not in ("event", "schema")}
     if "reason" in stated:
-        stated["reason"] = Reason(stated["reason"])
+        stated["reason"] = RefusalReason(stated["reason"])
     if content["event"] == events.Ended.event:
-        stated["said"] = stated["headline"]
+        stated["person_headline"] = stated["headline"]
         stated["parameters"] = tuple(events.KnownOffset(**row) for row in stated["parameters"])
         stated["refused"] = tuple(
-            RefusedPosture(**{**row, "reason": Reason(row["reason"])}) for row in stated["refused"]
+            RefusedPosture(**{**row, "reason": RefusalReason(row["reason"])}) for row in stated["refused"]
         )
     return _KINDS[content["event"]](**{key: _frozen(value) for key, value in stated.items()})  # type: ignore[no-any-return]
 

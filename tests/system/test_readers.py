@@ -24,8 +24,7 @@ from zerobeam.experiments.importers.fanuc import fanuc_positions
 from zerobeam.experiments.importers.kuka import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
-from zerobeam.experiments.sensors.counts import read_calibration
-from zerobeam.experiments.sensors.sensors_file import read_sensors_file
+from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import read_header

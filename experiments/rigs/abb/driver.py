@@ -21,8 +21,7 @@ from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ...sensors.camera import Image
 from ...sensors.interface import Sensors
-from .access import Access
-from .caution import Caution, require_six_axes
+from .access import Caution, ControllerAccess, require_six_axes
 from .egm_client import Guidance
 from .rws_client import Session
 
@@ -53,7 +52,7 @@ class AbbRig:
 
     steerable = True
 
-    def __init__(self, plan: Plan, access: Access, sensors: Sensors, caution: Caution) -> None:
+    def __init__(self, plan: Plan, access: ControllerAccess, sensors: Sensors, caution: Caution) -> None:
         require_six_axes(plan.robot, "the ABB rig", "record this arm by hand and import the joints")
         absent = [target for target in plan.target_names if target not in sensors.psds]
         if absent:
@@ -138,9 +137,9 @@ class AbbRig:
         return read
 
     def image(self) -> Image:
-        seen = self._sensors.image(self._target)
+        image = self._sensors.image(self._target)
         self._require_guided()
-        return seen
+        return image
 
     def laser(self, on: bool) -> None:
         self._require_guided()

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from ....model.errors import RigFault, missing_extra
-from .access import Access
+from .access import ControllerAccess
 
 T = TypeVar("T")
 
@@ -50,7 +50,7 @@ class Session:
     It is not safe for threads: the rig asks from one only.
     """
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: ControllerAccess) -> None:
         require_extra()
         import requests
         from abb_robot_client import rws

@@ -23,12 +23,11 @@ from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
 from ...importers.typed import labelled, typed_joints
-from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn
+from ...procedure.events import Doubted, GivenUp, Listener, PostureRequested, Suspected, Withdrawn
 from ...procedure.order import Order
-from ...procedure.refusal import Reason, RefusedPosture
-from ...procedure.session import Carried, recorded_event, told_by
+from ...procedure.rig import RefusalReason, RefusedPosture
+from ...procedure.session import ProcedureResult, arm_sent, recorded_event, state_of
 from ...procedure.steering import Belief
-from ...procedure.watched import arm_sent
 from .doubts import Doubt, Judge
 from .lines import Lines
 
@@ -65,7 +64,7 @@ class Manual:
     plan: Plan
     journal: RunJournal
     order: Order
-    told: Told
+    listener: Listener
     lines: Lines
     pendant: Pendant
     units: PendantUnit
@@ -80,28 +79,28 @@ class Manual:
         shots = self.journal.shots
         self._since = time.monotonic() - (shots[-1].time_s or 0.0 if shots else 0.0)
 
-    def carry_out(self) -> Carried:
+    def carry_out(self) -> ProcedureResult:
         """Ask for postures until the order is through or no more lines come."""
-        state = told_by(self._problem, self.journal.shots)
+        state = state_of(self._problem, self.journal.shots)
         while (number := self._following(state)) is not None:
             try:
                 shot = self._measured(number)
             except _Decided:
-                state = told_by(self._problem, self.journal.shots)
+                state = state_of(self._problem, self.journal.shots)
                 continue
             except _Paused:
                 missing = self._pending(state)
-                return Carried(self.journal.shots, tuple(self._refused.values()), state, {}, missing)
+                return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {}, missing)
             obey()
             self.journal.append(shot)
             self._again = None
-            state = told_by(self._problem, self.journal.shots)
+            state = state_of(self._problem, self.journal.shots)
             assert state is not None
-            self.told(recorded_event(shot, len(self.journal.shots), state))
-            odd = single_outlier(state.solution.fit, state.dof) if state.judged else None
-            if odd is not None:
-                self.told(Suspected(odd.shot, odd.p_value, odd.residual_mm))
-        return Carried(self.journal.shots, tuple(self._refused.values()), state, {})
+            self.listener(recorded_event(shot, len(self.journal.shots), state))
+            outlier = single_outlier(state.solution.fit, state.dof) if state.judged else None
+            if outlier is not None:
+                self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))
+        return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {})
 
     def _following(self, state: SoFar | None) -> int | None:
         if self._again is not None:
@@ -133,7 +132,7 @@ class Manual:
                 if word == "yes":
                     if self._may_overrule(held.doubt):
                         return self._shot(number, held.joints)
-                    self._say(number, "refused", held.doubt.found)
+                    self._say(number, "refused", held.doubt.sentence)
                     continue
                 number = self._named(rest, number) if word == "as" else number
                 joints = self._degrees(held.joints) if word == "rad" else held.joints
@@ -189,11 +188,11 @@ class Manual:
             answers = ["yes"] if self._may_overrule(doubt) else []
             answers += ["rad"] if doubt.kind == "radians" else []
             answers += [f"as {near}"] if doubt.kind == "far" and near is not None else []
-            self._say(number, doubt.kind, doubt.found, answers if self.lines.confirms else ())
+            self._say(number, doubt.kind, doubt.sentence, answers if self.lines.confirms else ())
         return number, doubt
 
-    def _say(self, number: int, kind: str, found: str, answers: Sequence[str] = ()) -> None:
-        self.told(Doubted(number, kind, found, tuple(answers)))
+    def _say(self, number: int, kind: str, sentence: str, answers: Sequence[str] = ()) -> None:
+        self.listener(Doubted(number, kind, sentence, tuple(answers)))
 
     def _may_overrule(self, doubt: Doubt) -> bool:
         """Values beyond a limit are recorded only where the header allows it."""
@@ -213,9 +212,9 @@ class Manual:
         if word in ("pause", "quit"):
             raise _Paused
         if word == "skip":
-            refused = RefusedPosture(number, Reason.SKIPPED, rest or "by the operator")
+            refused = RefusedPosture(number, RefusalReason.SKIPPED, rest or "by the operator")
             self._refused[number], self._again = refused, None
-            self.told(GivenUp(number, refused.reason, refused.found))
+            self.listener(GivenUp(number, refused.reason, refused.found))
             raise _Decided
         if word == "redo":
             self._redo(rest, number)
@@ -231,22 +230,22 @@ class Manual:
     def _redo(self, text: str, number: int) -> None:
         shots = {shot.shot for shot in self.journal.shots}
         last = self.journal.shots[-1].shot if shots else None
-        wanted = int(text) if text.isdecimal() else last if not text else None
-        if wanted is None or wanted not in shots:
+        repeated = int(text) if text.isdecimal() else last if not text else None
+        if repeated is None or repeated not in shots:
             self._say(number, "unreadable", f"there is no measurement {f'{text} ' if text else ''}to repeat")
             return
-        self.journal.withdraw(wanted)
-        self._again = wanted
-        self.told(Withdrawn(wanted))
+        self.journal.withdraw(repeated)
+        self._again = repeated
+        self.listener(Withdrawn(repeated))
         raise _Decided
 
     def _ask(self, number: int) -> None:
-        place = number % len(self.plan.postures)
-        joints = self.plan.postures[place] * self.plan.robot.display
-        self.told(
-            Asked(
+        posture = number % len(self.plan.postures)
+        joints = self.plan.postures[posture] * self.plan.robot.display
+        self.listener(
+            PostureRequested(
                 shot=number,
-                target=self.plan.targets[place],
+                target=self.plan.targets[posture],
                 done=len(self.journal.shots) + len(self._refused),
                 postures=len(self.plan.postures),
                 joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),
@@ -254,8 +253,8 @@ class Manual:
             )
         )
         if self.scene:
-            belief = Belief(self._problem.select(np.array([place])), self._problem.nominal())
-            self.told(arm_sent(belief, number, self.plan.postures[place], lit=False))
+            belief = Belief(self._problem.select(np.array([posture])), self._problem.nominal())
+            self.listener(arm_sent(belief, number, self.plan.postures[posture], lit=False))
 
     def _degrees(self, joints: Matrix) -> Matrix:
         """Values that were taken for degrees and are radians."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,16 +21,111 @@ from ....model.likelihood.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth
-from .arm import SimulatedArm, geometry_errors
-from .cell_file import CameraInCell, Cell, EachJoint, PlacedPsd
-from .faults import EncoderGlitch
+from .cell_file import CameraInCell, Cell, EachJoint, EncoderGlitch, PlacedPsd
+
+# Top speeds where the robot file states none.
+_TOP_SPEED = {"revolute": 1.0, "prismatic": 1000.0}  # rad/s, mm/s
+
+
+@dataclass(eq=False)
+class SimulatedArm:
+    """An arm whose true joints differ from their counts by offset, backlash and a static error.
+
+    The controller drives its count to the commanded position, to the nearest step of the encoder; then
+
+        link = count + offset + error - backlash / 2 * direction of the joint's last motion,
+
+    which is the run's model (true = recorded + delta) where error and backlash are 0. The error of each
+    joint, of std `repeatability`, is friction, gravity and cables: it stays while the arm moves little, so
+    that a servo can take it out, and is drawn again once the arm has travelled more than `redraw`.
+
+    All (n,) are rad or mm (a second, a second squared): `offsets`, `backlash` (full width), `resolution` of
+    the encoders (0: none), `repeatability`, `acceleration`. `speed` is a share of the joints' top speeds.
+    `redraw` is rad: the travel of the joint that goes farthest, summed over motions, a mm for a degree.
+    """
+
+    robot: Robot
+    offsets: Matrix
+    backlash: Matrix
+    resolution: Matrix
+    repeatability: Matrix
+    speed: float
+    acceleration: Matrix
+    redraw: float = np.radians(2.0)
+    _rng: np.random.Generator = field(init=False, repr=False)
+    _count: Matrix = field(init=False, repr=False)
+    _direction: Matrix = field(init=False, repr=False)
+    _error: Matrix = field(init=False, repr=False)
+    _travel: float = field(init=False, repr=False)
+
+    def begin(self, rng: np.random.Generator, at: Matrix) -> None:
+        """Be at the joints `at` (n,), come from below, with a new static error.
+
+        What follows depends on `rng` and `at` alone, not on what was before: a resumed run repeats it.
+        """
+        self._rng, self._count = rng, self._steps(at)
+        self._direction = np.ones(self.robot.n)
+        self._settle()
+
+    def move(self, joints: Matrix) -> float:
+        """Go to the joints (n,) as the controller counts, whatever their limits; the seconds it takes."""
+        count = self._steps(joints)
+        way = count - self._count
+        self._count = count
+        self._direction = np.where(way == 0, self._direction, np.sign(way))
+        self._travel += float(np.radians(np.abs(way) * self.robot.display).max())
+        if self._travel > self.redraw:
+            self._settle()
+        return self.duration(way)
+
+    def read(self) -> Matrix:
+        """(n,) the counts: where the controller takes the joints to be."""
+        return self._count.copy()
+
+    def link(self) -> Matrix:
+        """(n,) where the joints truly are."""
+        return self._count + self.offsets + self._error - self.backlash / 2 * self._direction
+
+    def duration(self, way: Matrix) -> float:
+        """Seconds for the way (n,): the slowest joint sets it, the others keep step.
+
+        Trapezoidal profile of top speed v and acceleration a: D / v + v / a, or 2 sqrt(D / a) where the way
+        D < v^2 / a is too short to reach v (Siciliano et al., Robotics, section 4.2.1).
+        """
+        top = self.speed * np.array([joint.speed or _TOP_SPEED[joint.kind] for joint in self.robot.joints])
+        distance, acceleration = np.abs(way), self.acceleration
+        trapezoid = distance / top + top / acceleration
+        triangle = 2 * np.sqrt(distance / acceleration)
+        return float(np.where(distance < top**2 / acceleration, triangle, trapezoid).max())
+
+    def _steps(self, joints: Matrix) -> Matrix:
+        """The joints (n,) to the nearest step of their encoders."""
+        step = np.where(self.resolution > 0, self.resolution, 1.0)
+        return np.where(self.resolution > 0, step * np.round(joints / step), joints)
+
+    def _settle(self) -> None:
+        self._error = self.repeatability * self._rng.normal(size=self.robot.n)
+        self._travel = 0.0
+
+
+def geometry_errors(robot: Robot, errors: Mapping[int, Matrix]) -> Robot:
+    """The robot with links that deviate from nominal geometry.
+
+    `errors` has small transforms (4, 4) by the index (from 0) of the joint behind the link; each goes after
+    the link's fixed transform: it is stated in that joint's frame.
+    """
+    joints = list(robot.joints)
+    for i, error in errors.items():
+        joints[i] = replace(joints[i], fixed=joints[i].fixed @ error)
+    return replace(robot, joints=tuple(joints))
+
 
 _PLACED_BY_HAND = 20.0  # mm, std of a PSD about the plan's guess
 _FACED_WITHIN = np.cos(np.radians(70.0))  # a face of its own is chosen only if all beams come from this side
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class CellParts:
     """`truth` has the true offsets, tool and centres; `functions` are of the true arm and beam, the latter by
     `tool` (4,): tilts, rad, and shifts, mm; `wander` mm across the beam; `centres`, `psds` by target."""
 
@@ -45,18 +140,18 @@ class Parts:
 
     def provenance(self) -> dict[str, float]:
         """The true offsets by name with the unit, and the tool where it is not as stated."""
-        stated = self.truth.provenance()
+        values = self.truth.provenance()
         if self.truth.problem.tool.calibrated and self.tool.any():
             for i, value in enumerate(np.degrees(self.tool[:2]), start=1):
-                stated[f"true tool.tilt{i} (deg)"] = round(float(value), 9)
+                values[f"true tool.tilt{i} (deg)"] = round(float(value), 9)
             for i, value in enumerate(self.tool[2:], start=1):
-                stated[f"true tool.shift{i} (mm)"] = round(float(value), 9)
-        return stated
+                values[f"true tool.shift{i} (mm)"] = round(float(value), 9)
+        return values
 
 
 def assemble(
     plan: Plan, cell: Cell, rng: np.random.Generator, arm: Mapping[str, float] | None = None
-) -> Parts:
+) -> CellParts:
     """All parts; BadInput where cell and plan do not go together. The same rng, the same cell.
 
     `arm` has the true offsets and tool by name (deg, mm) in place of random or stated ones.
@@ -81,7 +176,7 @@ def assemble(
     _, directions = aimed.beams(problem.nominal())
     noise = NoiseModel.from_header(plan.header, plan.robot)
     robot = geometry_errors(plan.robot, _geometry(cell))
-    return Parts(
+    return CellParts(
         truth=Truth(problem, x),
         functions=shot_functions(robot, beam),
         tool=tool,
@@ -108,13 +203,13 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
             found=f"tool.kind: {plan.header.tool.kind}",
             remedy="run the plan without --cell: its measurements are then led by hand",
         )
-    own = cell.own_robot()
-    if own is not None and not same_arm(own, plan.robot):
+    robot = cell.named_robot()
+    if robot is not None and not same_arm(robot, plan.robot):
         raise cell.refuse(
             ("robot",),
             "the plan is for another robot than the one in the cell",
             found=f"the plan's {plan.robot.name} ({plan.robot.n} joints)",
-            allowed=f"the cell's {own.name} ({own.n} joints)",
+            allowed=f"the cell's {robot.name} ({robot.n} joints)",
             remedy="take the plan of this robot, or correct `robot` in the cell file",
         )
     for name in cell.psd.placed:
@@ -134,10 +229,10 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
         for i, fault in enumerate(cell.faults)
         if isinstance(fault, EncoderGlitch)
     ]
-    for place, joint in joints:
+    for key, joint in joints:
         if joint > plan.robot.n:
             raise cell.refuse(
-                (*place, "joint"),
+                (*key, "joint"),
                 "the arm has no such joint",
                 found=f"joint {joint}",
                 allowed=f"1 to {plan.robot.n} ({plan.robot.name})",
@@ -186,17 +281,17 @@ def _arm(cell: Cell, robot: Robot, offsets: Matrix, noise: NoiseModel) -> Simula
             )
         return np.broadcast_to(values, robot.n) / robot.display
 
-    stated = cell.arm
+    settings = cell.arm
     return SimulatedArm(
         robot,
         offsets,
-        backlash=each_joint(stated.backlash_deg, "backlash_deg"),
-        resolution=each_joint(stated.resolution_deg, "resolution_deg"),
+        backlash=each_joint(settings.backlash_deg, "backlash_deg"),
+        resolution=each_joint(settings.resolution_deg, "resolution_deg"),
         repeatability=noise.joint
-        if stated.repeatability_deg is None
-        else each_joint(stated.repeatability_deg, "repeatability_deg"),
-        speed=stated.speed,
-        acceleration=stated.acceleration_deg_s2 / robot.display,
+        if settings.repeatability_deg is None
+        else each_joint(settings.repeatability_deg, "repeatability_deg"),
+        speed=settings.speed,
+        acceleration=settings.acceleration_deg_s2 / robot.display,
     )
 
 
@@ -214,14 +309,14 @@ def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.
     if placed.centre_mm is not None:
         return np.array(placed.centre_mm)
     targets = problem.split(problem.nominal()).targets
-    stated = plan.header.targets.get(name)
-    spread = _PLACED_BY_HAND if stated is None else min(stated.sigma_mm, _PLACED_BY_HAND)
+    target = plan.header.targets.get(name)
+    spread = _PLACED_BY_HAND if target is None else min(target.sigma_mm, _PLACED_BY_HAND)
     return np.asarray(targets[problem.targets.index(name)] + spread * by_hand)
 
 
 def _psd(cell: Cell, placed: PlacedPsd, directions: Matrix) -> Psd:
     """The data sheet; `directions` (N, 3) of the beams that the plan sends to it."""
-    stated = cell.psd
+    settings = cell.psd
     normal: Matrix | None = None
     if placed.normal is None:
         against = -directions.mean(axis=0)
@@ -230,30 +325,30 @@ def _psd(cell: Cell, placed: PlacedPsd, directions: Matrix) -> Psd:
             normal = against / length
     elif placed.normal != "beam":
         normal = np.array(placed.normal) / np.linalg.norm(placed.normal)
-    half = stated.leds_mm / 2
+    half = settings.leds_mm / 2
     return Psd(
-        size=stated.size_mm,
-        kind=stated.kind,
-        rate=stated.rate_hz,
-        noise=stated.noise_mm,
-        saturation=stated.saturation,
+        size=settings.size_mm,
+        kind=settings.kind,
+        rate=settings.rate_hz,
+        noise=settings.noise_mm,
+        saturation=settings.saturation,
         markers=np.array([[half, 0.0, 0.0], [-half, 0.0, 0.0]]),
         normal=normal,
         turn=float(np.radians(placed.turn_deg)),
     )
 
 
-def _camera(stated: CameraInCell, tool: Tool) -> Camera:
+def _camera(settings: CameraInCell, tool: Tool) -> Camera:
     """It looks along the beam, from beside it."""
     point, direction, across = tool.nominal_beam()
     mount = np.eye(4)
     mount[:3, :3] = np.column_stack([across, direction])
-    mount[:3, 3] = point + across @ stated.beside_mm - stated.behind_mm * direction
+    mount[:3, 3] = point + across @ settings.beside_mm - settings.behind_mm * direction
     return Camera(
-        width=stated.width_px,
-        height=stated.height_px,
-        focal=(stated.focal_px, stated.focal_px),
-        centre=((stated.width_px - 1) / 2, (stated.height_px - 1) / 2),
-        distortion=stated.distortion,
+        width=settings.width_px,
+        height=settings.height_px,
+        focal=(settings.focal_px, settings.focal_px),
+        centre=((settings.width_px - 1) / 2, (settings.height_px - 1) / 2),
+        distortion=settings.distortion,
         mount=mount,
     )

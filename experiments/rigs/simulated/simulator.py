@@ -20,10 +20,17 @@ from ....model.kinematics.pendant import beyond_limits
 from ...sensors.camera import Camera, Image
 from ...sensors.psd import Psd
 from .assembly import assemble, turned
-from .cell_file import Cell
-from .faults import CameraBlack, EncoderGlitch, Faults, LedOccluded, PsdDropout, Reflection, RobotStop
-from .photocurrents import SimulatedPsd, caught
-from .rendering import Scene, render
+from .cell_file import (
+    CameraBlack,
+    Cell,
+    EncoderGlitch,
+    Faults,
+    LedOccluded,
+    PsdDropout,
+    Reflection,
+    RobotStop,
+)
+from .sensing import PictureScene, SimulatedPsd, caught, render
 
 _LED_MM = 2.5
 _SWITCHING = 0.05  # s
@@ -118,14 +125,14 @@ class SimulatedRig:
         hit, light = self._light()
         reflection = self._reflection()
         if reflection is not None:
-            place, other = reflection
-            own = 0.0
+            at, other = reflection
+            direct = 0.0
             if hit is not None:
                 share, hit = caught(hit, self._cell.laser.radius_mm, psd.size)
-                own = share * light
+                direct = share * light
             # Two lights on the face read as one at their centre.
-            hit = place if hit is None else (own * hit + other * place) / max(own + other, 1e-300)
-            light = own + other
+            hit = at if hit is None else (direct * hit + other * at) / max(direct + other, 1e-300)
+            light = direct + other
         currents = self._devices[self._target].currents(hit, light, samples, self._rng)
         currents[self._rng.random(samples) < self._cell.psd.lost] = np.nan
         if self._faults.met(PsdDropout) is not None:
@@ -134,22 +141,22 @@ class SimulatedRig:
 
     def image(self) -> Image:
         self._faults.called()
-        stated = self._cell.camera
-        if self.camera is None or stated is None:
+        settings = self._cell.camera
+        if self.camera is None or settings is None:
             raise RigFault("the cell has no camera")
-        self._time += stated.image_s
+        self._time += settings.image_s
         if self._faults.met(CameraBlack) is not None:
-            return np.zeros((stated.height_px, stated.width_px), dtype=np.uint8)
+            return np.zeros((settings.height_px, settings.width_px), dtype=np.uint8)
         mount = self.camera.mount.copy()
-        mount[:3, :3] = mount[:3, :3] @ turned(stated.misturned_deg)
+        mount[:3, :3] = mount[:3, :3] @ turned(settings.misturned_deg)
         true = replace(self.camera, mount=mount)
         return render(
             true,
             self._scene(true),
-            exposure=stated.exposure,
-            ambient=stated.ambient_grey,
-            noise=stated.noise_grey,
-            psf=stated.psf_px,
+            exposure=settings.exposure,
+            ambient=settings.ambient_grey,
+            noise=settings.noise_grey,
+            psf=settings.psf_px,
             rng=self._rng,
         )
 
@@ -164,25 +171,25 @@ class SimulatedRig:
     # The physics
 
     def _device(self, psd: Psd) -> SimulatedPsd:
-        stated = self._cell.psd
+        settings = self._cell.psd
         beam = self._cell.laser.radius_mm
-        return SimulatedPsd(psd, beam, stated.nonlinearity, stated.ambient, stated.resolution_mm)
+        return SimulatedPsd(psd, beam, settings.nonlinearity, settings.ambient, settings.resolution_mm)
 
     def _require_sight(self, plan: Plan) -> None:
         """BadInput for a cell in which so few postures have a PSD before them, and its face, that nothing can
         come of it; a single one that has not is refused when it comes."""
-        offsets, aside, front = self._parts.arm.offsets, [], []
+        offsets, off_axis, front = self._parts.arm.offsets, [], []
         origins, directions = self._functions.kernel("beam")(plan.postures, offsets, self._parts.tool)
         for origin, direction, target in zip(origins, directions, plan.targets, strict=True):
             way = self._parts.centres[target] - origin
             normal = self.psds[target].normal
-            aside.append(np.arccos(np.clip(direction @ way / np.linalg.norm(way), -1.0, 1.0)))
+            off_axis.append(np.arccos(np.clip(direction @ way / np.linalg.norm(way), -1.0, 1.0)))
             front.append(normal is None or bool(normal @ way < 0))
-        in_sight = np.array(aside) <= _IN_SIGHT
+        in_sight = np.array(off_axis) <= _IN_SIGHT
         seeing, count = int((in_sight & front).sum()), len(plan.postures)
         if seeing >= min(ENOUGH_CALIBRATED, count):
             return
-        target, off = plan.targets[int(np.argmin(aside))], np.degrees(np.median(aside))
+        target, off = plan.targets[int(np.argmin(off_axis))], np.degrees(np.median(off_axis))
         raise self._cell.refuse(
             ("psd",),
             f"the PSD is out of view in {count - seeing} of the plan's {count} postures",
@@ -231,17 +238,17 @@ class SimulatedRig:
             return None
         return np.array(reflection.at_mm), reflection.light * self._cell.laser.light
 
-    def _scene(self, camera: Camera) -> Scene:
+    def _scene(self, camera: Camera) -> PictureScene:
         """What the camera may see: the LEDs, and what the laser lights on the PSD's front."""
-        stated = self._cell.camera
-        assert stated is not None
+        settings = self._cell.camera
+        assert settings is not None
         hidden = self._faults.met(LedOccluded)
         places = [
             marker
             for led, marker in enumerate(self.psds[self._target].markers, start=1)
             if hidden is None or led != hidden.led
         ]
-        brightness, size = [stated.led_light] * len(places), [_LED_MM] * len(places)
+        brightness, size = [settings.led_light] * len(places), [_LED_MM] * len(places)
         hit, light = self._light()
         spots = []
         if hit is not None and np.abs(hit).max() <= self._cell.psd.surround_mm / 2:
@@ -249,15 +256,15 @@ class SimulatedRig:
         reflection = self._reflection()
         if reflection is not None:
             spots.append(reflection)
-        for place, share in spots:
-            places.append(np.append(place, 0.0))
-            brightness.append(stated.spot_light * share)
+        for at, share in spots:
+            places.append(np.append(at, 0.0))
+            brightness.append(settings.spot_light * share)
             size.append(self._cell.laser.radius_mm / 2)
         link = self._arm.link()
         still = np.zeros_like(link)
         (eye,) = self._functions.kernel("place")(link, still, camera.mount[:3, 3])
         if not places or (eye[0] - self._centre()) @ self._face[:, 2] <= 0:  # seen from behind
-            return Scene(np.empty((0, 3)), np.empty(0), np.empty(0))
+            return PictureScene(np.empty((0, 3)), np.empty(0), np.empty(0))
         there = self._centre() + np.array(places) @ self._face.T
-        (seen,) = self._functions.kernel("seen")(np.tile(link, (len(there), 1)), still, there)
-        return Scene(camera.seen(seen), np.array(brightness), np.array(size))
+        (in_flange,) = self._functions.kernel("seen")(np.tile(link, (len(there), 1)), still, there)
+        return PictureScene(camera.from_flange(in_flange), np.array(brightness), np.array(size))

@@ -250,7 +250,7 @@ def chi2_of(
     plan: Plan, sets: int, of: int = 3, *, told: Callable[..., Any] | None = None
 ) -> tuple[float, int]:
     """The sum over `sets` comparisons of simulated runs of their chi-squared, and its degrees of freedom."""
-    truth = Truth.stated(plan, TABLE_2)
+    truth = Truth.with_values(plan, TABLE_2)
     of, display = 3, truth.problem.robot.display
     read = simulated_readings(truth.problem, np.tile(truth.x, (sets * of, 1)), np.random.default_rng(0))
     chi2, dof = 0.0, 0
@@ -308,7 +308,7 @@ def test_the_prior_is_taken_out_of_values_and_covariance() -> None:
     found = []
     for prior in (0.16, 50.0):
         plan = good_plan(7, prior={"offset_deg": prior}, joint_deg=0.01)
-        truth = Truth.stated(plan, {})
+        truth = Truth.with_values(plan, {})
         read = simulated_readings(truth.problem, truth.x[None], np.random.default_rng(3))
         fit = fit_likelihood(truth.problem.moved(read.joints[0], read.spots[0]))
         found.append((fit.x[columns], *without_prior(fit, columns)[:2]))

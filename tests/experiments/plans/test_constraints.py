@@ -195,7 +195,7 @@ def test_what_chooses_postures_judges_them_too(seed: int) -> None:
             irb1600(),
             np.array(TARGET),
             40,
-            view=View.stated(view),
+            view=View.of(view),
             obstacles=view.obstacles,
             seed=seed,
         )

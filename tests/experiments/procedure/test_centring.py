@@ -12,14 +12,14 @@ from scipy import stats
 from servo_shots import Start, plan, start
 
 from zerobeam.experiments.procedure import centring
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.procedure.rig import MeasurementRefused, RefusalReason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief
 from zerobeam.model.arrays import Matrix
 
 FAINT = {"noise_mm": 1e-7, "resolution_mm": 1e-7, "nonlinearity": 0.0}
 
 
-def reason(shot: Start, frame: Matrix | None = None) -> Reason:
+def reason(shot: Start, frame: Matrix | None = None) -> RefusalReason:
     with pytest.raises(MeasurementRefused) as refused:
         shot.centred(frame)
     return refused.value.reason
@@ -72,7 +72,7 @@ def test_a_wrong_jacobian_is_slower_or_loses_the_face(monkeypatch: pytest.Monkey
         return np.zeros(2), frame[:, :2].T @ np.column_stack(moving)
 
     monkeypatch.setattr(Belief, "spot", without_turn)
-    assert reason(start(7.0, 3, exact=True, psd=FAINT, slant_deg=20)) == Reason.OFF_FACE
+    assert reason(start(7.0, 3, exact=True, psd=FAINT, slant_deg=20)) == RefusalReason.OFF_FACE
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])
@@ -176,40 +176,40 @@ def test_a_stand_that_is_centred_by_chance_is_still_come_to_from_below() -> None
 
 
 def test_a_beam_that_misses_the_face_is_a_reason() -> None:
-    assert reason(start(40.0, 2)) == Reason.OFF_FACE
+    assert reason(start(40.0, 2)) == RefusalReason.OFF_FACE
 
 
 def test_a_beam_that_leaves_the_face_is_a_reason() -> None:
     """The PSD is turned by half a turn against what is stated, and the spot near the edge."""
     shot = start(8.5, 3, exact=True, slant_deg=0, psd={"placed": {"misturned_deg": [0, 0, 180]}})
-    assert reason(shot) == Reason.OFF_FACE
+    assert reason(shot) == RefusalReason.OFF_FACE
 
 
 def test_too_bright_a_light_is_a_reason() -> None:
-    assert reason(start(2.0, 2, laser={"light": 1.4})) == Reason.TOO_BRIGHT
+    assert reason(start(2.0, 2, laser={"light": 1.4})) == RefusalReason.TOO_BRIGHT
     assert start(2.0, 2, laser={"light": 1.05}).centred().off_mm[-1] <= centring.ENOUGH_MM
 
 
 def test_more_light_than_the_psd_can_tell_is_a_reason() -> None:
-    assert reason(start(2.0, 2, psd={"saturation": 0.4})) == Reason.SATURATED
+    assert reason(start(2.0, 2, psd={"saturation": 0.4})) == RefusalReason.SATURATED
 
 
 def test_no_samples_are_a_reason() -> None:
     shot = start(2.0, 2)
     shot.rig.currents = lambda samples: np.full((samples, 4), np.nan)  # type: ignore[method-assign]
-    assert reason(shot) == Reason.NO_SIGNAL
+    assert reason(shot) == RefusalReason.NO_SIGNAL
 
 
 @pytest.mark.parametrize("at_mm", [(4.0, -3.0), (0.25, 0.2)])
 def test_a_reflection_that_alone_lights_the_psd_is_a_reason(at_mm: tuple[float, float]) -> None:
     """Also where it is so near to the centre that no single step is long enough to tell."""
     reflection = {"kind": "reflection", "shot": 2, "at_mm": list(at_mm)}
-    assert reason(start(60.0, 2, faults=[reflection])) == Reason.NOT_FOLLOWING
+    assert reason(start(60.0, 2, faults=[reflection])) == RefusalReason.NOT_FOLLOWING
 
 
 def test_a_reflection_beside_the_spot_is_a_reason() -> None:
     reflection = {"kind": "reflection", "shot": 2}
-    assert reason(start(3.0, 2, faults=[reflection])) == Reason.TOO_BRIGHT
+    assert reason(start(3.0, 2, faults=[reflection])) == RefusalReason.TOO_BRIGHT
 
 
 def test_a_wrist_at_its_limits_is_a_reason() -> None:
@@ -221,16 +221,16 @@ def test_a_wrist_at_its_limits_is_a_reason() -> None:
     )
     robot = replace(problem.robot, joints=held)
     shot.belief = replace(shot.belief, problem=replace(problem, robot=robot))
-    assert reason(shot) == Reason.LIMIT
+    assert reason(shot) == RefusalReason.LIMIT
 
 
 def test_a_spot_that_cannot_be_centred_is_a_reason() -> None:
     """Encoders of 0.1 degrees are steps of some mm at the target; the plan's noise is 0.01 degrees."""
     found = [_end(start(3.0, seed, exact=True, arm={"resolution_deg": 0.1})) for seed in range(4)]
-    assert Reason.NOT_CONVERGING in found
+    assert RefusalReason.NOT_CONVERGING in found
 
 
-def _end(shot: Start) -> Reason | None:
+def _end(shot: Start) -> RefusalReason | None:
     try:
         shot.centred()
     except MeasurementRefused as refused:

@@ -11,7 +11,7 @@ from cells import TABLE_2, good_plan, pattern_plan, plan_of, simulated
 from command_line import plan_file
 
 from zerobeam.experiments.procedure.order import Adaptive, InTurn, Order
-from zerobeam.experiments.procedure.session import Carried, Procedure, told_by
+from zerobeam.experiments.procedure.session import Procedure, ProcedureResult, state_of
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput
@@ -28,7 +28,7 @@ def pool(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return read_plan(plan_file(folder / "plan.yaml", good_plan(POOL)))
 
 
-def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) -> Carried:
+def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) -> ProcedureResult:
     rig = SimulatedRig(plan, Cell.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
         return Procedure(plan, rig, journal, order, lambda event: None).carry_out()
@@ -42,7 +42,7 @@ def test_it_ends_within_the_tolerance_and_not_a_shot_later(tmp_path: Path, pool:
     assert done.state.worst <= 0.04
     assert order.reason is not None
     assert order.reason.startswith("the largest standard uncertainty is 0.0")
-    before = told_by(Problem.from_plan(pool), done.shots[:-1])
+    before = state_of(Problem.from_plan(pool), done.shots[:-1])
     assert before is not None
     assert before.worst is None or before.worst > 0.04 or before.p_value is None
     assert len(done.shots) < POOL
@@ -52,7 +52,7 @@ def test_it_needs_fewer_shots_than_the_plan_in_turn(tmp_path: Path, pool: Plan) 
     adaptive = carried(pool, Adaptive(pool, 0.04), tmp_path / "adaptive.jsonl")
     whole = carried(pool, InTurn(POOL), tmp_path / "whole.jsonl")
     problem = Problem.from_plan(pool)
-    counts = [n for n in range(1, POOL + 1) if (told_by(problem, whole.shots[:n]).worst or 9.9) <= 0.04]  # type: ignore[union-attr]
+    counts = [n for n in range(1, POOL + 1) if (state_of(problem, whole.shots[:n]).worst or 9.9) <= 0.04]  # type: ignore[union-attr]
     assert len(adaptive.shots) < counts[0]
 
 
@@ -83,7 +83,7 @@ def test_it_is_the_same_again_from_the_same_shots(tmp_path: Path, pool: Plan) ->
     problem = Problem.from_plan(pool)
     for count in range(len(done.shots)):
         made = done.shots[:count]
-        following = Adaptive(pool, 0.04).following(made, (), told_by(problem, made))
+        following = Adaptive(pool, 0.04).following(made, (), state_of(problem, made))
         assert following == done.shots[count].shot
 
 
@@ -134,7 +134,7 @@ def test_an_estimated_noise_is_not_believed_from_a_number_or_two(tmp_path: Path)
     _, run = simulated(plan, TABLE_2)
     order = Adaptive(plan, 0.1)
     for count in (5, 6):
-        state = told_by(problem, run.shots[:count])
+        state = state_of(problem, run.shots[:count])
         assert state is not None
         assert state.worst is not None
         assert state.dof == 2 * count - 8

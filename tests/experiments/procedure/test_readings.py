@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 
 from zerobeam.experiments.procedure.readings import read_dark, read_joints, read_spot
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
-from zerobeam.experiments.rigs.simulated.photocurrents import SimulatedPsd
+from zerobeam.experiments.procedure.rig import MeasurementRefused, RefusalReason
+from zerobeam.experiments.rigs.simulated.sensing import SimulatedPsd
 from zerobeam.experiments.sensors.psd import Psd
 
 PSD = Psd(20.0, "duo-lateral", 200.0, 0.01, 2.0, np.zeros((2, 3)), None, 0.0)
@@ -119,7 +119,7 @@ def test_a_link_that_stays_down_is_a_reason(share: float) -> None:
     rig.lost = lambda samples: np.arange(samples) < share * samples
     with pytest.raises(MeasurementRefused) as refused:
         spot_of(rig)
-    assert refused.value.reason == Reason.NO_SIGNAL
+    assert refused.value.reason == RefusalReason.NO_SIGNAL
     assert rig.waited == pytest.approx(2.0)
 
 
@@ -129,7 +129,7 @@ def test_too_much_light_is_a_reason() -> None:
     assert spot_of(ScriptedRig(edge, 1.8)).light == pytest.approx(1.8, abs=0.01)
     with pytest.raises(MeasurementRefused) as refused:
         spot_of(ScriptedRig(edge, 2.0))
-    assert refused.value.reason == Reason.SATURATED
+    assert refused.value.reason == RefusalReason.SATURATED
 
 
 # The joints
@@ -148,7 +148,7 @@ def test_one_reading_that_is_off_is_a_reason(reading: int) -> None:
     rig.read[reading][1] = 0.003
     with pytest.raises(MeasurementRefused, match="joint 2") as refused:
         read_joints(rig, np.zeros(2), TOLERANCE)
-    assert refused.value.reason == Reason.READING
+    assert refused.value.reason == RefusalReason.READING
 
 
 def test_all_readings_off_alike_are_a_reason() -> None:
@@ -156,4 +156,4 @@ def test_all_readings_off_alike_are_a_reason() -> None:
     rig.read = [np.array([0.0, 0.003])] * 3
     with pytest.raises(MeasurementRefused, match="joint 2 does not read the position it was sent") as refused:
         read_joints(rig, np.zeros(2), TOLERANCE)
-    assert refused.value.reason == Reason.READING
+    assert refused.value.reason == RefusalReason.READING

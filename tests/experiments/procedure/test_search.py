@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from servo_shots import Start, start
 
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.procedure.rig import MeasurementRefused, RefusalReason
 from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.sensors.markers import blobs
 
@@ -52,7 +52,7 @@ def test_the_image_jacobian_is_that_of_pictures() -> None:
     np.testing.assert_allclose(differences, exact, atol=bound)
     # The control: seen by a camera that is not turned on the flange.
     seen, by_joints = shot.belief.call("sighted", shot.joints, search.belief.target)
-    wrong = camera.project_jacobian(camera.seen(seen[None]))[0] @ by_joints
+    wrong = camera.project_jacobian(camera.from_flange(seen[None]))[0] @ by_joints
     assert np.abs(wrong - exact).max() > 10 * bound
 
 
@@ -135,7 +135,7 @@ def test_markers_that_are_nowhere_are_a_reason() -> None:
     shot = start(20.0, 3, psd={"placed": {"misturned_deg": [180.0, 0.0, 0.0]}})  # its back is turned
     with pytest.raises(MeasurementRefused) as refused:
         shot.search().run()
-    assert refused.value.reason == Reason.OUT_OF_VIEW
+    assert refused.value.reason == RefusalReason.OUT_OF_VIEW
 
 
 def test_an_occluded_led_leaves_the_spiral() -> None:
@@ -143,7 +143,7 @@ def test_an_occluded_led_leaves_the_spiral() -> None:
     search = shot.search()
     search.run()
     assert search.left is not None
-    assert search.left.reason == Reason.OUT_OF_VIEW
+    assert search.left.reason == RefusalReason.OUT_OF_VIEW
     assert on_face(shot)
 
 
@@ -159,7 +159,7 @@ def test_a_hand_eye_error_is_made_good_by_the_spot(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(Search, "_by_spiral", lambda *_: False)
     with pytest.raises(MeasurementRefused) as refused:
         without.search().run()
-    assert refused.value.reason == Reason.OFF_FACE
+    assert refused.value.reason == RefusalReason.OFF_FACE
 
 
 def test_a_reflection_in_the_picture_is_not_taken_for_the_spot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,7 +184,7 @@ def test_the_beam_alone_finds_the_face(black: bool) -> None:
     search = shot.search()
     search.run()
     assert on_face(shot)
-    assert (search.left is not None and search.left.reason == Reason.CAMERA) == black
+    assert (search.left is not None and search.left.reason == RefusalReason.CAMERA) == black
 
 
 def test_a_camera_that_goes_black_later_leaves_the_laser_on_for_the_spiral() -> None:
@@ -202,7 +202,7 @@ def test_a_camera_that_goes_black_later_leaves_the_laser_on_for_the_spiral() -> 
     search.run()
     assert pictures > 2
     assert search.left is not None
-    assert search.left.reason == Reason.CAMERA
+    assert search.left.reason == RefusalReason.CAMERA
     assert on_face(shot)
 
 
@@ -217,4 +217,4 @@ def test_a_psd_that_is_too_far_off_is_not_found_by_the_beam() -> None:
     shot = start(220.0, 1, camera=None)
     with pytest.raises(MeasurementRefused) as refused:
         shot.search().run()
-    assert refused.value.reason == Reason.OFF_FACE
+    assert refused.value.reason == RefusalReason.OFF_FACE

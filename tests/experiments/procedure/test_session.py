@@ -16,7 +16,7 @@ from run_events import as_json
 from servo_shots import WatchedRig
 
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Carried, Procedure
+from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Procedure, ProcedureResult
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.interruption import requested, stoppable
@@ -43,7 +43,7 @@ def carried(
     told: Callable[[Event], None] = lambda event: None,
     rig: SimulatedRig | None = None,
     **cell: Any,
-) -> Carried:
+) -> ProcedureResult:
     rig = rig or SimulatedRig(plan, Cell.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
         return Procedure(

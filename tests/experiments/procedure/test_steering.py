@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from servo_shots import WatchedRig, plan, start
 
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.procedure.rig import MeasurementRefused, RefusalReason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief, come_to, step
 from zerobeam.model.arrays import Matrix
 
@@ -153,7 +153,7 @@ def test_a_wrist_that_cannot_is_a_reason() -> None:
     held = with_limits(belief, joints - 1e-6, joints + 1e-6)
     with pytest.raises(MeasurementRefused) as refused:
         step(held, joints, jacobian, np.array([3.0, -2.0]), LARGEST)
-    assert refused.value.reason == Reason.LIMIT
+    assert refused.value.reason == RefusalReason.LIMIT
 
 
 # Stands

@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 from cells import PROBE, good_plan
 
-from zerobeam.experiments.procedure.events import ArmSent, Event, PictureTaken, Recorded, SpotSeen
+from zerobeam.experiments.procedure.events import (
+    ArmSent,
+    MeasurementRecorded,
+    PictureTaken,
+    RunEvent,
+    SpotSeen,
+)
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Procedure
+from zerobeam.experiments.procedure.session import Procedure, arm_sent, picture_taken
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.procedure.watched import arm_sent, picture_taken
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import MemoryJournal
@@ -23,7 +28,7 @@ from zerobeam.model.likelihood.problem import Problem
 def test_who_watches_changes_nothing() -> None:
     plan, told, shots = good_plan(2), [], []
     for scene in (False, True):
-        events: list[Event] = []
+        events: list[RunEvent] = []
         journal = MemoryJournal()
         Procedure(plan, SimulatedRig(plan, Cell(), 3), journal, InTurn(2), events.append, scene).carry_out()
         shots.append(journal.shots)
@@ -32,7 +37,7 @@ def test_who_watches_changes_nothing() -> None:
     assert [event for event in told[1] if not isinstance(event, ArmSent | PictureTaken)] == told[0]
     kinds = Counter(type(event) for event in told[1])
     assert kinds[PictureTaken] >= 1
-    assert kinds[ArmSent] > kinds[SpotSeen] > 2 == kinds[Recorded]
+    assert kinds[ArmSent] > kinds[SpotSeen] > 2 == kinds[MeasurementRecorded]
     sent = [event for event in told[1] if isinstance(event, ArmSent)]
     for k, shot in enumerate(shots[1]):
         last = [event for event in sent if event.shot == k][-1]

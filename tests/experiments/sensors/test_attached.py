@@ -14,9 +14,9 @@ from cells import good_plan
 from zerobeam.experiments.procedure import session
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.readings import read_dark, read_spot
-from zerobeam.experiments.procedure.refusal import Reason
+from zerobeam.experiments.procedure.rig import RefusalReason
 from zerobeam.experiments.procedure.search import LIT
-from zerobeam.experiments.procedure.session import Carried, Procedure
+from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
@@ -56,7 +56,7 @@ def cell_rig(plan: Plan, **cell: Any) -> SimulatedRig:
     return SimulatedRig(plan, Cell.model_validate(stated), SEED)
 
 
-def carried(plan: Plan, rig: SimulatedRig) -> Carried:
+def carried(plan: Plan, rig: SimulatedRig) -> ProcedureResult:
     return Procedure(plan, rig, Kept(), InTurn(len(plan.postures)), lambda event: None).carry_out()
 
 
@@ -66,7 +66,7 @@ def through_counts(
     faults: LineFaults = SOUND,
     spoilt: Callable[[Matrix], Matrix] = lambda counts: counts,
     **cell: Any,
-) -> Carried:
+) -> ProcedureResult:
     """The same, with the currents as counts over a pseudo-terminal, by a sensors file."""
     rig = cell_rig(plan, **cell)
     seen = rig.currents
@@ -125,17 +125,17 @@ def cut_off(counts: Matrix) -> Matrix:
 @pytest.mark.parametrize(
     ("changed", "reason"),
     [
-        ({"faults": LineFaults(silent=True)}, Reason.NO_SIGNAL),
-        ({"faults": LineFaults(wrong=0.7)}, Reason.NO_SIGNAL),
-        ({"spoilt": cut_off}, Reason.NO_SIGNAL),
-        ({"spoilt": dead}, Reason.OFF_FACE),
-        ({"laser": {"light": 0.4}}, Reason.TOO_WEAK),
-        ({"laser": {"light": 1.3}}, Reason.TOO_BRIGHT),
-        ({"psd": {"lost": 0.0, "ambient": 8.0, "saturation": 9.0}}, Reason.SATURATED),
+        ({"faults": LineFaults(silent=True)}, RefusalReason.NO_SIGNAL),
+        ({"faults": LineFaults(wrong=0.7)}, RefusalReason.NO_SIGNAL),
+        ({"spoilt": cut_off}, RefusalReason.NO_SIGNAL),
+        ({"spoilt": dead}, RefusalReason.OFF_FACE),
+        ({"laser": {"light": 0.4}}, RefusalReason.TOO_WEAK),
+        ({"laser": {"light": 1.3}}, RefusalReason.TOO_BRIGHT),
+        ({"psd": {"lost": 0.0, "ambient": 8.0, "saturation": 9.0}}, RefusalReason.SATURATED),
     ],
 )
 def test_what_the_counts_cannot_tell_is_a_refused_shot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any], reason: Reason
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any], reason: RefusalReason
 ) -> None:
     monkeypatch.setattr(session, "ATTEMPTS", 1)
     if "faults" in changed:

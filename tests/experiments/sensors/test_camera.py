@@ -77,7 +77,7 @@ def test_known_pixels():
 def test_points_are_seen_from_where_the_camera_is_mounted():
     """A camera 100 mm along the flange's x that looks along it, its right along the flange's y."""
     mount = np.array([[0.0, 0, 1, 100], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-    seen = camera(mount=mount).seen(np.array([[600.0, 20, 30], [100, 0, 0]]))
+    seen = camera(mount=mount).from_flange(np.array([[600.0, 20, 30], [100, 0, 0]]))
     np.testing.assert_array_equal(seen, [[20, 30, 500], [0, 0, 0]])
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from beside import calibrated, calibration, write
 
-from zerobeam.experiments.rigs.simulated.photocurrents import SimulatedPsd
-from zerobeam.experiments.sensors.counts import PsdCalibration, read_calibration
+from zerobeam.experiments.rigs.simulated.sensing import SimulatedPsd
 from zerobeam.experiments.sensors.psd import Psd, PsdKind
+from zerobeam.experiments.sensors.sensors_file import PsdCalibration, read_calibration
 
 KINDS: tuple[PsdKind, PsdKind] = ("duo-lateral", "tetra-lateral")
 PLAIN: dict[str, Any] = {"dark_counts": [100.0] * 4, "gains": [1.0] * 4, "full_light_counts": 4000.0}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated import rendering
-from zerobeam.experiments.rigs.simulated.rendering import ELECTRONS, Scene, render
+from zerobeam.experiments.rigs.simulated import sensing
+from zerobeam.experiments.rigs.simulated.sensing import ELECTRONS, PictureScene, render
 from zerobeam.experiments.sensors import markers
 from zerobeam.experiments.sensors.camera import Camera
 from zerobeam.experiments.sensors.markers import (
@@ -42,7 +42,7 @@ def picture(
 ) -> np.ndarray:
     points = np.array(points, dtype=float).reshape(-1, 3)
     brightness = np.broadcast_to(np.asarray(light, dtype=float), len(points))
-    scene = Scene(points, brightness, np.full(len(points), LED_SIZE))
+    scene = PictureScene(points, brightness, np.full(len(points), LED_SIZE))
     return render(view, scene, rng=np.random.default_rng(seed), **{**ROOM, **room})
 
 
@@ -64,7 +64,7 @@ def centroid_variance(light: float, sigma: float, room: dict[str, Any]) -> float
 @pytest.fixture
 def level(monkeypatch):
     """A background without a slope."""
-    monkeypatch.setattr(rendering, "SLOPE", 0.0)
+    monkeypatch.setattr(sensing, "SLOPE", 0.0)
 
 
 def shifted_errors(find: Any, count: int = 300, **room: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +125,7 @@ def test_what_a_sloping_background_does():
     """
     light, sigma = LED_LIGHT / 0.49, np.hypot(800 * LED_SIZE / 700, 1.2)
     errors, _ = shifted_errors(lambda image: at(blobs(image)[0]))
-    slope = ROOM["ambient"] * rendering.SLOPE / 63
+    slope = ROOM["ambient"] * sensing.SLOPE / 63
     drawn = 8 * np.pi * slope * sigma**4 / light
     assert 0.009 < drawn < 0.011
     own = np.sqrt(1.2 * centroid_variance(light, sigma, ROOM) / len(errors))

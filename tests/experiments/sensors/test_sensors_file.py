@@ -13,10 +13,14 @@ import pytest
 from beside import CAMERA, MOUNT, calibration, psd, sensors, write
 from cells import good_plan, header, plan_of
 
+from zerobeam.experiments.sensors.amplifier import parse_sample, verified_body
 from zerobeam.experiments.sensors.attached import read_sensors
-from zerobeam.experiments.sensors.counts import read_calibration
-from zerobeam.experiments.sensors.line import heard, sample_of
-from zerobeam.experiments.sensors.sensors_file import CameraBeside, PsdBeside, read_sensors_file
+from zerobeam.experiments.sensors.sensors_file import (
+    CameraBeside,
+    PsdBeside,
+    read_calibration,
+    read_sensors_file,
+)
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
@@ -196,7 +200,7 @@ def test_the_files_and_lines_of_the_page_are_what_is_read(tmp_path: Path) -> Non
     with pytest.raises(RigFault, match="/dev/ttyUSB0 cannot be opened"):  # all else is in order
         read_sensors(tmp_path / "sensors.yaml", good_plan(2))
     lines = re.findall(r"^→ (.*)$", text, flags=re.MULTILINE)
-    bodies = [heard(line.encode()) for line in lines]
+    bodies = [verified_body(line.encode()) for line in lines]
     assert None not in bodies
     assert len(bodies) >= 3
-    assert [sample_of(body or "") is not None for body in bodies] == [False] + [True] * (len(bodies) - 1)
+    assert [parse_sample(body or "") is not None for body in bodies] == [False] + [True] * (len(bodies) - 1)

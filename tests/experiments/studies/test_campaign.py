@@ -17,8 +17,7 @@ from cells import good_plan
 from child import DEAF, child
 
 from zerobeam.analysis.so_far import SoFar
-from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, Cell, PlacedPsd, PsdInCell
-from zerobeam.experiments.rigs.simulated.faults import RobotStop
+from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, Cell, PlacedPsd, PsdInCell, RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds_of
 

@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 from run_events import event_of
 
-from zerobeam.experiments.procedure.events import Event
+from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.reports.terminal import live
 from zerobeam.reports.terminal.live import UnderWay, drawn, live_view
 
@@ -166,7 +166,7 @@ def test_shots_that_contradict_the_model_are_warned_of() -> None:
 
 def test_an_event_of_another_kind_changes_nothing() -> None:
     before = reduce(UnderWay.after, map(event_of, [BEGIN, SHOT, TOLD, RETRY]), UnderWay())
-    assert before.after(Event()) == before
+    assert before.after(RunEvent()) == before
     assert before.after(event_of(STOPPED)) != before
 
 
@@ -197,7 +197,7 @@ def heard(console: Console) -> None:
     with live_view(console) as hear:
         for event in (BEGIN, SHOT, phase("servo"), spot(0.5), RETRY, REFUSED, UNTOLD, TOLD, STOPPED):
             hear(event_of(event))
-        hear(Event())
+        hear(RunEvent())
 
 
 def test_nothing_is_written_where_it_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,14 +22,13 @@ from cells import good_plan
 from controllers import UNLIMITED, Watched, quick, unhurried
 from run_events import as_json
 
-from zerobeam.experiments.controller.egm_server import PacketFaults
-from zerobeam.experiments.controller.sensor_server import CellSensors
-from zerobeam.experiments.controller.service import SimulatedController
-from zerobeam.experiments.procedure.events import Event
+from zerobeam.controller.egm_server import PacketFaults
+from zerobeam.controller.sensor_server import CellSensors
+from zerobeam.controller.service import SimulatedController
+from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
-from zerobeam.experiments.rigs.abb.access import PASSWORD, find_access
-from zerobeam.experiments.rigs.abb.caution import Caution
+from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.errors import RigFault
@@ -107,7 +106,7 @@ class Session:
             self.stopped = str(fault)
         return self
 
-    def told(self, happened: Event) -> None:
+    def told(self, happened: RunEvent) -> None:
         event = as_json(happened)
         self.shot = event.get("shot", self.shot)
         self.phase = event.get("phase", self.phase)

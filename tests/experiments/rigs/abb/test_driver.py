@@ -23,17 +23,27 @@ from cells import good_plan
 from command_line import plan_file, zerobeam
 from controllers import Watched, quick, unhurried
 
-from zerobeam.experiments.controller import irc5, resources
-from zerobeam.experiments.controller.egm_server import PacketFaults
-from zerobeam.experiments.controller.rapid_data import RapidData
-from zerobeam.experiments.controller.sensor_server import CellSensors
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller import irc5
+from zerobeam.controller import rws_server as resources
+from zerobeam.controller.egm_server import PacketFaults
+from zerobeam.controller.irc5 import RapidData
+from zerobeam.controller.sensor_server import CellSensors
+from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
-from zerobeam.experiments.rigs.abb.access import HOST, PASSWORD, SERVICE, USER, Access, Secret, find_access
-from zerobeam.experiments.rigs.abb.caution import Caution, Signal
+from zerobeam.experiments.rigs.abb.access import (
+    HOST,
+    PASSWORD,
+    SERVICE,
+    USER,
+    Caution,
+    ControllerAccess,
+    Secret,
+    Signal,
+    find_access,
+)
 from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
 from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
 from zerobeam.experiments.rigs.abb.rws_client import Session
@@ -70,7 +80,7 @@ def controller(plan: Plan, request: pytest.FixtureRequest) -> Iterator[Simulated
         yield controller
 
 
-def access(controller: SimulatedController, password: str = WORD) -> Access:
+def access(controller: SimulatedController, password: str = WORD) -> ControllerAccess:
     return find_access({PASSWORD: password, USER: NAME}, host="127.0.0.1", port=controller.port)
 
 
@@ -163,7 +173,7 @@ def test_time_goes_on_where_a_resumed_run_was(
 def test_the_laser_is_the_output_that_is_stated(
     controller: SimulatedController, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    laser = Signal.stated("EtherNetIP/Board_10/doLaser")
+    laser = Signal.parse("EtherNetIP/Board_10/doLaser")
     with pytest.raises(
         RigFault, match=r"\(digital output EtherNetIP/Board_10/doLaser\): the controller does not have it"
     ):
@@ -188,8 +198,8 @@ def test_the_laser_is_the_output_that_is_stated(
 )
 def test_a_signal_that_is_none_is_bad_input(text: str) -> None:
     with pytest.raises(BadInput, match=r"(?s)not a digital output.*NETWORK/UNIT/NAME"):
-        Signal.stated(text)
-    assert str(Signal.stated("Local/DRV_1/zb_laser")) == str(Signal()) == "Local/DRV_1/zb_laser"
+        Signal.parse(text)
+    assert str(Signal.parse("Local/DRV_1/zb_laser")) == str(Signal()) == "Local/DRV_1/zb_laser"
 
 
 def test_the_profile_keeps_to_speed_and_acceleration() -> None:
@@ -288,7 +298,7 @@ def test_other_motion_tasks_are_refused(
     """MultiMove: the library would deactivate them without a word."""
     told = resources._states_of
 
-    def two(there: irc5.Irc5, asked: resources.Asked) -> tuple[resources.State, ...]:
+    def two(there: irc5.Irc5, asked: resources.RwsRequest) -> tuple[resources.ResourceState, ...]:
         states = told(there, asked)
         if asked.path != "rw/rapid/tasks":
             return states
@@ -573,14 +583,14 @@ def test_a_redirection_is_not_followed(heard: list[tuple[str, Any]]) -> None:
 
     with HTTPServer(("127.0.0.1", 0), Elsewhere) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
-        session = Session(Access("127.0.0.1", server.server_port, NAME, Secret(WORD)))
+        session = Session(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
         with pytest.raises(RigFault, match="HTTP 302"):
             session.ask("looking", lambda rws: rws.get_operation_mode())
     assert {address[0] for event, address in heard if event == "socket.connect"} == {"127.0.0.1"}
 
 
 def test_other_addresses_have_no_way_out(heard: list[tuple[str, Any]]) -> None:
-    session = Session(Access("127.0.0.1", 9, NAME, Secret(WORD)))
+    session = Session(ControllerAccess("127.0.0.1", 9, NAME, Secret(WORD)))
     with pytest.raises(RigFault, match="InvalidSchema"):
         session.ask("looking", lambda rws: rws._session.get("http://127.0.0.2:9/"))
     with pytest.raises(RigFault, match="cannot be reached"):
@@ -600,7 +610,7 @@ def test_a_web_server_that_is_no_controller_is_said() -> None:
 
     with HTTPServer(("127.0.0.1", 0), Page) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
-        session = Session(Access("127.0.0.1", server.server_port, NAME, Secret(WORD)))
+        session = Session(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
         with pytest.raises(RigFault, match="none of Robot Web Services"):
             session.ask("looking", lambda rws: rws.get_operation_mode())
 
@@ -643,12 +653,15 @@ def test_the_password_is_in_no_output(
 def test_a_secret_shows_itself_to_nobody() -> None:
     secret = Secret(WORD)
     assert secret.reveal() == WORD
-    assert WORD not in f"{secret} {secret!r} {secret!s} {[secret]} {Access('127.0.0.1', 80, NAME, secret)}"
+    assert (
+        WORD
+        not in f"{secret} {secret!r} {secret!s} {[secret]} {ControllerAccess('127.0.0.1', 80, NAME, secret)}"
+    )
     for written in (pickle.dumps, copy.deepcopy):
         with pytest.raises(TypeError, match="not written anywhere"):
             written(secret)
     with pytest.raises(TypeError, match="not written anywhere"):
-        asdict(Access("127.0.0.1", 80, NAME, secret))
+        asdict(ControllerAccess("127.0.0.1", 80, NAME, secret))
 
 
 # Where the access comes from
@@ -729,7 +742,7 @@ def test_a_wrong_caution_is_bad_input(stated: dict[str, Any], found: str) -> Non
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "abb_robot_client", None)
     with pytest.raises(BadInput, match=r'pip install "zerobeam\[abb\]"'):
-        Session(Access("127.0.0.1", 80, NAME, Secret(WORD)))
+        Session(ControllerAccess("127.0.0.1", 80, NAME, Secret(WORD)))
 
 
 def test_the_command_says_so_before_it_asks_the_network(

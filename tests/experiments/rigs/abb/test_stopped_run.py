@@ -18,13 +18,12 @@ from child import ZEROBEAM, child
 from command_line import plan_file
 from controllers import UNLIMITED, Client, Watched, quick, unhurried
 
-from zerobeam.experiments.controller.sensor_server import CellSensors
-from zerobeam.experiments.controller.service import SimulatedController
-from zerobeam.experiments.procedure.events import Event, SpotSeen
+from zerobeam.controller.sensor_server import CellSensors
+from zerobeam.controller.service import SimulatedController
+from zerobeam.experiments.procedure.events import RunEvent, SpotSeen
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure
-from zerobeam.experiments.rigs.abb.access import PASSWORD, find_access
-from zerobeam.experiments.rigs.abb.caution import Caution
+from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.studies.campaign import MemoryJournal
@@ -117,7 +116,7 @@ def test_a_request_that_is_lost_is_heard_before_the_next_step(
     unhurried(monkeypatch)
     goals, steps = begun_after(monkeypatch), []
 
-    def told(event: Event) -> None:
+    def told(event: RunEvent) -> None:
         if isinstance(event, SpotSeen):
             steps.append(event.off_mm)
             if len(steps) == 2:

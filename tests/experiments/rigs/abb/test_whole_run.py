@@ -25,11 +25,10 @@ from controllers import UNLIMITED, Watched, quick, unhurried
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.experiments.controller.sensor_server import CellSensors
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller.sensor_server import CellSensors
+from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.recording import Controller, RunRequest, record
-from zerobeam.experiments.rigs.abb.access import PASSWORD, USER, find_access
-from zerobeam.experiments.rigs.abb.caution import Caution
+from zerobeam.experiments.rigs.abb.access import PASSWORD, USER, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.arrays import Matrix

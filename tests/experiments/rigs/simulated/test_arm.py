@@ -11,7 +11,7 @@ from cells import irb1600
 from plain_model import MODIFIED, arm
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated.arm import SimulatedArm, geometry_errors
+from zerobeam.experiments.rigs.simulated.assembly import SimulatedArm, geometry_errors
 from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain, rotation_about, shift
 
 HOME = np.radians([10.0, -20.0, 30.0, 40.0, -50.0, 60.0])

@@ -11,7 +11,7 @@ import pytest
 from cells import OPEN_LASER, PROBE, good_plan, header, irb1600, plan_of
 
 from zerobeam.analysis.observability.aim import aim, servo_joints
-from zerobeam.experiments.rigs.simulated.assembly import Parts, assemble
+from zerobeam.experiments.rigs.simulated.assembly import CellParts, assemble
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
@@ -19,7 +19,7 @@ from zerobeam.model.kinematics.robot import same_arm
 from zerobeam.model.likelihood.problem import Problem
 
 
-def parts(plan: Plan, seed: int = 0, **content: Any) -> Parts:
+def parts(plan: Plan, seed: int = 0, **content: Any) -> CellParts:
     return assemble(plan, Cell.model_validate(content), np.random.default_rng(seed))
 
 

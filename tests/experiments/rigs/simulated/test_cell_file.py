@@ -12,8 +12,7 @@ import pytest
 from cells import good_plan
 
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.rigs.simulated.cell_file import Cell, read_cell
-from zerobeam.experiments.rigs.simulated.faults import FAULT_KINDS
+from zerobeam.experiments.rigs.simulated.cell_file import FAULT_KINDS, Cell, read_cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
@@ -283,7 +282,7 @@ def test_a_robot_is_named_relative_to_the_cell_file(tmp_path: Path, refused: Cal
     )
     file = written(folder, "schema: zerobeam/cell/1\ncamera: null\nrobot: arm.yaml\n")
     cell = read_cell(file)
-    robot = cell.own_robot()
+    robot = cell.named_robot()
     assert robot is not None
     assert robot.name == "two rods"
     error = refused(SimulatedRig, good_plan(3), cell, 0)

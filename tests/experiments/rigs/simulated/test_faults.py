@@ -21,12 +21,12 @@ from command_line import plan_file
 from run_events import as_json
 
 from zerobeam.analysis.diagnostics.displacement import displacement
-from zerobeam.experiments.procedure.events import Event
+from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Carried, Procedure
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
-from zerobeam.experiments.rigs.simulated.faults import (
+from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
+from zerobeam.experiments.rigs.simulated.cell_file import (
     FAULT_KINDS,
+    Cell,
     EncoderGlitch,
     Faults,
     ProcessKilled,
@@ -125,7 +125,7 @@ class Session:
     was recorded, `joints_off` (rad) how far the recorded joints were from the controller's counts."""
 
     file: Path
-    carried: Carried | None = None
+    carried: ProcedureResult | None = None
     events: list[dict[str, Any]] = field(default_factory=list)
     off_mm: dict[int, float] = field(default_factory=dict)
     joints_off: float = 0.0
@@ -139,7 +139,7 @@ def session(plan: Plan, cell: Cell, file: Path, *, resumed: bool = False) -> Ses
     rig = SimulatedRig(plan, cell, SEED, resumed=resumed)
     seen = Session(file)
 
-    def told(happened: Event) -> None:
+    def told(happened: RunEvent) -> None:
         event = as_json(happened)
         seen.events.append(event)
         if event["event"] == "recorded":

@@ -8,7 +8,7 @@ from numpy.polynomial.hermite_e import hermegauss
 from numpy.polynomial.legendre import leggauss
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated.photocurrents import SimulatedPsd, caught, harmonic_measures
+from zerobeam.experiments.rigs.simulated.sensing import SimulatedPsd, caught, harmonic_measures
 from zerobeam.experiments.sensors.psd import Psd, PsdKind
 
 SIZE = 20.0

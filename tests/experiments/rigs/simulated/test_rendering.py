@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated.rendering import ELECTRONS, SLOPE, Scene, render
+from zerobeam.experiments.rigs.simulated.sensing import ELECTRONS, SLOPE, PictureScene, render
 from zerobeam.experiments.sensors.camera import Camera
 
 DARK: dict[str, Any] = {"exposure": 1.0, "ambient": 0.0, "noise": 0.0, "psf": 1.2}
@@ -19,16 +19,16 @@ def camera(width: int = 96, height: int = 64) -> Camera:
     return Camera(width, height, (800.0, 800.0), middle, (0.0,) * 5, np.eye(4))
 
 
-def scene(*points: tuple[float, float, float], brightness: float = 2000.0, size: float = 0.0) -> Scene:
+def scene(*points: tuple[float, float, float], brightness: float = 2000.0, size: float = 0.0) -> PictureScene:
     count = len(points)
-    return Scene(np.array(points).reshape(-1, 3), np.full(count, brightness), np.full(count, size))
+    return PictureScene(np.array(points).reshape(-1, 3), np.full(count, brightness), np.full(count, size))
 
 
-def picture(lights: Scene, seed: int = 0, view: Camera | None = None, **other: Any) -> np.ndarray:
+def picture(lights: PictureScene, seed: int = 0, view: Camera | None = None, **other: Any) -> np.ndarray:
     return render(view or camera(), lights, rng=np.random.default_rng(seed), **{**DARK, **other})
 
 
-def mean_picture(lights: Scene, count: int = 100, first: int = 0, **other: Any) -> np.ndarray:
+def mean_picture(lights: PictureScene, count: int = 100, first: int = 0, **other: Any) -> np.ndarray:
     return np.mean([picture(lights, seed, **other) for seed in range(first, first + count)], axis=0)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from controllers import FAST, NAME, Client, client_rws, controller, plan
 
-from zerobeam.experiments.controller.irc5 import PATIENCE
-from zerobeam.experiments.controller.rws_server import REQUESTS_A_SECOND
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller.irc5 import PATIENCE
+from zerobeam.controller.rws_server import REQUESTS_A_SECOND
+from zerobeam.controller.service import SimulatedController
 from zerobeam.model.errors import BadInput
 
 requests = pytest.importorskip("requests")

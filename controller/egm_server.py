@@ -19,8 +19,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...model.arrays import Matrix
-from ...model.errors import BadInput, missing_extra
+from ..model.arrays import Matrix
+from ..model.errors import BadInput, missing_extra
 
 _LARGEST = 65536
 Mci = Literal["MCI_STOPPED", "MCI_RUNNING", "MCI_ERROR"]

@@ -15,13 +15,14 @@ from child import DEAF, ZEROBEAM, child
 from command_line import zerobeam
 from controllers import FAST, Client, controller, plan
 
-from zerobeam.experiments.controller.cell_behind import CellBehind
-from zerobeam.experiments.controller.drive import Drive
-from zerobeam.experiments.controller.egm_server import PacketFaults, PacketLine
-from zerobeam.experiments.controller.sensor_server import CellSensors, RemoteSensors
-from zerobeam.experiments.controller.service import own_plan
+from zerobeam.controller.cell_behind import CellBehind
+from zerobeam.controller.egm_server import PacketFaults, PacketLine
+from zerobeam.controller.irc5 import Drive
+from zerobeam.controller.sensor_server import CellSensors
+from zerobeam.controller.service import own_plan
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.experiments.sensors.interface import RemoteSensors
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 

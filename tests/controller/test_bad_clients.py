@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from controllers import Client, controller
 
-from zerobeam.experiments.controller.sensor_server import RemoteSensors
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller.service import SimulatedController
+from zerobeam.experiments.sensors.interface import RemoteSensors
 
 DIGEST = (
     'GET /x HTTP/1.1\r\nAuthorization: Digest username="Default User", realm="validusers@robapi.abb",'

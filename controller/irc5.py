@@ -1,27 +1,214 @@
-"""The state of the controller: panel, RAPID, mastership, signals, and the arm that they move."""
+"""The state of the controller: panel, RAPID and its data, mastership, signals, and the arm that they move.
+
+The codes of refused requests and their names are those of "Robot controller return codes" in the manual of
+Robot Web Services (3HAC050973-001). Answers of RobotWare 6.16 have been published for a symbol, a resource or
+a signal that there is not, an invalid argument, a start in the wrong state, mastership that another client
+holds and a signal written in manual mode. Assumed, for want of anything public, are MODE_REJECT and NOT_HELD
+with their status, and that HELD answers whatever needs what another client holds (it may be MASTER_REJECT,
+-1073445859, as well: the rig knows both).
+"""
 
 from __future__ import annotations
 
+import math
+import re
 import threading
 from collections.abc import Generator
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ...model.arrays import Matrix
+from ..model.arrays import Matrix
 from .cell_behind import CellBehind
-from .drive import Drive
 from .egm_server import Egm
-from .rapid_data import RapidData
-from .return_code import (
-    EXECUTION_STATE,
-    HELD,
-    INVALID_ARGUMENT,
-    MODE_REJECT,
-    NOT_HELD,
-    REJECTED,
-    RequestRefused,
-)
+
+
+@dataclass(frozen=True)
+class Code:
+    """`status` is HTTP's; the name that the manual gives to the number is beside each."""
+
+    status: int
+    number: int
+    words: str
+
+
+NO_SUCH_SYMBOL = Code(400, -1073414146, "Symbol not found")  # SYS_CTRL_E_FAIL
+NO_SUCH_RESOURCE = Code(404, -1073414146, "Resource not found")  # SYS_CTRL_E_FAIL
+NO_SUCH_SIGNAL = Code(404, -1073445866, "Invalid IO signal name")  # SYS_CTRL_E_UNRESOLVED_URL
+INVALID_ARGUMENT = Code(400, -1073445879, "Invalid argument")  # SYS_CTRL_E_INVALIDARG
+# SYS_CTRL_E_EXEC_STATE
+EXECUTION_STATE = Code(400, -1073442809, "Operation not allowed for current PGM state")
+# SYS_CTRL_E_MODE_REJECT
+MODE_REJECT = Code(403, -1073445860, "Operation not allowed in this operation mode")
+REJECTED = Code(403, -1073445881, "Rejected")  # SYS_CTRL_E_REJECT
+# SYS_CTRL_E_RESOURCE_HELD
+HELD = Code(403, -1073445862, "Requested resource is held by someone else")
+NOT_HELD = Code(403, -1073445880, "Resource is not held")  # SYS_CTRL_E_RESOURCE_NOT_HELD
+
+
+class RequestRefused(Exception):
+    """A request that the controller does not carry out."""
+
+    def __init__(self, code: Code, why: str = "") -> None:
+        self.code = code
+        # The real one puts the place in its source before the words, and the code behind them.
+        words = f"{code.words}: {why}" if why else code.words
+        self.message = f"{words} code:{code.number} icode:-1"
+        super().__init__(self.message)
+
+
+MODULE = "zerobeam_egm"
+_NO_AXIS = 9e9  # what RAPID writes for an external axis that there is not
+
+JointTarget = tuple[tuple[float, ...], tuple[float, ...]]
+Value = bool | float | JointTarget
+
+_INITIAL: dict[str, Value] = {
+    "zb_target": ((0.0,) * 6, (_NO_AXIS,) * 6),
+    "zb_speed": 10.0,
+    "zb_command": 0.0,
+    "zb_start": False,
+    "zb_done": 0.0,
+    "zb_error": 0.0,
+}
+_LIST = re.compile(r"\s*\[\s*\[([^\[\]]*)\]\s*,\s*\[([^\[\]]*)\]\s*\]\s*")
+
+
+class RapidData:
+    """PERS data by name; `written` and `text` speak RAPID."""
+
+    def __init__(self) -> None:
+        self._values = dict(_INITIAL)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._values)
+
+    def type_of(self, name: str) -> str:
+        value = self._values[name]
+        return "bool" if isinstance(value, bool) else "num" if isinstance(value, float) else "jointtarget"
+
+    def flag(self, name: str) -> bool:
+        value = self._values[name]
+        assert isinstance(value, bool)
+        return value
+
+    def number(self, name: str) -> float:
+        value = self._values[name]
+        assert isinstance(value, float)
+        return value
+
+    def joints_deg(self, name: str) -> tuple[float, ...]:
+        """The six robot axes of a jointtarget, degrees."""
+        value = self._values[name]
+        assert isinstance(value, tuple)
+        return value[0]
+
+    def set(self, name: str, value: bool | float) -> None:
+        assert type(value) is type(self._values[name])
+        self._values[name] = value
+
+    def text(self, name: str) -> str:
+        """The value as RAPID writes it."""
+        value = self._values[name]
+        if isinstance(value, bool):
+            return "TRUE" if value else "FALSE"
+        if isinstance(value, float):
+            return number_text(value)
+        return "[" + ",".join(f"[{','.join(map(number_text, part))}]" for part in value) + "]"
+
+    def written(self, name: str, text: str) -> None:
+        """Take a value as RAPID writes it; RequestRefused where it is none of the type."""
+        value: Value | None
+        if isinstance(self._values[name], bool):
+            value = {"TRUE": True, "FALSE": False}.get(text.strip().upper())
+        elif isinstance(self._values[name], float):
+            value = _number(text)
+        else:
+            parts = _LIST.fullmatch(text)
+            lists = (
+                [] if parts is None else [[_number(v) for v in part.split(",")] for part in parts.groups()]
+            )
+            whole = [tuple(v for v in part if v is not None) for part in lists]
+            value = (whole[0], whole[1]) if [len(part) for part in whole] == [6, 6] else None
+        if value is None:
+            raise RequestRefused(INVALID_ARGUMENT, f"{text[:80]} is no {self.type_of(name)}")
+        self._values[name] = value
+
+
+def number_text(value: float, digits: int = 6) -> str:
+    """A num is of single precision; as the value of a datum it is written in six digits (9E+09, 0.866025)."""
+    return format(float(np.float32(value)), f".{digits}g").upper()
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(np.float32(float(text)))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+class Drive:
+    """A setpoint on its way in steps of `step` seconds; all (n,) are rad, rad/s, rad/s^2.
+
+    `top` and `acceleration` are what the joints can do. Every joint accelerates to its speed and brakes as
+    late as it can: k steps of braking, the last of one step's speed change, go k (k + 1) / 2 a step^2 far.
+    """
+
+    def __init__(self, at: Matrix, top: Matrix, acceleration: Matrix, step: float) -> None:
+        self.at, self.goal = at.copy(), at.copy()
+        self._top, self._acceleration, self._step = top, acceleration, step
+        self._velocity = np.zeros_like(at)
+        self._limits = (top, acceleration)
+        self._resting = False
+
+    @property
+    def standing(self) -> bool:
+        return not self._velocity.any()
+
+    @property
+    def arrived(self) -> bool:
+        return self.standing and bool((self.at == self.goal).all())
+
+    def go(self, goal: Matrix, share: float) -> None:
+        """All joints in step, on a line in joint space, the slowest at `share` of its top speed."""
+        way = np.abs(goal - self.at)
+        parts = np.divide(1.0, way, out=np.full_like(way, 1e300), where=way > 0)
+        self.goal, self._resting = goal.copy(), False
+        self._limits = (way * (share * self._top * parts).min(), way * (self._acceleration * parts).min())
+
+    def follow(self, goal: Matrix, speed: float) -> None:
+        """Each joint for itself, at `speed` rad/s at the most."""
+        self.goal, self._resting = goal.copy(), False
+        self._limits = (np.minimum(self._top, speed), self._acceleration)
+
+    def rest(self) -> None:
+        """Brake, and stay there: the goal is forgotten."""
+        self._resting = True
+
+    def advance(self, held: bool) -> None:
+        """One step; `held` brakes on the way, and the goal stays what it is."""
+        if self.standing and (held or self._resting or self.arrived):
+            return
+        speed, acceleration = self._limits
+        step = self._step
+        change = np.maximum(acceleration * step, 1e-300)  # a joint that has no way to go has none
+        way = self.goal - self.at
+        steps = np.sqrt(0.25 + 2 * np.abs(way) / (change * step)) - 0.5
+        ideal = np.sign(way) * np.minimum(np.minimum(speed, steps * change), np.abs(way) / step)
+        if held or self._resting:
+            ideal = np.zeros_like(way)
+        reached = np.abs(ideal - self._velocity) <= change
+        velocity = np.where(reached, ideal, self._velocity + np.sign(ideal - self._velocity) * change)
+        landed = reached & (ideal == way / step)
+        self.at = np.where(landed, self.goal, self.at + velocity * step)
+        self._velocity = np.where(landed, 0.0, velocity)
+
 
 CYCLE = 0.004  # s
 PATIENCE = 1.0  # s without a word of the client: the timer of command 1, CommTimeout of EGMSetupUC
@@ -128,16 +315,16 @@ class Irc5:
 
     # What a client asks for
 
-    def set_state(self, wanted: str) -> None:
+    def set_state(self, state: str) -> None:
         """Motors on or off."""
-        if wanted not in ("motoron", "motoroff"):
-            raise RequestRefused(INVALID_ARGUMENT, f"ctrl-state={wanted}")
+        if state not in ("motoron", "motoroff"):
+            raise RequestRefused(INVALID_ARGUMENT, f"ctrl-state={state}")
         self._require_automatic()
         if self.state == "emergencystop":
             raise RequestRefused(REJECTED, "emergency stop")
-        if wanted == "motoroff":
+        if state == "motoroff":
             self.running = False
-        self.state = "motoron" if wanted == "motoron" else "motoroff"
+        self.state = "motoron" if state == "motoron" else "motoroff"
 
     def set_speed_ratio(self, text: str) -> None:
         self._require_automatic()

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from controllers import Client, Guide, controller
 
-from zerobeam.experiments.controller.egm_server import PacketFaults
-from zerobeam.experiments.controller.irc5 import GUIDED_SPEED, PATIENCE
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller.egm_server import PacketFaults
+from zerobeam.controller.irc5 import GUIDED_SPEED, PATIENCE
+from zerobeam.controller.service import SimulatedController
 from zerobeam.model.arrays import Matrix
 
 GOAL = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6])

@@ -13,12 +13,12 @@ from typing import Self
 
 import numpy as np
 
-from ...model.errors import BadInput
-from ...model.files.header import Header
-from ...model.files.plan import Plan
-from ...model.files.robot_file import load_robot
-from ..plans.patterns import pattern
-from ..rigs.simulated.cell_file import Cell
+from ..experiments.plans.patterns import pattern
+from ..experiments.rigs.simulated.cell_file import Cell
+from ..model.errors import BadInput
+from ..model.files.header import Header
+from ..model.files.plan import Plan
+from ..model.files.robot_file import load_robot
 from .cell_behind import CellBehind
 from .egm_server import Egm, PacketFaults
 from .irc5 import CYCLE, Irc5

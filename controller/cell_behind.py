@@ -6,12 +6,12 @@ import copy
 
 import numpy as np
 
-from ...model.arrays import Matrix
-from ...model.errors import BadInput
-from ...model.files.plan import Plan
-from ..rigs.abb.caution import require_six_axes
-from ..rigs.simulated.cell_file import Cell
-from ..rigs.simulated.simulator import SimulatedRig
+from ..experiments.rigs.abb.access import require_six_axes
+from ..experiments.rigs.simulated.cell_file import Cell
+from ..experiments.rigs.simulated.simulator import SimulatedRig
+from ..model.arrays import Matrix
+from ..model.errors import BadInput
+from ..model.files.plan import Plan
 
 
 class CellBehind(SimulatedRig):
