@@ -41,7 +41,7 @@ def recording(folder: Folder, name: str) -> dict[str, Any]:
         states = _states(run)
         state = states[-1][1] if states else None
     return facts | {
-        "std": {} if state is None else state.std,
+        "std": {} if state is None else state.offset_std,
         "course": [{"recorded": count, "std": own.std} for count, own in states],
         "worst_std": None if state is None else state.worst,
         "headline": None if state is None else headline(state, person),
