@@ -49,7 +49,6 @@ class Section(BaseModel):
         frozen=True,
         allow_inf_nan=False,
         defer_build=True,
-        use_attribute_docstrings=True,
     )
 
     @classmethod
