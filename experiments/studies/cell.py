@@ -28,7 +28,6 @@ from .answer import (
     Accuracy,
     NoiseLevel,
     ParameterWithShare,
-    Share,
     StudyAnswer,
     accuracy,
     agreement_words,
@@ -37,6 +36,7 @@ from .answer import (
 )
 from .campaign import CellRun, Repeated, campaign, seeds_of
 from .case_store import each_case, heading_of
+from .data_sets import with_half_the_noise
 from .laser_plans import (
     MEASUREMENTS,
     SIGMA_MM,
@@ -242,7 +242,9 @@ def cell_study(
             words="control: the optimal plan's runs, the noise stated as half of what it is",
             control=True,
         )
-        return CellCase(answer, judged(understated, made, _with_half_the_noise(plan.repeated.plan, made)))
+        half = with_half_the_noise(Problem.from_plan(plan.repeated.plan))
+        states = [None if run.state is None else state_of(half, run.shots) for run in made]
+        return CellCase(answer, judged(understated, made, states))
 
     heading = heading_of("cell", seed, runs=runs, camera=camera)
     cases = each_case(store, heading, CellCase, len(plans), studied)
@@ -284,13 +286,6 @@ def cell_study(
     )
 
 
-def _with_half_the_noise(plan: Plan, runs: Sequence[CellRun]) -> list[SoFar | None]:
-    problem = Problem.from_plan(plan)
-    noise = problem.noise
-    half = replace(problem, noise=replace(noise, joint=noise.joint / 2, spot=noise.spot / 2))
-    return [None if run.state is None else state_of(half, run.shots) for run in runs]
-
-
 def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[SoFar | None]) -> CellPlan:
     """One plan of the study; `states` is what each run states, in the order of `runs`."""
     carried = plan.repeated.plan
@@ -304,8 +299,10 @@ def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[SoFa
         error, std = _of_offset(item.name, runs, states)
         # An unidentifiable offset has no number, even if single runs were lucky enough to claim one.
         determined = status[i] != "unidentifiable" or plan.control
-        errors = accuracy(error, std) if determined else Accuracy()
-        share = _coverage(error, std, _ALARM / len(free)) if determined else None
+        errors, share = Accuracy(), None
+        if determined and len(error):
+            held = int((np.abs(error) <= normal_half_width(_LEVEL) * std).sum())
+            errors, share = accuracy(error, std), held_share(held, len(error), _LEVEL, _ALARM / len(free))
         rows.append(ParameterWithShare(item.name, item.unit, status[i], *errors, coverage=share))
     shares = [share for row in rows for share in row.shares]
     agrees = bool(shares) and all(share.agrees for share in shares)
@@ -346,14 +343,6 @@ def _of_offset(name: str, runs: Sequence[CellRun], states: Sequence[SoFar | None
                 pairs.append((offset.estimate - run.truth[name], offset.std))
     error, std = np.array(pairs).reshape(-1, 2).T
     return error, std
-
-
-def _coverage(error: Matrix, std: Matrix, alarm: float) -> Share | None:
-    """None where no run determines the offset."""
-    if not len(error):
-        return None
-    held = int((np.abs(error) <= normal_half_width(_LEVEL) * std).sum())
-    return held_share(held, len(error), _LEVEL, alarm)
 
 
 def _seconds(runs: Sequence[CellRun]) -> dict[str, PhaseSeconds]:

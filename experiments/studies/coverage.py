@@ -11,10 +11,9 @@ moves and steps of the posterior (`drawn_together` says what is not).
 
 from __future__ import annotations
 
-import base64
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -44,7 +43,17 @@ from .answer import (
     require_sound,
 )
 from .case_store import each_piece, heading_of
-from .data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint, pseudo_inverse, understated
+from .data_sets import (
+    DataSets,
+    Estimates,
+    StoredMatrix,
+    drawn,
+    fitted,
+    likelihood,
+    midpoint,
+    pseudo_inverse,
+    understated,
+)
 from .laser_plans import MEASUREMENTS, SIGMA_MM, laser_header, optimal_postures, robot_of, y_postures
 
 SIZE = TOGETHER  # data sets of a piece
@@ -202,24 +211,12 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class PieceEstimates:
-    """`Estimates` of a piece; of the arrays their bytes, so that they are kept to the last bit."""
-
-    name: str
-    words: str
-    control: bool
-    value: str
-    std: str
-    kept: tuple[bool, ...]
-
-
-@dataclass(frozen=True)
 class PieceAnswer:
     """The estimates of a piece, the posterior's second; `ranks` of the truths among the draws; the share of
     proposals that were `accepted`."""
 
-    estimates: tuple[PieceEstimates, ...]
-    ranks: str
+    estimates: tuple[Estimates, ...]
+    ranks: StoredMatrix
     accepted: float
 
 
@@ -355,41 +352,25 @@ def answer_of(piece: Piece) -> PieceAnswer:
         fits.converged,
     )
     estimates.insert(1, of_draws)
-    return PieceAnswer(tuple(map(_packed, estimates)), _bytes(ranks.astype(float)), accepted)
+    return PieceAnswer(tuple(estimates), ranks.astype(float), accepted)
 
 
 def joined(answers: Sequence[PieceAnswer], offsets: int) -> tuple[list[Estimates], Index]:
     """The estimators of all pieces of a plan with so many `offsets`, and the ranks (W, m)."""
 
-    def table(texts: Sequence[str]) -> Matrix:
-        return np.concatenate([_array(text).reshape(-1, offsets) for text in texts])
+    def table(parts: Sequence[Matrix]) -> Matrix:
+        return np.concatenate([part.reshape(-1, offsets) for part in parts])
 
-    estimates = []
-    for parts in zip(*(answer.estimates for answer in answers), strict=True):
-        first = parts[0]
-        value, std = table([part.value for part in parts]), table([part.std for part in parts])
-        kept = np.concatenate([np.array(part.kept, dtype=bool) for part in parts])
-        estimates.append(Estimates(first.name, first.words, first.control, value, std, kept))
+    estimates = [
+        replace(
+            parts[0],
+            value=table([part.value for part in parts]),
+            std=table([part.std for part in parts]),
+            kept=np.concatenate([part.kept for part in parts]),
+        )
+        for parts in zip(*(answer.estimates for answer in answers), strict=True)
+    ]
     return estimates, table([answer.ranks for answer in answers]).astype(np.int64)
-
-
-def _packed(estimates: Estimates) -> PieceEstimates:
-    return PieceEstimates(
-        estimates.name,
-        estimates.words,
-        estimates.control,
-        _bytes(estimates.value),
-        _bytes(estimates.std),
-        tuple(map(bool, estimates.kept)),
-    )
-
-
-def _bytes(values: Matrix) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
-
-
-def _array(text: str) -> Matrix:
-    return np.frombuffer(base64.b64decode(text), dtype="<f8").astype(float)
 
 
 def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[PieceAnswer]) -> CoveragePlan:

@@ -5,9 +5,12 @@ Some estimators are controls, whose intervals must not hold the truth.
 
 from __future__ import annotations
 
+import base64
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import PlainSerializer, PlainValidator
 
 from ...analysis.estimation.fit import Fits, fit_each
 from ...analysis.estimation.midpoint import fit_midpoints
@@ -61,6 +64,23 @@ def fitted(data: DataSets) -> Fits:
     return fit_each(data.problem, data.joints, data.spots)
 
 
+def _of_bytes(values: object) -> Matrix:
+    if isinstance(values, np.ndarray):
+        return values
+    return np.frombuffer(base64.b64decode(str(values)), dtype="<f8").astype(float)
+
+
+def _as_bytes(values: Matrix) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
+
+
+# Kept in a file to the last bit, but for its shape.
+StoredMatrix = Annotated[Matrix, PlainValidator(_of_bytes), PlainSerializer(_as_bytes)]
+StoredMask = Annotated[
+    Mask, PlainValidator(lambda kept: np.array(kept, dtype=bool)), PlainSerializer(lambda kept: kept.tolist())
+]
+
+
 @dataclass(frozen=True, eq=False)
 class Estimates:
     """Of m offsets: estimates and standard uncertainties (W, m), internal units; `kept` (W,) says which data
@@ -69,9 +89,15 @@ class Estimates:
     name: str
     words: str
     control: bool
-    value: Matrix
-    std: Matrix
-    kept: Mask
+    value: StoredMatrix
+    std: StoredMatrix
+    kept: StoredMask
+
+
+def with_half_the_noise(problem: Problem) -> Problem:
+    """The problem of a control, whose intervals are too short by 2."""
+    noise = problem.noise
+    return replace(problem, noise=replace(noise, joint=noise.joint / 2, spot=noise.spot / 2))
 
 
 def likelihood(data: DataSets, fits: Fits, which: Index) -> Estimates:
@@ -82,8 +108,7 @@ def likelihood(data: DataSets, fits: Fits, which: Index) -> Estimates:
 
 def understated(data: DataSets, which: Index) -> Estimates:
     """Control: the likelihood fit with half of the true noise."""
-    noise = data.problem.noise
-    half = replace(data.problem, noise=replace(noise, joint=noise.joint / 2, spot=noise.spot / 2))
+    half = with_half_the_noise(data.problem)
     fits = fitted(replace(data, problem=half))
     words = "control: the noise stated as half of what it is"
     return _of_fits("noise understated by 2", words, True, half.parameters, fits, which)

@@ -294,26 +294,6 @@ def arms(problem: Problem, count: int, offset_deg: float, rng: np.random.Generat
     return drawn(problem, count, rng, spread)
 
 
-def freed(data: DataSets) -> ArmErrors:
-    """With the geometry estimated, as `analyse` does it where the header has the key `geometry`."""
-    return _errors(data, data.problem, _stated_std)[0]
-
-
-def nominal(data: DataSets) -> tuple[ArmErrors, ArmErrors]:
-    """With nominal geometry: with the uncertainty that the noise alone gives, and with that of the consider
-    analysis for the tolerances."""
-    noise_only, with_tolerances = _errors(
-        data, data.problem.with_geometry(NOMINAL), _stated_std, _considered_std
-    )
-    return noise_only, with_tolerances
-
-
-def understated(data: DataSets, factor: float) -> ArmErrors:
-    """With the geometry estimated, but its tolerances stated as so much smaller than they are."""
-    closer = data.problem.geometry.scaled(1 / factor, 1 / factor)
-    return _errors(data, data.problem.with_geometry(closer), _stated_std)[0]
-
-
 def _stated_std(solution: Solution, whole: Problem) -> Matrix:
     return solution.std
 
@@ -407,12 +387,13 @@ def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
     problem = Problem.from_plan(plan.plan)
     checks = _checks(plan)
     data = arms(problem, count, _OFFSET_DEG, np.random.default_rng([seed, *plan.name.encode()]))
-    noise_only, with_tolerances = nominal(data)
+    closer = problem.with_geometry(problem.geometry.scaled(1 / _UNDERSTATED, 1 / _UNDERSTATED))
+    noise_only, with_tolerances = _errors(data, problem.with_geometry(NOMINAL), _stated_std, _considered_std)
     errors: dict[EstimatorName, ArmErrors] = {
-        "freed": freed(data),
+        "freed": _errors(data, problem, _stated_std)[0],
         "considered": with_tolerances,
         "nominal": noise_only,
-        "tolerances understated by 3": understated(data, _UNDERSTATED),
+        "tolerances understated by 3": _errors(data, closer, _stated_std)[0],
     }
     return GeometryPlan(
         name=plan.name,

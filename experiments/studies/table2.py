@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -164,25 +164,17 @@ def scatter(values: Matrix) -> Matrix:
     return np.asarray(np.swapaxes(off, -1, -2) @ off)
 
 
-@dataclass(frozen=True, eq=False)
 class Prediction:
     """The covariances that a plan predicts for the free offsets of an arm; `truth` are its true offsets by
     name, deg."""
 
-    plan: Plan
-    truth: dict[str, float]
-    _problem: Problem = field(init=False)
-    _x: Matrix = field(init=False)
-
-    def __post_init__(self) -> None:
-        problem = Problem.from_plan(self.plan)
-        x = problem.nominal()
-        for name, value in self.truth.items():
+    def __init__(self, plan: Plan, truth: dict[str, float]) -> None:
+        problem = Problem.from_plan(plan)
+        self._x = problem.nominal()
+        for name, value in truth.items():
             i = problem.parameters.index(name)
-            x[i] = value / problem.parameters.items[i].display
-        aimed = aim(problem, x, servo_joints(problem)).problem
-        object.__setattr__(self, "_problem", aimed)
-        object.__setattr__(self, "_x", x)
+            self._x[i] = value / problem.parameters.items[i].display
+        self._problem = aim(problem, self._x, servo_joints(problem)).problem
 
     def _at(self, joint_deg: float) -> Problem:
         noise = self._problem.noise

@@ -6,18 +6,16 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ...experiments.procedure.session import PHASES
-from ...experiments.studies.answer import ParameterWithShare
 from ...experiments.studies.cell import CellPlan, CellSettings, CellStudy
 from ...words import numbers
 from ...words.wording import clipped, counted, listed, sentence
 from ..style.blocks import (
-    Cell,
     Facts,
     FigureBlock,
+    Head,
     Legend,
     Page,
     Paragraph,
-    Row,
     Table,
     row_of,
     section_of,
@@ -34,9 +32,8 @@ from .study_blocks import (
     LONGEST_NAME,
     NOT_GIVEN,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     meanings,
     noise_in_words,
     percent,
@@ -83,22 +80,17 @@ def cell_page(answer: CellStudy) -> Page:
             FigureBlock("coverage"),
             _parameters(plans, settings.level),
         ),
-        section_of(
-            "How it was done",
-            about_study(
-                answer,
-                [
-                    ("Runs of each plan", str(settings.runs)),
-                    ("Seed", str(settings.seed)),
-                    ("Level of the intervals", percent(settings.level)),
-                    ("Chance of a false alarm", percent(settings.chance)),
-                    ("Limit of a run’s time", limit),
-                    ("Search", "by camera images" if settings.camera else "without a camera"),
-                ],
-            ),
-            files_block(
-                "parameters.csv, time.csv and plans.csv hold the shares and errors, the times and the runs"
-            ),
+        how_it_was_done(
+            answer,
+            [
+                ("Runs of each plan", str(settings.runs)),
+                ("Seed", str(settings.seed)),
+                ("Level of the intervals", percent(settings.level)),
+                ("Chance of a false alarm", percent(settings.chance)),
+                ("Limit of a run’s time", limit),
+                ("Search", "by camera images" if settings.camera else "without a camera"),
+            ],
+            "parameters.csv, time.csv and plans.csv hold the shares and errors, the times and the runs",
         ),
         section_of("Plans", Facts(_plans(plans)), level=2),
     ]
@@ -114,14 +106,7 @@ def solved(plan: CellPlan) -> int:
 
 def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns = [
-        ("plan", "left"),
-        ("intervals", "left"),
-        ("farthest", "right"),
-        ("mean", "right"),
-        ("longest", "right"),
-        ("limit", "left"),
-    ]
+    columns: list[Head] = ["plan", ("intervals", "left"), "farthest", "mean", "longest", ("limit", "left")]
     rows = []
     for plan in plans:
         verdict, total = standing_cell(plan), plan.seconds["total"]
@@ -138,14 +123,9 @@ def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
 
 
 def _parameters(plans: Sequence[CellPlan], level: float) -> Table:
-    columns = [("parameter", "left"), (f"within {percent(level)}", "right"), *ERROR_COLUMNS]
-    rows: list[Row] = []
-    for plan in plans:
-
-        def cells(row: ParameterWithShare, control: bool = plan.control) -> list[str | Cell] | None:
-            return share_and_errors(row, control)
-
-        rows += rows_of(plan, plan.words, len(columns) - 1, cells)
+    columns = ["parameter", f"within {percent(level)}", *ERROR_COLUMNS]
+    width = len(columns) - 1
+    rows = [row for plan in plans for row in rows_of(plan, plan.words, width, share_and_errors)]
     caption = (
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval; bias and root mean"
         " square error, next to what was predicted"
@@ -154,7 +134,7 @@ def _parameters(plans: Sequence[CellPlan], level: float) -> Table:
 
 
 def _time(plans: Sequence[CellPlan]) -> Table:
-    columns = [("plan", "left"), *((name, "right") for name in (*PHASES, "total", "longest"))]
+    columns = ["plan", *PHASES, "total", "longest"]
     rows = []
     for plan in plans:
         means = [seconds(plan.seconds[name].mean) for name in (*PHASES, "total")]
@@ -165,15 +145,15 @@ def _time(plans: Sequence[CellPlan]) -> Table:
 
 def _runs(plans: Sequence[CellPlan]) -> Table:
     columns = [
-        ("plan", "left"),
-        ("runs", "right"),
-        ("no result", "right"),
-        ("refused", "right"),
-        ("contradicted", "right"),
-        ("used, mean", "right"),
-        ("range", "right"),
-        ("saved, mean", "right"),
-        ("computing", "right"),
+        "plan",
+        "runs",
+        "no result",
+        "refused",
+        "contradicted",
+        "used, mean",
+        "range",
+        "saved, mean",
+        "computing",
     ]
     rows = []
     for plan in plans:

@@ -18,10 +18,10 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
+    Head,
     Legend,
     Page,
     Paragraph,
-    Row,
     Section,
     Table,
     row_of,
@@ -35,9 +35,8 @@ from .study_blocks import (
     ERROR_COLUMNS,
     LONGEST_NAME,
     PlainRow,
-    about_study,
     error_cells,
-    files_block,
+    how_it_was_done,
     meanings,
     noise_in_words,
     percent,
@@ -64,10 +63,17 @@ def coverage_page(answer: CoverageStudy) -> Page:
             Legend(meanings(estimators, [part for plan in plans for part in plan.sbc]), []),
             Paragraph(BY_CHANCE),
         ),
-        section_of(
-            "How it was done",
-            _settings(answer),
-            files_block("coverage.csv and ranks.csv hold the shares and the ranks"),
+        how_it_was_done(
+            answer,
+            [
+                ("Data sets for each plan", str(settings.data_sets)),
+                ("Seed", str(settings.seed)),
+                ("Levels", ", ".join(percent(level) for level in settings.levels)),
+                ("Draws behind each rank", str(settings.draws)),
+                ("Bins of the rank histograms", str(settings.bins)),
+                ("Posterior", sentence(settings.posterior)),
+            ],
+            "coverage.csv and ranks.csv hold the shares and the ranks",
         ),
         *(section for i, plan in enumerate(plans, start=1) for section in _plan(plan, settings, i)),
     ]
@@ -86,7 +92,7 @@ OVERVIEW = "Share of intervals that hold the truth, in %: the parameter farthest
 
 def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns = [("estimator", "left"), ("intervals", "left"), *((percent(level), "right") for level in levels)]
+    columns: list[Head] = ["estimator", ("intervals", "left"), *map(percent, levels)]
     rows = []
     for plan in plans:
         rows.append(row_of(plan_title(plan.name), Cell(sentence(plan.words), span=len(columns) - 1)))
@@ -95,21 +101,6 @@ def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
             name, verdict = clipped(estimator.name, LONGEST_NAME), standing_cell(estimator)
             rows.append(row_of(name, verdict, *cells, tone=verdict.mark))
     return table_of(OVERVIEW, columns, rows)
-
-
-def _settings(answer: CoverageStudy) -> Facts:
-    settings = answer.settings
-    return about_study(
-        answer,
-        [
-            ("Data sets for each plan", str(settings.data_sets)),
-            ("Seed", str(settings.seed)),
-            ("Levels", ", ".join(percent(level) for level in settings.levels)),
-            ("Draws behind each rank", str(settings.draws)),
-            ("Bins of the rank histograms", str(settings.bins)),
-            ("Posterior", sentence(settings.posterior)),
-        ],
-    )
 
 
 # ── one plan ──────────────────────────────────────────────────────────────────────────────────
@@ -159,27 +150,23 @@ def _powers(parts: Sequence[Calibration]) -> str:
 
 
 def _coverage_table(plan: CoveragePlan, levels: Sequence[float]) -> Table:
-    rows: list[Row] = []
-    for estimator in plan.estimators:
+    def cells(row: CoveredParameter, control: bool) -> list[str | Cell] | None:
+        entries = {entry.level: entry for entry in row.coverage}
+        return [share_cell(entries.get(level), control) for level in levels] if entries else None
 
-        def cells(row: CoveredParameter, control: bool = estimator.control) -> list[str | Cell] | None:
-            entries = {entry.level: entry for entry in row.coverage}
-            return [share_cell(entries.get(level), control) for level in levels] if entries else None
-
-        rows += rows_of(estimator, estimator.words, len(levels), cells)
-    columns = [("parameter", "left"), *((percent(level), "right") for level in levels)]
+    rows = [row for part in plan.estimators for row in rows_of(part, part.words, len(levels), cells)]
+    columns = ["parameter", *map(percent, levels)]
     return table_of(
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval", columns, rows
     )
 
 
 def _accuracy_table(plan: CoveragePlan) -> Table:
-    rows: list[Row] = []
-    for estimator in plan.estimators:
-        rows += rows_of(
-            estimator, estimator.words, len(ERROR_COLUMNS), lambda row: error_cells(row, solved(plan))
-        )
-    columns = [("parameter", "left"), *ERROR_COLUMNS]
+    def cells(row: CoveredParameter, control: bool) -> list[str | Cell] | None:
+        return error_cells(row, solved(plan))
+
+    rows = [row for part in plan.estimators for row in rows_of(part, part.words, len(ERROR_COLUMNS), cells)]
+    columns = ["parameter", *ERROR_COLUMNS]
     return table_of("Bias and root mean square error, next to what was predicted", columns, rows)
 
 
@@ -189,13 +176,13 @@ def solved(plan: CoveragePlan) -> int:
 
 
 def _ranks_table(parts: Sequence[Calibration], bins: int) -> Table | None:
-    def cells(row: RankedParameter) -> list[str | Cell] | None:
+    def cells(row: RankedParameter, control: bool) -> list[str | Cell] | None:
         if row.chi2 is None or row.p_value is None:
             return None
         return [numbers.significant(row.chi2), numbers.p_value(row.p_value)]
 
     rows = [row for part in parts for row in rows_of(part, "", 2, cells)]
-    columns = [("parameter", "left"), (f"χ² ({bins - 1} degrees of freedom)", "right"), ("p-value", "right")]
+    columns = ["parameter", f"χ² ({bins - 1} degrees of freedom)", "p-value"]
     return table_of("Are the ranks uniform?", columns, rows) if rows else None
 
 

@@ -13,9 +13,8 @@ from ..style.typeface import in_font
 from .study_blocks import (
     STANDING,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     percent,
     share,
     share_interval,
@@ -46,22 +45,19 @@ def drift_page(answer: DriftStudy) -> Page:
             ),
         ),
         section_of("Jumps that are found", _power(answer), FigureBlock("power")),
-        section_of(
-            "How it was done",
-            about_study(
-                answer,
-                [
-                    ("Arms", str(settings.arms)),
-                    ("Results of an arm", f"{settings.results}, every {settings.years_between:g} years"),
-                    (
-                        "Walk of an offset",
-                        f"log-normal: median {settings.rate_median:g}° per root year, standard deviation"
-                        f" {settings.rate_spread:g} of its logarithm",
-                    ),
-                    ("Seed", str(settings.seed)),
-                ],
-            ),
-            files_block("power.csv holds the jumps that were found"),
+        how_it_was_done(
+            answer,
+            [
+                ("Arms", str(settings.arms)),
+                ("Results of an arm", f"{settings.results}, every {settings.years_between:g} years"),
+                (
+                    "Walk of an offset",
+                    f"log-normal: median {settings.rate_median:g}° per root year, standard deviation"
+                    f" {settings.rate_spread:g} of its logarithm",
+                ),
+                ("Seed", str(settings.seed)),
+            ],
+            "power.csv holds the jumps that were found",
         ),
     ]
     subtitle = f"{settings.arms} simulated arms of {settings.results} results, seed {settings.seed}"

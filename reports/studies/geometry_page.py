@@ -20,10 +20,10 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
+    Head,
     Legend,
     Page,
     Paragraph,
-    Row,
     Section,
     Table,
     row_of,
@@ -41,9 +41,8 @@ from .study_blocks import (
     NOT_DETERMINED,
     NOT_GIVEN,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     meanings,
     noise_in_words,
     percent,
@@ -102,20 +101,17 @@ def geometry_page(answer: GeometryStudy) -> Page:
             Paragraph("With the geometry estimated."),
             FigureBlock("coverage"),
         ),
-        section_of(
-            "How it was done",
-            about_study(
-                answer,
-                [
-                    ("Arms for each plan", str(settings.arms)),
-                    ("Seed", str(settings.seed)),
-                    ("Level of the intervals", percent(settings.level)),
-                    ("Chance of a false alarm", percent(settings.chance)),
-                    ("Offsets of the arms", numbers.exact(settings.offset_deg, "deg")),
-                    ("Candidates of a plan", str(settings.candidates)),
-                ],
-            ),
-            files_block("parameters.csv and plans.csv hold the shares, the errors and the predictions"),
+        how_it_was_done(
+            answer,
+            [
+                ("Arms for each plan", str(settings.arms)),
+                ("Seed", str(settings.seed)),
+                ("Level of the intervals", percent(settings.level)),
+                ("Chance of a false alarm", percent(settings.chance)),
+                ("Offsets of the arms", numbers.exact(settings.offset_deg, "deg")),
+                ("Candidates of a plan", str(settings.candidates)),
+            ],
+            "parameters.csv and plans.csv hold the shares, the errors and the predictions",
         ),
         *(section for plan in plans for section in _plan(plan, settings)),
     ]
@@ -127,8 +123,7 @@ def geometry_page(answer: GeometryStudy) -> Page:
 
 def _overview(plans: Sequence[GeometryPlan], settings: GeometrySettings) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns = [("geometry", "left"), ("intervals", "left"), ("farthest", "right"), ("z", "right")]
-    columns.append(("misfit", "right"))
+    columns: list[Head] = ["geometry", ("intervals", "left"), "farthest", "z", "misfit"]
     rows = []
     for plan in plans:
         about = Cell(counted(plan.shots, "measurement"), span=len(columns) - 1)
@@ -153,8 +148,7 @@ def z_range(estimator: GeometryEstimator) -> str:
 
 
 def _predicted(plans: Sequence[GeometryPlan]) -> Table:
-    columns = [("plan", "left"), ("tolerances", "left"), ("noise only", "right"), ("considered", "right")]
-    columns.append(("freed", "right"))
+    columns: list[Head] = ["plan", ("tolerances", "left"), "noise only", "considered", "freed"]
     rows = []
     for plan in plans:
         ranges = [u_range(plan.checked, kind) for kind, _, _ in _KINDS]
@@ -200,24 +194,22 @@ def _plan(plan: GeometryPlan, settings: GeometrySettings) -> list[Section]:
 
 
 def _parameters(plan: GeometryPlan, level: float) -> Table:
-    columns = [("parameter", "left"), (f"within {percent(level)}", "right"), ("z", "right")]
-    columns += [*ERROR_COLUMNS, ("u by check", "right")]
-    rows: list[Row] = []
-    for estimator in plan.estimators:
-
-        def cells(row: GeometryParameter, control: bool = estimator.control) -> list[str | Cell] | None:
-            shared = share_and_errors(row, control)
-            if shared is None:
-                return None
-            within, *errors = shared
-            return [within, z_text(row), *errors, spread(row.checked_std, row.unit)]
-
-        rows += rows_of(estimator, estimator.words, len(columns) - 1, cells)
+    columns = ["parameter", f"within {percent(level)}", "z", *ERROR_COLUMNS, "u by check"]
+    width = len(columns) - 1
+    rows = [row for part in plan.estimators for row in rows_of(part, part.words, width, _cells)]
     caption = (
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval; errors in standard"
         " uncertainties; bias and root mean square error, next to what was stated, and u by check"
     )
     return table_of(caption, columns, rows)
+
+
+def _cells(row: GeometryParameter, control: bool) -> list[str | Cell] | None:
+    cells = share_and_errors(row, control)
+    if cells is None:
+        return None
+    within, *errors = cells
+    return [within, z_text(row), *errors, spread(row.checked_std, row.unit)]
 
 
 def z_text(row: GeometryParameter) -> str:

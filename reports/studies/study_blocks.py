@@ -20,7 +20,18 @@ from ...experiments.studies.answer import (
 from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, counted, label, sentence, shown
-from ..style.blocks import Cell, Facts, LegendEntry, Page, Paragraph, Row, Section, Verdict, row_of
+from ..style.blocks import (
+    Cell,
+    Facts,
+    LegendEntry,
+    Page,
+    Paragraph,
+    Row,
+    Section,
+    Verdict,
+    row_of,
+    section_of,
+)
 
 NOT_DETERMINED = "not determined"
 NOT_GIVEN = "not given"
@@ -113,21 +124,16 @@ def unmet_in_words(failed: int) -> str:
     return f"{failed} (others drawn in their place)" if failed else "none"
 
 
-def about_study(answer: StudyAnswer, settings: list[tuple[str, str]]) -> Facts:
-    """How a study was done: its name, its settings, time and versions."""
-    return Facts(
-        [
-            ("Study", shown(answer.study)),
-            *settings,
-            ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
-            ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
-        ]
-    )
-
-
-def files_block(tables: str) -> Paragraph:
-    """Where every number is; `tables` names the CSV files and what they hold."""
-    return Paragraph(f"study.json beside this page holds every number unrounded; {tables} as plain tables.")
+def how_it_was_done(answer: StudyAnswer, settings: list[tuple[str, str]], tables: str) -> Section:
+    """The study's name, its settings, time and versions; `tables` names the CSV files and what they hold."""
+    facts = [
+        ("Study", shown(answer.study)),
+        *settings,
+        ("Time", f"{numbers.significant(answer.seconds, 2)}{numbers.NO_BREAK}s"),
+        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer.versions.items())),
+    ]
+    files = f"study.json beside this page holds every number unrounded; {tables} as plain tables."
+    return section_of("How it was done", Facts(facts), Paragraph(files))
 
 
 def seconds(value: float | None) -> str:
@@ -190,15 +196,15 @@ def rows_of(
     part: MarkedGroup[Parameter],
     words: str,
     width: int,
-    cells: Callable[[Parameter], Sequence[str | Cell] | None],
+    cells: Callable[[Parameter, bool], Sequence[str | Cell] | None],
 ) -> list[Row]:
     """The row that heads a part, with its `words` and standing, and one for each parameter: `width` cells
-    behind the name, or None where it is not determined."""
+    behind the name, of the parameter and whether the part is a control; None where it is not determined."""
     mark, verdict = standing(part)
     about = f"{sentence(words)} ({verdict})" if words else verdict
     rows = [row_of(clipped(part.name, LONGEST_NAME), Cell(about, span=width), tone=mark)]
     for parameter in part.parameters:
-        name, values = label(parameter.name), cells(parameter)
+        name, values = label(parameter.name), cells(parameter, part.control)
         if values is None:
             rows.append(row_of(name, Cell(NOT_DETERMINED, span=width), tone="unidentifiable"))
         else:
@@ -270,12 +276,7 @@ def worst_cell(part: Judged, level: float) -> str:
 
 # ── errors, rounded by their own uncertainty ──────────────────────────────────────────────────
 
-ERROR_COLUMNS = [
-    ("bias", "right"),
-    ("its standard error", "right"),
-    ("rmse", "right"),
-    ("predicted u", "right"),
-]
+ERROR_COLUMNS = ("bias", "its standard error", "rmse", "predicted u")
 
 
 def error_cells(row: ObservedParameter, runs: int) -> list[str | Cell] | None:

@@ -34,7 +34,7 @@ def write_study(folder: Path | str, answer: StudyAnswer) -> StudyPaths:
     ValueError where `answer` holds a number that is not finite.
     """
     folder = Path(folder)
-    names = write_folder(folder, _kind(folder), lambda aside: _write_files(aside, answer))
+    names = write_folder(folder, _kind(folder), lambda new_folder: _write_files(new_folder, answer))
     return StudyPaths(
         folder=folder,
         html=folder / "study.html",

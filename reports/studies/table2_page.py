@@ -10,7 +10,18 @@ from ...experiments.studies.table2 import PaperTable, ScatterParameter, Table2Pl
 from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, label, sentence
-from ..style.blocks import Cell, Facts, FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
+from ..style.blocks import (
+    Cell,
+    Facts,
+    FigureBlock,
+    Head,
+    Page,
+    Paragraph,
+    Table,
+    row_of,
+    section_of,
+    table_of,
+)
 from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import light
 from .coverage_figures import head_rows, name_rows
@@ -20,9 +31,8 @@ from .study_blocks import (
     NOT_GIVEN,
     STANDING,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     plan_in_words,
     plan_title,
     spread,
@@ -61,20 +71,15 @@ def table2_page(answer: Table2Study) -> Page:
             _paper(paper),
             *(Paragraph(sentence(note)) for note in paper.notes),
         ),
-        section_of(
-            "How it was done",
-            about_study(
-                answer,
-                [
-                    ("Runs in a set", str(settings.runs)),
-                    ("Simulated sets", str(settings.simulated)),
-                    ("Seed", str(settings.seed)),
-                ],
-            ),
-            files_block(
-                "scatter.csv, plans.csv and paper.csv hold the standard deviations, the joint noise and the"
-                " paper’s table"
-            ),
+        how_it_was_done(
+            answer,
+            [
+                ("Runs in a set", str(settings.runs)),
+                ("Simulated sets", str(settings.simulated)),
+                ("Seed", str(settings.seed)),
+            ],
+            "scatter.csv, plans.csv and paper.csv hold the standard deviations, the joint noise and the"
+            " paper’s table",
         ),
         section_of("Plans", Facts(_plans(plans)), level=2),
     ]
@@ -82,11 +87,11 @@ def table2_page(answer: Table2Study) -> Page:
 
 
 def _overview(plans: Sequence[Table2Plan]) -> Table:
-    columns = [
-        ("plan", "left"),
-        ("joint noise", "right"),
-        ("95 % interval", "right"),
-        ("p-value, one for all", "right"),
+    columns: list[Head] = [
+        "plan",
+        "joint noise",
+        "95 % interval",
+        "p-value, one for all",
         ("simulated set", "left"),
     ]
     rows = [
@@ -127,13 +132,13 @@ def _in_words(plan: Table2Plan) -> str:
 
 def _scatter(plan: Table2Plan) -> Table:
     columns = [
-        ("offset", "left"),
-        ("paper", "right"),
-        ("95 % of the true one", "right"),
-        ("predicted", "right"),
-        ("one simulated set", "right"),
-        ("95 % of the sets", "right"),
-        ("joint noise required alone", "right"),
+        "offset",
+        "paper",
+        "95 % of the true one",
+        "predicted",
+        "one simulated set",
+        "95 % of the sets",
+        "joint noise required alone",
     ]
     rows = []
     for row in plan.parameters:
@@ -159,7 +164,7 @@ def _scatter(plan: Table2Plan) -> Table:
 
 def _paper(paper: PaperTable) -> Table:
     """The paper's table as it was printed, and what follows from its runs to as many decimals."""
-    columns = [("", "left"), *((label(name), "right") for name in paper.offsets)]
+    columns = ["", *map(label, paper.offsets)]
     printed_runs = [value for run in paper.experiments for value in run]
     rows = [
         row_of(f"experiment {i}", *_degrees(run, printed_runs))

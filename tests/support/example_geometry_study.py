@@ -56,16 +56,22 @@ def hostile_geometry() -> GeometryStudy:
     answer = geometry_study()
     plans = []
     for plan, name, robot in zip(answer.plans, HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
-        own = [replace(one, sentence=HOSTILE_NAMES[7], words=name) for one in plan.estimators]
+        estimators = [replace(one, sentence=HOSTILE_NAMES[7], words=name) for one in plan.estimators]
         rows = tuple(
-            replace(row, name=HOSTILE_NAMES[0]) if k == 1 else row for k, row in enumerate(own[0].parameters)
+            replace(row, name=HOSTILE_NAMES[0]) if k == 1 else row
+            for k, row in enumerate(estimators[0].parameters)
         )
-        own[0] = replace(own[0], parameters=rows)
-        plans.append(replace(plan, name=name, robot=robot, words=name, estimators=tuple(own)))
+        estimators[0] = replace(estimators[0], parameters=rows)
+        plans.append(replace(plan, name=name, robot=robot, words=name, estimators=tuple(estimators)))
     nothing = [replace(row, noise_only=None, considered=None, freed=None) for row in plans[0].checked]
     none = [
-        replace(own, agrees=False, parameters=tuple(_empty(row) for row in own.parameters), converged=0)
-        for own in plans[0].estimators
+        replace(
+            estimators,
+            agrees=False,
+            parameters=tuple(_empty(row) for row in estimators.parameters),
+            converged=0,
+        )
+        for estimators in plans[0].estimators
     ]
     plans[0] = replace(plans[0], checked=tuple(nothing), estimators=tuple(none))
     return replace(
@@ -106,8 +112,8 @@ def _plan(
         failed=0,
         efficiency=0.912 if name != "probe" else None,
         checked=tuple(
-            CheckedOffset(own, "deg", *(None if math.isnan(u) else u for u in us))
-            for own, *us in zip(names, noise, considered, freed, strict=True)
+            CheckedOffset(name_of_offset, "deg", *(None if math.isnan(u) else u for u in us))
+            for name_of_offset, *us in zip(names, noise, considered, freed, strict=True)
         ),
         estimators=tuple(_estimator(rng, kind, names, *us) for kind, us in by_name.items()),
     )
@@ -117,7 +123,7 @@ def _estimator(
     rng: np.random.Generator,
     kind: EstimatorName,
     names: list[str],
-    stated: tuple[float, ...],
+    u_stated: tuple[float, ...],
     true: tuple[float, ...],
 ) -> GeometryEstimator:
     control = kind in ("nominal", "tolerances understated by 3")
@@ -129,7 +135,7 @@ def _estimator(
         converged=ARMS,
         misfit=ARMS if kind in ("nominal", "considered") else 1,
         sentence="All shares lie within the binomial error." if not control else "Far too few.",
-        parameters=tuple(map(lambda own, u, s: _row(rng, own, u, s), names, stated, true)),
+        parameters=tuple(map(lambda offset, u, s: _row(rng, offset, u, s), names, u_stated, true)),
     )
 
 

@@ -16,6 +16,7 @@ from scipy.stats import binomtest, chi2, norm
 from zerobeam.experiments.studies.answer import StudyAnswer, share_interval
 from zerobeam.experiments.studies.cell import CellStudy
 from zerobeam.experiments.studies.coverage import CoverageStudy
+from zerobeam.experiments.studies.geometry import GeometryStudy
 from zerobeam.experiments.studies.table2 import Table2Study
 
 Json = dict[str, Any]
@@ -45,13 +46,20 @@ _ESTIMATORS = (
 )
 
 
-_KINDS: dict[str, type[StudyAnswer]] = {"coverage": CoverageStudy, "cell": CellStudy, "table2": Table2Study}
+_KINDS: dict[str, type[StudyAnswer]] = {
+    "coverage": CoverageStudy,
+    "cell": CellStudy,
+    "table2": Table2Study,
+    "geometry": GeometryStudy,
+}
 
 
-def typed(content: Json) -> Any:
+def typed(content: Json | StudyAnswer) -> Any:
     """The answer that a study.json is of."""
-    own = {key: value for key, value in content.items() if key != "schema"}
-    return TypeAdapter(_KINDS[content["study"]]).validate_python(own)
+    if isinstance(content, StudyAnswer):
+        return content
+    answer = {key: value for key, value in content.items() if key != "schema"}
+    return TypeAdapter(_KINDS[content["study"]]).validate_python(answer)
 
 
 def agreeing() -> Json:

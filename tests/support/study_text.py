@@ -6,6 +6,7 @@ import dataclasses
 import io
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import pypdf
@@ -14,6 +15,7 @@ from example_studies import typed
 from rich.console import Console
 
 from zerobeam.experiments.studies.answer import StudyAnswer
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_terminal import print_study
 from zerobeam.reports.style.blocks import Page, Row, Table
 
@@ -47,15 +49,43 @@ def tables_of(view: Page, start: str) -> list[Table]:
     return [block for block in blocks if isinstance(block, Table) and block.caption.startswith(start)]
 
 
+def numbers_in(text: str) -> list[str]:
+    return re.findall(r"\u2212?\d+(?:\.\d+)?", text)
+
+
+def is_rounded(text: str, value: float) -> bool:
+    """Whether `text` is `value` rounded to the place where it ends."""
+    unit = 10.0 ** -len(text.partition(".")[2])
+    return abs(float(text.replace("\u2212", "-")) - value) <= 0.5000001 * unit
+
+
+def untrue(rows: Iterable[Sequence[str]], expected: Iterable[Sequence[float | None]]) -> list[str]:
+    """Numbers in the rows of a table, behind their names, that are not the expected ones, rounded; None: the
+    rest is not determined."""
+    wrong = []
+    for (name, *texts), values in zip(rows, expected, strict=True):
+        printed = numbers_in(" ".join(texts))
+        if None in values:
+            assert texts[-1] == NOT_DETERMINED
+            values = values[: values.index(None)]
+        assert len(printed) == len(values), (texts, values)
+        wrong += [
+            f"{name}: {text}"
+            for text, value in zip(printed, values, strict=True)
+            if not is_rounded(text, value or 0.0)
+        ]
+    return wrong
+
+
 def words(svg: str) -> str:
     return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
 
 
 def printed(answer: StudyAnswer | Json, colours: bool = False) -> str:
-    answer = typed(answer) if isinstance(answer, dict) else answer
     text = io.StringIO()
     kind: Any = "truecolor" if colours else None
     print_study(
-        Console(file=text, width=WIDTH, highlight=False, color_system=kind, force_terminal=colours), answer
+        Console(file=text, width=WIDTH, highlight=False, color_system=kind, force_terminal=colours),
+        typed(answer),
     )
     return text.getvalue()

@@ -24,7 +24,7 @@ STANDING: dict[Verdict | None, tuple[str, str]] = {
 _LONGEST_VALUE, _LONGEST_UNIT = 24, 12
 _MOST_DOTS, _MOST_PAGES = 46, 4  # rows of a figure of dots, and how many of those there are
 
-Place = tuple[tuple[GridAxis, int], ...]  # some of the axes, each with the index of its value
+GridPoint = tuple[tuple[GridAxis, int], ...]  # some of the axes, each with the index of its value
 
 
 def form_of(study: GridStudy) -> Literal["dots", "lines", "map"]:
@@ -58,7 +58,7 @@ def _rows_of(cases: list[GridCase]) -> int:
     return sum(1 + len(case.parameters) for case in cases)
 
 
-def by_place(study: GridStudy, along: Collection[int]) -> list[tuple[Place, list[GridCase]]]:
+def by_point(study: GridStudy, along: Collection[int]) -> list[tuple[GridPoint, list[GridCase]]]:
     """The cases by their place on all axes but those numbered `along`."""
     groups: dict[tuple[int, ...], list[GridCase]] = {}
     for case in study.cases:
@@ -91,19 +91,19 @@ def axis_title(axis: GridAxis) -> str:
     return f"{clipped(axis.label)}, {unit}" if unit else clipped(axis.label)
 
 
-def place_name(place: Place) -> str:
+def point_name(point: GridPoint) -> str:
     """`measurements 7, Y-Pattern`: words have no label, numbers with their label."""
     return ", ".join(
         value_text(axis, i)
         if axis.numeric is None
         else f"{clipped(axis.label, _LONGEST_VALUE)} {value_text(axis, i)}"
-        for axis, i in place
+        for axis, i in point
     )
 
 
 def case_name(study: GridStudy, case: GridCase) -> str:
     """The place of a case on all axes."""
-    return place_name(tuple(zip(study.axes, case.at, strict=True)))
+    return point_name(tuple(zip(study.axes, case.at, strict=True)))
 
 
 def standing(case: GridCase) -> tuple[str, str]:
@@ -120,9 +120,9 @@ def tolerance(study: GridStudy, one: CaseParameter) -> float | None:
     """What counts as identified for a parameter, in its unit; None where the cases differ in it."""
     if is_varied(study, "tolerance") or one.unit not in ("deg", "mm"):
         return None
-    stated = study.settings.tolerance
-    angle = stated.tilt_deg if one.group == "tool" else stated.offset_deg
-    return angle if one.unit == "deg" else stated.length_mm
+    limits = study.settings.tolerance
+    angle = limits.tilt_deg if one.group == "tool" else limits.offset_deg
+    return angle if one.unit == "deg" else limits.length_mm
 
 
 def rmse_interval(errors: RunErrors) -> tuple[float, float]:

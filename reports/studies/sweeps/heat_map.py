@@ -21,8 +21,8 @@ from ..study_blocks import NOT_DETERMINED
 from .grid_words import (
     NO_PLAN,
     axis_title,
-    by_place,
-    place_name,
+    by_point,
+    point_name,
     rmse_interval,
     standing,
     unit_signs,
@@ -58,7 +58,7 @@ def map_picture(study: GridStudy) -> Picture:
     number.
     """
     across, up = [i for i, axis in enumerate(study.axes) if axis.numeric is not None][:2]
-    every_panel = by_place(study, {across, up})
+    every_panel = by_point(study, {across, up})
     panels = every_panel[:_MOST_PANELS]
     columns, rows = (_order(study.axes[i]) for i in (across, up))
     wide = 1 if len(panels) == 1 or len(columns) > _MOST_WRITTEN // 2 else 2
@@ -77,12 +77,12 @@ def map_picture(study: GridStudy) -> Picture:
                 axes.set_visible(False)
                 every.flat[k - wide].tick_params(labelbottom=True)
                 continue
-            place, cases = panels[k]
+            panel_point, cases = panels[k]
             for case in cases:
                 at = (columns.index(case.at[across]), rows.index(case.at[up]))
                 _cell(axes, at, case, bounds, sizes if written else None)
-            if place:
-                axes.set_title(in_font_within(place_name(place), 80 // wide), fontsize=9, pad=4)
+            if panel_point:
+                axes.set_title(in_font_within(point_name(panel_point), 80 // wide), fontsize=9, pad=4)
             _finish(axes, study.axes[across], columns, study.axes[up], rows)
         figure.supxlabel(in_font(axis_title(study.axes[across])), fontsize=9.5, color=light("muted"))
         figure.supylabel(in_font(axis_title(study.axes[up])), fontsize=9.5, color=light("muted"))

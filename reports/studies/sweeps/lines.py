@@ -14,7 +14,7 @@ from ....words.wording import clipped, label
 from ...style.canvas import Picture, new_figure, plain, set_log_scale, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
-from .grid_words import Place, axis_title, by_place, place_name, shown_unit, unit_signs, value_text
+from .grid_words import GridPoint, axis_title, by_point, point_name, shown_unit, unit_signs, value_text
 from .marks import (
     UNCERTAINTY,
     draw_fits,
@@ -60,10 +60,12 @@ def lines_picture(study: GridStudy) -> Picture | None:
     if not any(one.is_known for one in study.parameters):
         return None
     (along,) = (i for i, axis in enumerate(study.axes) if axis.numeric is not None)
-    axis, every_series = study.axes[along], by_place(study, {along})
+    axis, every_series = study.axes[along], by_point(study, {along})
     series, parameters = every_series[:_MOST_SERIES], list(every.values())[:_MOST_PARAMETERS]
     panels_shown = [
-        (place, one, _points(axis, along, cases, one.name)) for one in parameters for place, cases in series
+        (series_point, one, _points(axis, along, cases, one.name))
+        for one in parameters
+        for series_point, cases in series
     ]
     single, signs = len(series) == 1, unit_signs(every.values())
     wide = (2 if len(parameters) <= 6 else 3) if single else len(series)
@@ -77,13 +79,13 @@ def lines_picture(study: GridStudy) -> Picture | None:
                 axes.set_visible(False)
                 panels.flat[k - wide].tick_params(labelbottom=True)
                 continue
-            place, one, points = panels_shown[k]
+            series_point, one, points = panels_shown[k]
             _scales(axes, study, axis, one.unit, _ACROSS / wide)
             gaps |= _panel(axes, study, points, _ACROSS / wide)
             # With more than one unit each parameter says its own.
             unit = in_font(unit_signs([one])) if "," in signs else ""
             axes.tick_params(labelleft=k % wide == 0 or (single and bool(unit)))
-            _titles(axes, one, place, unit, wide, None if single else k)
+            _titles(axes, one, series_point, unit, wide, None if single else k)
         figure.supxlabel(in_font(axis_title(axis)), fontsize=9.5, color=light("muted"))
         figure.supylabel(in_font(f"{UNCERTAINTY} u, {signs}"), fontsize=9.5, color=light("muted"))
         legend(figure, study, gaps, marker=".", linewidth=1.6)
@@ -108,14 +110,16 @@ def _points(axis: GridAxis, along: int, cases: list[GridCase], name: str) -> lis
     return sorted(points, key=lambda point: point.x)
 
 
-def _titles(axes: Axes, one: CaseParameter, place: Place, unit: str, wide: int, k: int | None) -> None:
+def _titles(
+    axes: Axes, one: CaseParameter, series_point: GridPoint, unit: str, wide: int, k: int | None
+) -> None:
     """The parameter above a panel; in a grid of panels (number `k`) at its left, and the series above."""
     if k is None:
         words = in_font_within(label(one.name), 16) + (f", {unit}" if unit else "")
         axes.set_title(words, loc="left", fontsize=9, fontweight="bold", pad=2)
         return
     if k < wide:
-        heads = [in_font_within(place_name((part,)), 72 // wide) for part in place]
+        heads = [in_font_within(point_name((part,)), 72 // wide) for part in series_point]
         axes.set_title("\n".join(heads), fontsize=9, pad=4)
     if k % wide == 0:
         words = in_font_within(label(one.name), 12) + (f"\n{unit}" if unit else "")
@@ -200,16 +204,16 @@ def _bands(axes: Axes, points: list[_Point], width: float) -> set[str]:
     return {point.gap for point in points} - {""}
 
 
-def _alt(axis: GridAxis, panels_shown: Sequence[tuple[Place, CaseParameter, list[_Point]]]) -> str:
+def _alt(axis: GridAxis, panels_shown: Sequence[tuple[GridPoint, CaseParameter, list[_Point]]]) -> str:
     """Of each series and parameter the first and the last prediction, and where there is none."""
     parts: dict[str, list[str]] = {}
-    for place, one, points in panels_shown:
+    for series_point, one, points in panels_shown:
         known = [(point.text, point.one.std) for point in points if point.one and point.one.std]
         texts = [
             f"{numbers.spread(std, shown_unit(one))} at {text}" for text, std in known[:1] + known[1:][-1:]
         ]
         for words in dict.fromkeys(point.gap for point in points if point.gap):
             texts.append(f"{words} at {', '.join(point.text for point in points if point.gap == words)}")
-        parts.setdefault(place_name(place), []).append(f"{label(one.name)} {', '.join(texts)}")
+        parts.setdefault(point_name(series_point), []).append(f"{label(one.name)} {', '.join(texts)}")
     series = [f"{name}: {'; '.join(texts)}" if name else "; ".join(texts) for name, texts in parts.items()]
     return f"Predicted {UNCERTAINTY} by {clipped(axis.label)}. {'. '.join(series)}."

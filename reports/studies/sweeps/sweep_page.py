@@ -23,6 +23,7 @@ from ...style.blocks import (
     Cell,
     Facts,
     FigureBlock,
+    Head,
     Legend,
     LegendEntry,
     Page,
@@ -41,9 +42,8 @@ from ..study_blocks import (
     NOT_DETERMINED,
     NOT_GIVEN,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     percent,
     share_text,
     view_of,
@@ -81,11 +81,7 @@ def sweep_page(study: GridStudy) -> Page:
             Legend(_meanings(study), _without_plan(study)),
         ),
         section_of("Each parameter", Paragraph(_how_to_read(study)), _parameters(study)),
-        section_of(
-            "How it was done",
-            about_study(study, facts),
-            files_block("cases.csv and offsets.csv hold every case and every parameter of it"),
-        ),
+        how_it_was_done(study, facts, "cases.csv and offsets.csv hold every case and every parameter of it"),
         *_words(study),
     ]
     subtitle = f"{counted(len(study.cases), 'case')} by {over}, seed {study.settings.seed}"
@@ -100,16 +96,16 @@ def _summary(study: GridStudy) -> Table:
     # Columns that are there only where they say something.
     counts = len(shots) > 1 and not is_varied(study, "plan.shots")
     simulated, failed = study.has("likelihood"), any(case.failed for case in study.cases)
-    columns = [
+    columns: list[Head] = [
         *(
             (clipped(axis.label), "right" if i and axis.numeric else "left")
             for i, axis in enumerate(study.axes)
         ),
         ("verdict", "left"),
-        *([("measurements", "right")] if counts else []),
-        ("least certain offset, u", "right"),
+        *(["measurements"] if counts else []),
+        "least certain offset, u",
         *([("runs agree", "left")] if simulated else []),
-        *([("failed fits", "right")] if failed else []),
+        *(["failed fits"] if failed else []),
     ]
     rows = []
     for case in study.cases[:MOST_ROWS]:
@@ -148,7 +144,7 @@ def _agreement(case: GridCase) -> Cell:
 def _parameters(study: GridStudy) -> Table | None:
     """Predictions and observed errors by case; None where no case has a plan."""
     likelihood, midpoint = study.has("likelihood"), study.has("midpoint")
-    columns = [("parameter", "left"), ("status", "left"), ("predicted u", "right")]
+    columns: list[Head] = ["parameter", ("status", "left"), "predicted u"]
     if likelihood:
         within = f"within {percent(study.settings.level)}"
         columns += [("RMSE", "right"), ("bias", "right"), (within, "left")]

@@ -30,7 +30,7 @@ def silent(share: float) -> None:
     pass
 
 
-def told(run: CellRun) -> tuple[Any, ...]:
+def without_time(run: CellRun) -> tuple[Any, ...]:
     """All of a run but the time that it took the computer."""
     assert isinstance(run.state, SoFar)
     return (run.seed, run.truth, run.shots, run.refused, run.seconds, run.failure, run.state.offsets)
@@ -42,14 +42,14 @@ def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
     work = Repeated(good_plan(6), BLIND, tolerance=0.05)
     one = campaign(work, seeds, shares.append, processes=1)
     two = campaign(work, seeds, silent, processes=2)
-    assert [told(run) for run in one] == [told(run) for run in two]
+    assert [without_time(run) for run in one] == [without_time(run) for run in two]
     assert [run.seed for run in two] == list(seeds)
     np.testing.assert_allclose(shares, np.arange(1, 5) / 4)
 
 
 def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
     first, again, other = (carried(WORK, seed) for seed in (3, 3, 4))
-    assert told(first) == told(again)
+    assert without_time(first) == without_time(again)
     assert first.truth["delta2"] != other.truth["delta2"]
     assert first.shots[0].joints_deg != other.shots[0].joints_deg
     assert first.state is not None
@@ -64,8 +64,8 @@ def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
 
 
 def test_the_truth_is_that_of_the_rig() -> None:
-    own = SimulatedRig(PLAN, BLIND, 3).provenance()
-    assert carried(WORK, 3).truth == {f"delta{i}": own[f"true delta{i} (deg)"] for i in range(1, 7)}
+    provenance = SimulatedRig(PLAN, BLIND, 3).provenance()
+    assert carried(WORK, 3).truth == {f"delta{i}": provenance[f"true delta{i} (deg)"] for i in range(1, 7)}
 
 
 def test_the_first_seeds_of_many_are_those_of_fewer() -> None:

@@ -31,12 +31,12 @@ def plans() -> dict[str, CellPlanStudied]:
 @pytest.fixture(scope="module")
 def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
     """Few runs of the real thing, without pictures, for the plans that it is quick with."""
-    told: list[tuple[str, float]] = []
+    stages: list[tuple[str, float]] = []
     with pytest.MonkeyPatch.context() as patch:
         some = [plans()["optimal"], plans()["adaptive"]]
         patch.setattr(module, "studied_plans", lambda seed, camera: some)
-        answer = to_json(cell_study(RUNS, 0, lambda *now: told.append(now), camera=False, processes=1))
-    return answer, told
+        answer = to_json(cell_study(RUNS, 0, lambda *now: stages.append(now), camera=False, processes=1))
+    return answer, stages
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[So
     """What `count` runs would say whose errors are `wider` than their stds."""
     rng = np.random.default_rng(seed)
     assert run.state is not None
-    told = []
+    states = []
     for _ in range(count):
         offsets = [
             offset
@@ -56,8 +56,8 @@ def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[So
             else replace(offset, estimate=run.truth[offset.name] + wider * offset.std * float(rng.normal()))
             for offset in run.state.offsets
         ]
-        told.append(with_offsets(run.state, offsets))
-    return told
+        states.append(with_offsets(run.state, offsets))
+    return states
 
 
 def with_offsets(state: SoFar, offsets: Sequence[Any]) -> SoFar:
@@ -75,7 +75,7 @@ def judged(plan: CellPlanStudied, run: CellRun, states: Sequence[SoFar | None]) 
 
 
 def test_the_structure(study: tuple[dict[str, Any], list[tuple[str, float]]]) -> None:
-    answer, told = study
+    answer, stages = study
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer
     assert (answer["schema"], answer["study"]) == ("zerobeam/study/1", "cell")
     settings = answer["settings"]
@@ -89,7 +89,7 @@ def test_the_structure(study: tuple[dict[str, Any], list[tuple[str, float]]]) ->
         total = sum(phases[phase]["mean"] for phase in list(phases)[:-1])
         assert phases["total"]["mean"] == pytest.approx(total)
         assert plan["within_limit"] is (phases["total"]["max"] <= 360)
-    shares = [share for _, share in told]
+    shares = [share for _, share in stages]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -143,10 +143,10 @@ def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
             unidentifiable(offset) if offset.name == "delta3" else offset for offset in states[k].offsets
         )
         states[k] = with_offsets(states[k], offsets)
-    told = judged(plans()["optimal"], run, states)
-    of = {row["name"]: row["coverage"]["of"] for row in told["parameters"]}
+    plan_answer = judged(plans()["optimal"], run, states)
+    of = {row["name"]: row["coverage"]["of"] for row in plan_answer["parameters"]}
     assert of == {"delta2": 30, "delta3": 20, "delta4": 30, "delta5": 30, "delta6": 30}
-    assert "Unidentifiable, so without an interval: J3 (δ3) in 10 runs" in told["sentence"]
+    assert "Unidentifiable, so without an interval: J3 (δ3) in 10 runs" in plan_answer["sentence"]
 
 
 def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
@@ -154,11 +154,11 @@ def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
         with_offsets(state, [offset if offset.held else unidentifiable(offset) for offset in state.offsets])
         for state in made(run, 3)
     ]
-    told = judged(plans()["optimal"], run, silent)
-    assert not told["agrees"]
+    plan_answer = judged(plans()["optimal"], run, silent)
+    assert not plan_answer["agrees"]
     assert all(
         row[key] is None
-        for row in told["parameters"]
+        for row in plan_answer["parameters"]
         for key in ("bias", "bias_mcse", "rmse", "predicted_std", "coverage")
     )
 
@@ -166,17 +166,17 @@ def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
 def test_runs_without_a_result_are_counted_and_have_no_interval(run: CellRun) -> None:
     failed = replace(run, state=None, failure="the motors are off")
     runs = [failed, *[run] * 3]
-    told = plain(module.judged(plans()["optimal"], runs, [None, *made(run, 3)]))
-    assert (told["failed"], told["failures"]) == (1, ["the motors are off"])
-    assert all(row["coverage"]["of"] == 3 for row in told["parameters"])
+    plan_answer = plain(module.judged(plans()["optimal"], runs, [None, *made(run, 3)]))
+    assert (plan_answer["failed"], plan_answer["failures"]) == (1, ["the motors are off"])
+    assert all(row["coverage"]["of"] == 3 for row in plan_answer["parameters"])
     nothing = plain(module.judged(plans()["optimal"], [failed], [None]))
     assert (nothing["within_limit"], nothing["shots_used"]["mean"], nothing["agrees"]) == (None, None, False)
     assert nothing["seconds"]["total"] == {"mean": None, "max": None}
 
 
 def test_shares_and_errors_in_closed_form() -> None:
-    told = accuracy(np.array([1.0, 3.0]), np.array([3.0, 4.0]))
-    assert told._asdict() == {
+    errors = accuracy(np.array([1.0, 3.0]), np.array([3.0, 4.0]))
+    assert errors._asdict() == {
         "bias": 2.0,
         "bias_mcse": pytest.approx(1.0),
         "rmse": pytest.approx(np.sqrt(5)),

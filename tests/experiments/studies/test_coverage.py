@@ -34,11 +34,11 @@ def plans():
 
 def study_of(plans, names, count=COUNT, seed=SEED):
     """The study of some of the plans, and what was told on the way."""
-    told = []
+    stages = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(coverage, "studied_plans", lambda seed: [plans[name] for name in names])
-        answer = to_json(coverage_study(count, seed, lambda *own: told.append(own), processes=1))
-    return answer, told
+        answer = to_json(coverage_study(count, seed, lambda *stage: stages.append(stage), processes=1))
+    return answer, stages
 
 
 @pytest.fixture(scope="module")
@@ -101,12 +101,12 @@ def test_what_the_plan_cannot_tell_has_no_numbers(two):
         other = estimators(degenerate)[name]["parameters"][-1]
         assert other["rmse"] > 0
         assert len(other["coverage"]) == len(LEVELS)
-    told = estimators(degenerate)["pseudo-inverse covariance"]["parameters"][0]
-    assert len(told["coverage"]) == len(LEVELS)
+    control_row = estimators(degenerate)["pseudo-inverse covariance"]["parameters"][0]
+    assert len(control_row["coverage"]) == len(LEVELS)
 
 
 def test_the_structure(two):
-    answer, told = two
+    answer, stages = two
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer
     assert (answer["schema"], answer["study"]) == ("zerobeam/study/1", "coverage")
     assert answer["settings"]["data_sets"] == COUNT
@@ -130,9 +130,9 @@ def test_the_structure(two):
         chi2 = ((np.array(row["ranks"]) - COUNT / BINS) ** 2).sum() / (COUNT / BINS)
         assert row["chi2"] == pytest.approx(chi2)
         assert row["p_value"] == pytest.approx(stats.chi2.sf(chi2, BINS - 1))
-    names = [name for name, _ in told]
+    names = [name for name, _ in stages]
     assert names == [f"piece {k}/4" for k in range(5)]
-    shares = [share for _, share in told]
+    shares = [share for _, share in stages]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -186,7 +186,9 @@ def test_a_thousand_data_sets_of_all_plans(plans):
         assert plan["data_sets"] == 1000
         for row in plan["estimators"]:
             if (plan["name"], row["name"]) == ("nearly degenerate", "likelihood"):
-                shares = [c for own in row["parameters"] for c in own["coverage"] if c["level"] == 0.95]
+                shares = [
+                    c for parameter in row["parameters"] for c in parameter["coverage"] if c["level"] == 0.95
+                ]
                 assert len(shares) > 1
                 assert all(c["agrees"] for c in shares)
             elif row["name"] != "midpoint":
@@ -220,14 +222,14 @@ def test_ranks_are_even_when_the_truth_is_a_draw(plans):
     problem = plans["good"].problem
     which = np.flatnonzero(problem.parameters.free & problem.parameters.group("offset"))
     items = [problem.parameters.items[i] for i in which]
-    told = calibration(items, ranks_of(plans, 1.0, 1000, 1), 0.01)
-    assert told.agrees
-    assert "are uniform" in told.sentence
+    calibrated = calibration(items, ranks_of(plans, 1.0, 1000, 1), 0.01)
+    assert calibrated.agrees
+    assert "are uniform" in calibrated.sentence
     # Negative control: draws of 0.8 of the spread.
     wrong = calibration(items, ranks_of(plans, 0.8, 1000, 1), 0.01)
     assert not wrong.agrees
     assert "not uniform" in wrong.sentence
-    assert "with probability" in told.power
+    assert "with probability" in calibrated.power
 
 
 @pytest.mark.parametrize(("count", "ratio"), [(200, 0.7), (1000, 0.9), (1000, 0.8), (200, 1.0)])
@@ -238,11 +240,11 @@ def test_the_power_by_monte_carlo(count, ratio):
     level, tries = 0.01, 2000
     truth = rng.normal(size=(tries, count))
     # The rank among infinitely many draws of `ratio` of the spread.
-    place = (stats.norm.cdf(truth / ratio) * BINS).astype(int).clip(0, BINS - 1)
-    counts = np.stack([np.bincount(row, minlength=BINS) for row in place])
+    bins = (stats.norm.cdf(truth / ratio) * BINS).astype(int).clip(0, BINS - 1)
+    counts = np.stack([np.bincount(row, minlength=BINS) for row in bins])
     refused = (stats.chisquare(counts, axis=1).pvalue < level).mean()
-    wanted = power(count, level, ratio)
-    assert refused == pytest.approx(wanted, abs=3.5 * np.sqrt(wanted * (1 - wanted) / tries) + 0.04)
+    predicted = power(count, level, ratio)
+    assert refused == pytest.approx(predicted, abs=3.5 * np.sqrt(predicted * (1 - predicted) / tries) + 0.04)
     assert power(count, level, 1.0) == pytest.approx(level)
     assert power(2 * count, level, 0.9) > power(count, level, 0.9)
 
@@ -267,16 +269,16 @@ def test_readings_are_those_of_the_simulated_cell(tool):
     values = (
         [TABLE_2, {"delta2": 0.5, "delta4": -0.8}] if tool == "laser" else [{"delta2": 0.2}, {"delta4": 0.3}]
     )
-    told = [simulated_problem(plan, each) for each in values]
+    simulated_cells = [simulated_problem(plan, each) for each in values]
     problem = Problem.from_plan(plan)
-    truths = np.array([truth.x for truth, _ in told])
-    found = simulated_readings(problem, truths, np.random.default_rng(1))
-    assert found.met.all()
-    for row, (_, one) in enumerate(told):
+    truths = np.array([truth.x for truth, _ in simulated_cells])
+    readings = simulated_readings(problem, truths, np.random.default_rng(1))
+    assert readings.met.all()
+    for row, (_, one) in enumerate(simulated_cells):
         # The cell records joints to 1e-9 degrees.
-        np.testing.assert_allclose(found.joints[row], one.joints, atol=1e-10)
-        np.testing.assert_allclose(found.spots[row], one.spots, atol=1e-9)
-    assert np.abs(found.joints[0] - found.joints[1]).max() > 1e-4
+        np.testing.assert_allclose(readings.joints[row], one.joints, atol=1e-10)
+        np.testing.assert_allclose(readings.spots[row], one.spots, atol=1e-9)
+    assert np.abs(readings.joints[0] - readings.joints[1]).max() > 1e-4
 
 
 @pytest.mark.parametrize("tool", ["laser", "probe"])
@@ -285,26 +287,29 @@ def test_the_noise_of_the_readings(tool):
     plan = good_plan(5) if tool == "laser" else good_plan(5, 5, PROBE)
     truth, _ = simulated_problem(plan, {"delta4": 0.5})
     problem, count = truth.problem, 300
-    found = simulated_readings(problem, np.tile(truth.x, (count, 1)), np.random.default_rng(2))
+    readings = simulated_readings(problem, np.tile(truth.x, (count, 1)), np.random.default_rng(2))
     if tool == "laser":
         calm = simulated_readings(problem, truth.x[None], np.random.default_rng(0))
         # Joints of one exact aim: the mean over the runs stands for it.
-        scatter = (found.joints - found.joints.mean(axis=0)) / problem.noise.joint
+        scatter = (readings.joints - readings.joints.mean(axis=0)) / problem.noise.joint
         dof = (count - 1) * scatter[0].size
         low, high = stats.chi2.ppf([5e-4, 1 - 5e-4], dof)
         assert low < (scatter**2).sum() < high
         assert not low < (scatter**2).sum() * 1.1**2 < high
-        off = (calm.joints[0] - found.joints.mean(axis=0)) / problem.noise.joint
+        off = (calm.joints[0] - readings.joints.mean(axis=0)) / problem.noise.joint
         assert (off**2).sum() < stats.chi2.isf(1e-3, off.size) * (1 + 1 / count)
-        spots = found.spots / problem.noise.spot
+        spots = readings.spots / problem.noise.spot
         low, high = stats.chi2.ppf([5e-4, 1 - 5e-4], spots.size)
         assert low < (spots**2).sum() < high
         assert abs(spots.mean()) < 3.5 / np.sqrt(spots.size)
         return
     # A probe's ball sits off its socket's centre, by all joints: the whitened misses are unit normals.
-    assert (found.spots == 0).all()
+    assert (readings.spots == 0).all()
     misses = np.concatenate(
-        [problem.moved(found.joints[row], found.spots[row]).whiten(truth.x).residual for row in range(count)]
+        [
+            problem.moved(readings.joints[row], readings.spots[row]).whiten(truth.x).residual
+            for row in range(count)
+        ]
     )
     low, high = stats.chi2.ppf([5e-4, 1 - 5e-4], misses.size)
     assert low < (misses**2).sum() < high
@@ -315,8 +320,8 @@ def test_a_target_that_is_not_to_be_met_is_told():
     truth, _ = simulated_problem(plan, {})
     truths = np.tile(truth.x, (2, 1))
     truths[1, 6:9] += [-3000.0, 2000.0, 3000.0]
-    found = simulated_readings(truth.problem, truths, np.random.default_rng(1))
-    assert list(found.met) == [True, False]
+    readings = simulated_readings(truth.problem, truths, np.random.default_rng(1))
+    assert list(readings.met) == [True, False]
 
 
 def test_truths_come_from_the_priors(plans):
@@ -356,10 +361,10 @@ def test_the_sampler_of_analyse_is_calibrated(plans):
     offsets = [item.name for item in problem.parameters.items if item.group == "offset" and not item.held]
     worst = {}
     for log_det in ("none", "whole"):
-        own = replace(problem, functions=ShotFunctions(problem.robot, problem.tool, log_det))
+        with_log_det = replace(problem, functions=ShotFunctions(problem.robot, problem.tool, log_det))
         places, unconverged = {name: [] for name in offsets}, 0
         for k in range(count):
-            solution = solve(own.moved(data.joints[k], data.spots[k]), starts=0)
+            solution = solve(with_log_det.moved(data.joints[k], data.spots[k]), starts=0)
             for ess in (500, 2000):  # longer where it has not converged
                 summary, draws = sample_posterior(solution, seed=k, ess=ess)
                 if summary.converged:
@@ -380,7 +385,10 @@ def test_the_sampler_of_analyse_is_calibrated(plans):
         counts = [np.bincount(column * 10 // (DRAWS + 1), minlength=10) for column in ranks]
         even = min(stats.chisquare(each).pvalue for each in counts)
         # Mean ranks: of a uniform share the std is 1 / sqrt(12).
-        shift = [abs((own + 0.5).mean() / (DRAWS + 1) - 0.5) * np.sqrt(12 * len(own)) for own in ranks]
+        shift = [
+            abs((with_log_det + 0.5).mean() / (DRAWS + 1) - 0.5) * np.sqrt(12 * len(with_log_det))
+            for with_log_det in ranks
+        ]
         worst[log_det] = (even, max(shift))
     limit = stats.norm.isf(0.005 / 5)
     assert worst["none"][0] > 0.01 / 5

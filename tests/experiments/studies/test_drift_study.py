@@ -15,17 +15,17 @@ from zerobeam.reports.studies.kinds import study_page
 
 
 def test_a_small_study_is_carried_out_and_shown() -> None:
-    told: list[float] = []
-    found = drift_study(2, 0, lambda stage, share: told.append(share), processes=1)
-    assert isinstance(found, DriftStudy)
-    assert told == [0.0, 1.0]
-    assert found.alarms.arms == 1
-    assert sum(own.of for own in found.power) == 1
-    page = study_page(found)
+    shares: list[float] = []
+    answer = drift_study(2, 0, lambda stage, share: shares.append(share), processes=1)
+    assert isinstance(answer, DriftStudy)
+    assert shares == [0.0, 1.0]
+    assert answer.alarms.arms == 1
+    assert sum(row.of for row in answer.power) == 1
+    page = study_page(answer)
     assert page.verdict.key in ("pass", "weak")
-    (picture,) = drift_pictures(found)
+    (picture,) = drift_pictures(answer)
     assert picture is not None
-    assert len(list(power_rows(found))) == len(found.power)
+    assert len(list(power_rows(answer))) == len(answer.power)
 
 
 def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,9 +43,9 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     how = {"store": tmp_path / "cases.jsonl", "processes": 1}
     with pytest.raises(KeyboardInterrupt):
         drift_study(3, 0, lambda stage, share: None, **how)
-    found = drift_study(3, 0, lambda stage, share: None, **how)
+    answer = drift_study(3, 0, lambda stage, share: None, **how)
     assert judged == [0, 1, 1, 2]
-    assert (found.intervals.held, found.along_axis.held, found.alarms.arms) == (3, 1, 3)
+    assert (answer.intervals.held, answer.along_axis.held, answer.alarms.arms) == (3, 1, 3)
     with pytest.raises(BadInput, match="arms differs"):
         drift_study(4, 0, lambda stage, share: None, **how)
 
@@ -58,10 +58,10 @@ def test_any_number_of_processes_gives_the_same() -> None:
 
 @pytest.mark.long
 def test_intervals_and_alarms_of_500_arms_hold_and_the_control_does_not() -> None:
-    found = drift_study(500, 0, lambda stage, share: None)
-    assert found.intervals.agrees
-    assert found.along_axis.agrees
-    assert found.alarms.agrees
-    assert not found.control.agrees
-    assert found.agrees
-    assert [own.share for own in found.power][-1] > 0.9
+    answer = drift_study(500, 0, lambda stage, share: None)
+    assert answer.intervals.agrees
+    assert answer.along_axis.agrees
+    assert answer.alarms.agrees
+    assert not answer.control.agrees
+    assert answer.agrees
+    assert [row.share for row in answer.power][-1] > 0.9

@@ -48,9 +48,9 @@ def test_what_is_printed_follows_from_the_experiments() -> None:
 
 def test_a_misprint_would_be_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table2, "PRINTED_STD", (0.0804, 0.0408, 0.0224, 0.0695, 0.0035))
-    told = [note for note in table2._on_the_paper() if "printed as" in note]
-    assert len(told) == 1
-    assert "J5 (δ5)" in told[0]
+    misprints = [note for note in table2._on_the_paper() if "printed as" in note]
+    assert len(misprints) == 1
+    assert "J5 (δ5)" in misprints[0]
 
 
 def test_the_predicted_covariance_is_that_of_fits() -> None:
@@ -58,28 +58,28 @@ def test_the_predicted_covariance_is_that_of_fits() -> None:
     joint_deg, runs = 0.002, 200
     problem = OURS._at(joint_deg)
     truths = np.tile(OURS._x, (runs, 1))
-    found = simulated_readings(problem, truths, np.random.default_rng(1))
-    assert found.met.all()
-    fits = fitted(DataSets(problem, truths, found.joints, found.spots, 0))
+    readings = simulated_readings(problem, truths, np.random.default_rng(1))
+    assert readings.met.all()
+    fits = fitted(DataSets(problem, truths, readings.joints, readings.spots, 0))
     assert fits.converged.all()
-    own = np.degrees(fits.x[:, 1:6])
+    estimates = np.degrees(fits.x[:, 1:6])
     dof = (runs - 1) * len(OFFSETS)
-    chi2 = np.trace(np.linalg.solve(OURS.covariance(joint_deg), scatter(own)))
+    chi2 = np.trace(np.linalg.solve(OURS.covariance(joint_deg), scatter(estimates)))
     assert stats.chi2.ppf(0.001, dof) < chi2 < stats.chi2.ppf(0.999, dof)
     # And with a noise that is wrong by a tenth it is not.
-    other = np.trace(np.linalg.solve(OURS.covariance(1.1 * joint_deg), scatter(own)))
+    other = np.trace(np.linalg.solve(OURS.covariance(1.1 * joint_deg), scatter(estimates)))
     assert other < stats.chi2.ppf(0.001, dof)
 
 
 def test_the_noise_is_found_in_closed_form_where_the_spot_says_nothing() -> None:
     """Then C = j^2 C1: j^2 = tr(C1^-1 A) / (p dof), and its interval is a chi-squared's."""
     unit = OURS.covariance(0.01)
-    seen = scatter(triples(1, 0.003, seed=2))[0]
-    told = explained(lambda joint_deg: (joint_deg / 0.01) ** 2 * unit, seen, DOF)
-    total, p = float(np.trace(np.linalg.solve(unit, seen))), len(OFFSETS)
-    assert told.joint_deg == pytest.approx(0.01 * np.sqrt(total / (p * DOF)), rel=1e-4)
-    assert told.low == pytest.approx(0.01 * np.sqrt(total / stats.chi2.ppf(0.975, p * DOF)), rel=1e-6)
-    assert told.high == pytest.approx(0.01 * np.sqrt(total / stats.chi2.ppf(0.025, p * DOF)), rel=1e-6)
+    scattered = scatter(triples(1, 0.003, seed=2))[0]
+    noise = explained(lambda joint_deg: (joint_deg / 0.01) ** 2 * unit, scattered, DOF)
+    total, p = float(np.trace(np.linalg.solve(unit, scattered))), len(OFFSETS)
+    assert noise.joint_deg == pytest.approx(0.01 * np.sqrt(total / (p * DOF)), rel=1e-4)
+    assert noise.low == pytest.approx(0.01 * np.sqrt(total / stats.chi2.ppf(0.975, p * DOF)), rel=1e-6)
+    assert noise.high == pytest.approx(0.01 * np.sqrt(total / stats.chi2.ppf(0.025, p * DOF)), rel=1e-6)
 
 
 def test_the_interval_holds_the_noise_as_often_as_it_says() -> None:
@@ -95,17 +95,17 @@ def test_the_interval_holds_the_noise_as_often_as_it_says() -> None:
 
     held = 0
     for one in triples(200, 0.003, seed=3, prediction=loud):
-        told = explained(covariance, scatter(one), DOF)
-        held += told.low <= 0.003 <= told.high
+        noise = explained(covariance, scatter(one), DOF)
+        held += noise.low <= 0.003 <= noise.high
     low, high = stats.binom.ppf([0.0005, 0.9995], 200, 0.95)
     assert low <= held <= high
 
 
 def test_a_scatter_below_that_of_the_spot_leaves_the_noise_open_downwards() -> None:
     loud = Prediction(paper_plan(laser_header(0.01, 0.05)), TRUTH)
-    told = explained(loud.covariance, 0.1 * scatter(triples(1, 1e-6, 4, loud))[0], DOF)
-    assert told.low == 0.0
-    assert told.high < 0.003
+    noise = explained(loud.covariance, 0.1 * scatter(triples(1, 1e-6, 4, loud))[0], DOF)
+    assert noise.low == 0.0
+    assert noise.high < 0.003
     assert table2._alone(loud, 0, 1e-3) == 0.0
     std = float(np.sqrt(loud.covariance(0.004)[0, 0]))
     assert table2._alone(loud, 0, std) == pytest.approx(0.004, rel=1e-6)

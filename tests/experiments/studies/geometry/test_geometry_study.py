@@ -53,46 +53,46 @@ def twelve() -> GeometryStudy:
 
 
 def by_name(plan: GeometryPlan) -> dict[str, GeometryEstimator]:
-    return {own.name: own for own in plan.estimators}
+    return {estimator.name: estimator for estimator in plan.estimators}
 
 
 def test_intervals_hold_and_controls_are_detected(twelve: GeometryStudy) -> None:
     (plan,) = twelve.plans
-    own = by_name(plan)
+    estimators = by_name(plan)
     assert twelve.agrees
-    assert own["freed"].agrees
-    assert own["considered"].agrees
+    assert estimators["freed"].agrees
+    assert estimators["considered"].agrees
     for name in ("nominal", "tolerances understated by 3"):
-        assert own[name].control
-        assert not own[name].agrees
-        assert own[name].sentence.split(": ")[1].startswith("detected as wrong")
+        assert estimators[name].control
+        assert not estimators[name].agrees
+        assert estimators[name].sentence.split(": ")[1].startswith("detected as wrong")
     # geometry.md: with nominal geometry errors are several of the stated u, and the answer says so.
-    assert all(row.z is not None and row.z > 2.5 for row in own["nominal"].parameters)
-    assert own["nominal"].misfit == own["considered"].misfit == ARMS
+    assert all(row.z is not None and row.z > 2.5 for row in estimators["nominal"].parameters)
+    assert estimators["nominal"].misfit == estimators["considered"].misfit == ARMS
     # At a level of some 1e-3 for each criterion, two of forty are no chance.
-    assert own["freed"].misfit <= 1
+    assert estimators["freed"].misfit <= 1
     assert "Every control is detected" in twelve.headline
 
 
-def scatters_as_checked(own: GeometryEstimator, count: int, slack: float) -> list[bool]:
+def scatters_as_checked(estimator: GeometryEstimator, count: int, slack: float) -> list[bool]:
     """Of each offset, whether the root mean square error is what `check` predicts, within a share `slack` and
     what so many arms scatter by."""
-    found = []
-    for row in own.parameters:
+    agreeing = []
+    for row in estimator.parameters:
         assert row.rmse is not None
         assert row.checked_std is not None
         squares = count * (row.rmse / row.checked_std) ** 2
         low, high = stats.chi2.ppf([ALARM, 1 - ALARM], count)
-        found.append(bool(low * (1 - slack) ** 2 <= squares <= high * (1 + slack) ** 2))
-    return found
+        agreeing.append(bool(low * (1 - slack) ** 2 <= squares <= high * (1 + slack) ** 2))
+    return agreeing
 
 
 def test_the_estimates_scatter_as_check_foresees(twelve: GeometryStudy) -> None:
-    own = by_name(twelve.plans[0])
+    estimators = by_name(twelve.plans[0])
     for name in ("freed", "considered"):
-        assert all(scatters_as_checked(own[name], ARMS, 0.1))
+        assert all(scatters_as_checked(estimators[name], ARMS, 0.1))
     # A control: noise alone does not foresee the scatter of what takes the geometry as nominal.
-    assert not any(scatters_as_checked(own["nominal"], ARMS, 0.1))
+    assert not any(scatters_as_checked(estimators["nominal"], ARMS, 0.1))
 
 
 def test_the_structure(twelve: GeometryStudy) -> None:
@@ -103,10 +103,10 @@ def test_the_structure(twelve: GeometryStudy) -> None:
     assert (plan["shots"], plan["arms"], plan["failed"]) == (12, ARMS, 0)
     names = [f"delta{i}" for i in range(2, 7)]
     assert [row["name"] for row in plan["checked"]] == names
-    for own in plan["estimators"]:
-        assert own["converged"] == ARMS
-        assert [row["name"] for row in own["parameters"]] == names
-        for row in own["parameters"]:
+    for estimator in plan["estimators"]:
+        assert estimator["converged"] == ARMS
+        assert [row["name"] for row in estimator["parameters"]] == names
+        for row in estimator["parameters"]:
             assert row["coverage"]["of"] == ARMS
             assert row["z_low"] < row["z"] < row["z_high"]
 
@@ -159,13 +159,13 @@ def test_a_header_gets_tolerances_and_loses_them() -> None:
 @pytest.mark.parametrize("which", [SEVEN, TWELVE])
 def test_a_thousand_arms_scatter_within_a_tenth_of_what_check_says(which: int) -> None:
     """One relative standard error of a root mean square of a thousand is 2.2 %."""
-    own = by_name(answer_of(studied_plans(0)[which](), LONG_ARMS, 0))
+    estimators = by_name(answer_of(studied_plans(0)[which](), LONG_ARMS, 0))
     for name in ("freed", "considered"):
-        for row in own[name].parameters:
+        for row in estimators[name].parameters:
             assert row.rmse == pytest.approx(row.checked_std, rel=0.1)
-    assert own["freed"].agrees
-    assert own["considered"].agrees
-    assert not own["nominal"].agrees
+    assert estimators["freed"].agrees
+    assert estimators["considered"].agrees
+    assert not estimators["nominal"].agrees
 
 
 @pytest.mark.long
@@ -190,13 +190,13 @@ def test_the_coverage_study_runs_and_holds_for_a_header_with_geometry() -> None:
     near = dataclasses.replace(plan, header=plan.header.model_copy(update={"targets": targets}))
     studied = coverage.StudiedPlan("geometry", "12 measurements", Problem.from_plan(near))
     (answer,) = coverage.studied([studied], 100, 3, lambda *_: None)
-    own = {row.name: row for row in answer.estimators}
-    assert own["likelihood"].agrees
-    assert own["posterior"].agrees
+    estimators = {row.name: row for row in answer.estimators}
+    assert estimators["likelihood"].agrees
+    assert estimators["posterior"].agrees
     assert answer.sbc[0].agrees
-    assert not own["noise understated by 2"].agrees
+    assert not estimators["noise understated by 2"].agrees
     # The paper's fit knows of no geometry: on such arms its intervals do not hold.
-    assert not own["midpoint"].agrees
+    assert not estimators["midpoint"].agrees
 
 
 @pytest.mark.long
@@ -216,18 +216,18 @@ def test_the_table_of_the_docs_is_what_check_says() -> None:
         for kind in ("noise_only", "considered", "freed"):
             values = [getattr(row, kind) for row in checks]
             ranges.append(f"{numbers.spread(min(values))}–{numbers.spread(max(values))}")
-        told = f"{plan.tolerance.length_mm:g} mm, {plan.tolerance.angle_deg:g}°"
+        tolerances = f"{plan.tolerance.length_mm:g} mm, {plan.tolerance.angle_deg:g}°"
         assert plan.proposal is not None
         certified = f"{100 * plan.proposal.efficiency:.0f} %"
-        assert rows[plan.name].split(" | ") == [told, *ranges, certified], plan.name
+        assert rows[plan.name].split(" | ") == [tolerances, *ranges, certified], plan.name
 
 
 def test_tolerances_are_those_of_the_header_whatever_was_made_before() -> None:
     """The functions of an arm are made once for all tolerances; the tolerances must not be."""
     plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]().plan
     for level in (TYPICAL, CLOSE, TYPICAL):
-        own = dataclasses.replace(plan, header=with_tolerance(plan.header, level))
-        problem = Problem.from_plan(own)
+        with_level = dataclasses.replace(plan, header=with_tolerance(plan.header, level))
+        problem = Problem.from_plan(with_level)
         assert (problem.geometry.length == level.length_mm).all()
         closer = problem.with_geometry(problem.geometry.scaled(1 / 3, 1 / 3))
         assert closer.parameters.prior_std[closer.parameters.index("link2.a")] == pytest.approx(

@@ -62,8 +62,8 @@ def test_every_combination_is_a_case_and_the_last_axis_changes_fastest(tmp_path:
     )
     assert [case.at for case in study.cases] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert study.cases[1].words == "shots 5, noise 0.2°"
-    told = [(case.settings.plan.shots, case.settings.noise.joint_deg) for case in study.cases]
-    assert told == [(5, 0.1), (5, 0.2), (7, 0.1), (7, 0.2)]
+    settings_of_cases = [(case.settings.plan.shots, case.settings.noise.joint_deg) for case in study.cases]
+    assert settings_of_cases == [(5, 0.1), (5, 0.2), (7, 0.1), (7, 0.2)]
     # What no axis changes is the base's, in what it states and in what it leaves open.
     assert {
         (c.settings.plan.kind, c.settings.plan.candidates, c.settings.noise.spot_mm) for c in study.cases
@@ -101,9 +101,9 @@ def test_coordinates_points_words_and_several_settings_at_once(tmp_path: Path) -
 def test_tolerances_of_the_geometry_may_be_stated_and_varied(tmp_path: Path) -> None:
     axis = "  - {key: geometry.tolerance.length_mm, unit: mm, values: [0.1, 0.3]}\n"
     base = BASE.replace("  runs: 0\n", "  runs: 0\n  geometry: {gravity: false, harmonics: false}\n")
-    found = [case.header.geometry for case in read(tmp_path, axis, base).cases]
-    assert [own.tolerance.length_mm for own in found if own is not None] == [0.1, 0.3]
-    assert [own.gravity for own in found if own is not None] == [False, False]
+    geometries = [case.header.geometry for case in read(tmp_path, axis, base).cases]
+    assert [geometry.tolerance.length_mm for geometry in geometries if geometry is not None] == [0.1, 0.3]
+    assert [geometry.gravity for geometry in geometries if geometry is not None] == [False, False]
     plain = read(tmp_path, SHOTS).cases[0]
     assert plain.header.geometry is None
     # A case without it is what it was before there was such a key, and has the same random numbers.
@@ -119,20 +119,20 @@ def test_runs_asked_for_take_the_place_of_the_files(tmp_path: Path) -> None:
 def test_a_robot_file_is_found_beside_the_study(tmp_path: Path) -> None:
     built_in = Path(__file__).parents[4] / "model" / "robots" / "irb1600.yaml"
     (tmp_path / "mine.yaml").write_text(built_in.read_text(encoding="utf-8"), encoding="utf-8")
-    own = read(tmp_path, SHOTS, BASE.replace("irb1600", "mine.yaml"))
-    assert own.cases[0].robot.name == "irb1600"
+    copied = read(tmp_path, SHOTS, BASE.replace("irb1600", "mine.yaml"))
+    assert copied.cases[0].robot.name == "irb1600"
     # It is the arm that counts, not how it is named.
-    assert own.cases[0].fingerprint == read(tmp_path, SHOTS).cases[0].fingerprint
+    assert copied.cases[0].fingerprint == read(tmp_path, SHOTS).cases[0].fingerprint
     changed = built_in.read_text(encoding="utf-8").replace("a_mm: 700", "a_mm: 701")
     (tmp_path / "mine.yaml").write_text(changed, encoding="utf-8")
     other = read(tmp_path, SHOTS, BASE.replace("irb1600", "mine.yaml"))
-    assert other.cases[0].fingerprint != own.cases[0].fingerprint
+    assert other.cases[0].fingerprint != copied.cases[0].fingerprint
 
 
 def test_the_fingerprint_is_of_every_setting(tmp_path: Path) -> None:
     settings = read(tmp_path, SHOTS).cases[0].settings
-    told = settings.model_dump(mode="json", by_alias=True)
-    assert set(told) == {name for name in setting_names() if "." not in name}
+    content = settings.model_dump(mode="json", by_alias=True)
+    assert set(content) == {name for name in setting_names() if "." not in name}
     one = read(tmp_path, SHOTS).cases
     assert one[0].fingerprint != one[1].fingerprint
     other = read(tmp_path, SHOTS, BASE.replace("spot_mm: 0.05", "spot_mm: 0.06")).cases

@@ -66,7 +66,7 @@ def silent(stage: str, share: float) -> None:
     pass
 
 
-def stated(folder: Path, text: str = STUDY, runs: int | None = RUNS) -> SettingsStudy:
+def study_of_text(folder: Path, text: str = STUDY, runs: int | None = RUNS) -> SettingsStudy:
     path = folder / "own.yaml"
     path.write_text(text, encoding="utf-8")
     return read_study(path, runs)
@@ -82,7 +82,7 @@ def timeless(answer: Json) -> str:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> SettingsStudy:
-    return stated(tmp_path_factory.mktemp("sweep"))
+    return study_of_text(tmp_path_factory.mktemp("sweep"))
 
 
 @pytest.fixture(scope="module")
@@ -120,23 +120,25 @@ def test_what_cannot_be_told_has_no_number(answer: Json) -> None:
         if case["verdict"] != "degenerate":
             assert case["worst_std"] == max(row["std"] for row in case["parameters"])
     assert {case["verdict"] for case in answer["cases"]} >= {"degenerate"}
-    told = [row for _, row in rows if row["status"] != "unidentifiable"]
-    assert all(row["likelihood"]["runs"] == RUNS and row["midpoint"] is None for row in told)
-    assert {"weak", "identified"} <= {row["status"] for row in told}
+    determined = [row for _, row in rows if row["status"] != "unidentifiable"]
+    assert all(row["likelihood"]["runs"] == RUNS and row["midpoint"] is None for row in determined)
+    assert {"weak", "identified"} <= {row["status"] for row in determined}
 
 
 def test_what_is_predicted_is_what_check_says(study: SettingsStudy, answer: Json) -> None:
-    for case, told in zip(study.cases, answer["cases"], strict=True):
+    for case, answered in zip(study.cases, answer["cases"], strict=True):
         kind = case.settings.plan.kind
         assert kind != "optimal"
         postures = pattern(case.header, case.robot, np.array([900.0, 0.0, 0.0]), kind, 5)
         checked = check(plan_of(case.header, postures))
-        assert told["verdict"] == checked.verdict
+        assert answered["verdict"] == checked.verdict
         rows = {row.name: row for row in checked.parameters}
-        for row in told["parameters"]:
-            own = rows[row["name"]]
-            assert row["status"] == own.status
-            assert row["std"] == (None if own.std is None else pytest.approx(own.std, rel=1e-9))
+        for row in answered["parameters"]:
+            checked_row = rows[row["name"]]
+            assert row["status"] == checked_row.status
+            assert row["std"] == (
+                None if checked_row.std is None else pytest.approx(checked_row.std, rel=1e-9)
+            )
 
 
 def one_case(text: str, axis: str) -> str:
@@ -146,12 +148,14 @@ def one_case(text: str, axis: str) -> str:
 
 def test_an_optimal_plan_is_that_of_the_planner(tmp_path: Path) -> None:
     text = STUDY.replace("{shots: 5}", "{shots: 5, candidates: 100, margin_deg: 9, facing: [0, 1, 1]}")
-    study = stated(tmp_path, one_case(text, "key: plan.criterion, values: [D]"), 0)
+    study = study_of_text(tmp_path, one_case(text, "key: plan.criterion, values: [D]"), 0)
     (case,) = swept(study)["cases"]
-    own, target = study.cases[0], np.array([900.0, 0.0, 0.0])
+    planned_case, target = study.cases[0], np.array([900.0, 0.0, 0.0])
     view = View(facing=(0, 1, 1), margin=float(np.radians(9)))
-    found = candidates(own.header, own.robot, target, 100, view=view, seed=3)
-    proposal = Planner(own.header, own.robot, target, found).optimal(5, "D", seed=3)
+    random_postures = candidates(planned_case.header, planned_case.robot, target, 100, view=view, seed=3)
+    proposal = Planner(planned_case.header, planned_case.robot, target, random_postures).optimal(
+        5, "D", seed=3
+    )
     rows = {row["name"]: row["std"] for row in case["parameters"]}
     assert rows == pytest.approx(proposal.std, rel=1e-6)
     assert case["worst_std"] == pytest.approx(proposal.worst, rel=1e-6)
@@ -160,7 +164,7 @@ def test_an_optimal_plan_is_that_of_the_planner(tmp_path: Path) -> None:
 def test_an_open_tool_is_told_but_is_no_offset(tmp_path: Path) -> None:
     text = STUDY.replace("[1, 0, 0]}", "[1, 0, 0], calibrated: false}").replace("shots: 5", "shots: 21")
     text = text.replace("[900, 0, 0]", "[900, 300, 0]").replace("joint_deg: 0.01", "joint_deg: 0.001")
-    (case,) = swept(stated(tmp_path, one_case(text, "key: plan.kind, values: [y]"), 0))["cases"]
+    (case,) = swept(study_of_text(tmp_path, one_case(text, "key: plan.kind, values: [y]"), 0))["cases"]
     names = [row["name"] for row in case["parameters"]]
     assert names == [f"delta{i}" for i in range(2, 6)] + [  # joint 6 is held (section 3.1)
         f"tool.{name}" for name in ("tilt1", "tilt2", "shift1", "shift2")
@@ -174,50 +178,50 @@ def test_arms_may_deviate_from_nominal_geometry(tmp_path: Path) -> None:
     text = STUDY.replace("{shots: 5}", "{kind: y, shots: 12}")
     text = text.replace("  plan:", "  geometry: {gravity: false, harmonics: false}\n  plan:", 1)
     axis = "key: geometry.tolerance.length_mm, unit: mm, values: [0.1, 0.3]"
-    study = stated(tmp_path, one_case(text, axis), 4)
-    told = swept(study)
-    assert all(row["likelihood"]["runs"] == 4 for case in told["cases"] for row in case["parameters"])
-    assert any("links of every simulated arm" in note for note in told["notes"])
-    for case, own in zip(told["cases"], study.cases, strict=True):
-        postures = pattern(own.header, own.robot, np.array([900.0, 0.0, 0.0]), "y", 12)
-        rows = {row.name: row for row in check(plan_of(own.header, postures)).parameters}
+    study = study_of_text(tmp_path, one_case(text, axis), 4)
+    swept_answer = swept(study)
+    assert all(row["likelihood"]["runs"] == 4 for case in swept_answer["cases"] for row in case["parameters"])
+    assert any("links of every simulated arm" in note for note in swept_answer["notes"])
+    for case, case_settings in zip(swept_answer["cases"], study.cases, strict=True):
+        postures = pattern(case_settings.header, case_settings.robot, np.array([900.0, 0.0, 0.0]), "y", 12)
+        rows = {row.name: row for row in check(plan_of(case_settings.header, postures)).parameters}
         names = [row["name"] for row in case["parameters"]]
         assert names == [name for name, row in rows.items() if row.group == "offset" and not row.held]
         for row in case["parameters"]:
             std = rows[row["name"]].std
             assert row["std"] == (None if std is None else pytest.approx(std, rel=1e-9))
-    close, wide = (case["parameters"] for case in told["cases"])
+    close, wide = (case["parameters"] for case in swept_answer["cases"])
     assert all(w["std"] > c["std"] for c, w in zip(close, wide, strict=True) if c["std"] and w["std"])
 
 
 def test_the_cost_of_the_paper_stands_beside_the_likelihood(tmp_path: Path) -> None:
     fits = "key: fit, values: [{name: both, set: {costs: [likelihood, midpoint]}}]"
-    told = swept(stated(tmp_path, one_case(STUDY.replace("shots: 5", "kind: y"), fits), 12))
-    for row in told["cases"][0]["parameters"]:
+    swept_answer = swept(study_of_text(tmp_path, one_case(STUDY.replace("shots: 5", "kind: y"), fits), 12))
+    for row in swept_answer["cases"][0]["parameters"]:
         one, other = row["likelihood"], row["midpoint"]
         assert one["runs"] == 12
         assert 2 <= other["runs"] <= 12
         assert other["rmse"] > 0.9 * one["rmse"]
-    worst = told["cases"][0]["parameters"][0]
+    worst = swept_answer["cases"][0]["parameters"][0]
     assert worst["midpoint"]["rmse"] > 1.2 * worst["likelihood"]["rmse"]  # it has no noise model
-    assert any(note.startswith("The RMSE of the midpoint fit is") for note in told["notes"])
+    assert any(note.startswith("The RMSE of the midpoint fit is") for note in swept_answer["notes"])
 
 
 def test_without_runs_there_is_prediction_alone(tmp_path: Path) -> None:
-    told = swept(stated(tmp_path, runs=0))
-    assert told["agrees"] is True
-    rows = [row for case in told["cases"] for row in case["parameters"]]
+    swept_answer = swept(study_of_text(tmp_path, runs=0))
+    assert swept_answer["agrees"] is True
+    rows = [row for case in swept_answer["cases"] for row in case["parameters"]]
     assert all(row["likelihood"] is None and row["midpoint"] is None for row in rows)
     assert any(row["std"] is not None for row in rows)
-    assert "runs" not in told["headline"]
+    assert "runs" not in swept_answer["headline"]
 
 
 def test_a_case_that_has_no_plan_says_why(tmp_path: Path) -> None:
     probe = STUDY.replace(
         "{kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}", "{kind: probe, point_mm: [9, 0, 65]}"
     )
-    told = swept(stated(tmp_path, probe, 0))
-    for case in told["cases"]:
+    swept_answer = swept(study_of_text(tmp_path, probe, 0))
+    for case in swept_answer["cases"]:
         assert case["reason"] == "X- and Y-Pattern are made for a beam: tool.kind probe"
         assert (case["shots"], case["verdict"], case["worst_std"], case["parameters"]) == (
             None,
@@ -225,15 +229,17 @@ def test_a_case_that_has_no_plan_says_why(tmp_path: Path) -> None:
             None,
             [],
         )
-    assert told["headline"] == ("In no case are all offsets identifiable. 4 of 4 cases are without a plan.")
-    assert told["agrees"] is True
+    assert swept_answer["headline"] == (
+        "In no case are all offsets identifiable. 4 of 4 cases are without a plan."
+    )
+    assert swept_answer["agrees"] is True
 
 
 def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: Json) -> None:
     text = STUDY.replace("[0.002, 0.01]", "[0.05, 0.002]").replace(
         "      - {name: X-Pattern, set: {plan.kind: x}}\n", ""
     )
-    other = stored_case(studied_case(stated(tmp_path, text).cases[1], 3))
+    other = stored_case(studied_case(study_of_text(tmp_path, text).cases[1], 3))
     same = answer["cases"][2]
     assert other["words"] == same["words"]
     bare = [
@@ -247,7 +253,10 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
         if row["std"]
     ]
     # Another seed is another set of arms.
-    assert stored_case(studied_case(stated(tmp_path, text).cases[1], 4))["parameters"] != other["parameters"]
+    assert (
+        stored_case(studied_case(study_of_text(tmp_path, text).cases[1], 4))["parameters"]
+        != other["parameters"]
+    )
 
 
 def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
@@ -256,21 +265,21 @@ def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
     """Two levels of noise, two patterns: two searches. Another target is another pattern."""
     searched, real = [], module.pattern
 
-    def counted(*given: Any, **named: Any) -> Any:
-        searched.append(given[3])
-        return real(*given, **named)
+    def counted(*arguments: Any, **named: Any) -> Any:
+        searched.append(arguments[3])
+        return real(*arguments, **named)
 
     monkeypatch.setattr(module, "pattern", counted)
     monkeypatch.setattr(module, "_patterns", {})
-    cases = [case for case in stated(tmp_path, STUDY).cases if case.settings.plan.kind != "optimal"]
+    cases = [case for case in study_of_text(tmp_path, STUDY).cases if case.settings.plan.kind != "optimal"]
     for case in cases:
         postures = module._patterned(case)
         plan, target = case.settings.plan, np.array(case.settings.target.xyz_mm)
-        own = real(case.header, case.robot, target, plan.kind, plan.shots, span=plan.span)
-        np.testing.assert_array_equal(postures, own)
+        searched_again = real(case.header, case.robot, target, plan.kind, plan.shots, span=plan.span)
+        np.testing.assert_array_equal(postures, searched_again)
     assert len(cases) > len(searched) == len({case.settings.plan.kind for case in cases})
-    place = cases[0].settings.target.model_copy(update={"xyz_mm": (880.0, 50.0, 0.0)})
-    moved = replace(cases[0], settings=cases[0].settings.model_copy(update={"target": place}))
+    target_elsewhere = cases[0].settings.target.model_copy(update={"xyz_mm": (880.0, 50.0, 0.0)})
+    moved = replace(cases[0], settings=cases[0].settings.model_copy(update={"target": target_elsewhere}))
     assert not np.array_equal(module._patterned(moved), module._patterned(cases[0]))
 
 
@@ -280,11 +289,11 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
     store = tmp_path / "own.cases.jsonl"
 
     def until(last: float) -> Callable[[str, float], None]:
-        def told(stage: str, share: float) -> None:
+        def progress(stage: str, share: float) -> None:
             if share >= last:
                 raise KeyboardInterrupt
 
-        return told
+        return progress
 
     with pytest.raises(KeyboardInterrupt):
         sweep(study, 3, until(0.5), store=store, processes=1)
@@ -304,7 +313,7 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
     with pytest.raises(BadInput, match="seed differs"):
         swept(study, store, seed=4)
     with pytest.raises(BadInput, match="settings differs"):
-        swept(stated(tmp_path, runs=RUNS + 1), store)
+        swept(study_of_text(tmp_path, runs=RUNS + 1), store)
     assert store.read_bytes() == before
 
 
@@ -323,9 +332,11 @@ def test_runs_of_more_noise_than_stated_are_seen_to_contradict(
         return replace(real(replace(problem, noise=noise), count, rng), problem=problem)
 
     monkeypatch.setattr(module, "drawn", louder)
-    told = swept(replace(study, cases=study.cases[-1:]))
-    assert told["agrees"] is False
-    assert "contradict the prediction in 1 of 1 cases: Y-Pattern, joint noise 0.01°" in told["headline"]
+    swept_answer = swept(replace(study, cases=study.cases[-1:]))
+    assert swept_answer["agrees"] is False
+    assert (
+        "contradict the prediction in 1 of 1 cases: Y-Pattern, joint noise 0.01°" in swept_answer["headline"]
+    )
 
 
 def made(
@@ -362,8 +373,8 @@ def test_a_degenerate_case_is_no_promise(study: SettingsStudy, monkeypatch: pyte
     for verdict, agrees in (("pass", False), ("weak", False), ("degenerate", True)):
         case = replace(made(1.3, 0.94), verdict=verdict, at=study.cases[0].at)
         monkeypatch.setattr(module, "studied_case", lambda *_, case=case: case)
-        told = sweep(replace(study, cases=study.cases[:1]), 3, silent, processes=1)
-        assert (told.agrees, told.cases[0].agrees) == (agrees, False)
+        swept_answer = sweep(replace(study, cases=study.cases[:1]), 3, silent, processes=1)
+        assert (swept_answer.agrees, swept_answer.cases[0].agrees) == (agrees, False)
 
 
 def test_a_weak_plan_is_judged_by_what_its_own_fits_say() -> None:

@@ -1,4 +1,4 @@
-"""Runs made from arrays: the same run as the file that says the same, and errors that name the argument."""
+"""Runs and plans made from arrays: those of the file that says the same; errors name the argument."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import zerobeam as zb
+from zerobeam.model.files.plan import write_plan
 from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.likelihood.problem import Problem
@@ -94,9 +95,9 @@ def test_prismatic_joints_are_mm_in_either_unit(tmp_path):
     np.testing.assert_allclose(run.joints[:, 2], [100, 150.5])
     turned = made(robot=tmp_path / "scara.yaml", noise=noise, joints=run.joints, unit="rad")
     np.testing.assert_allclose(turned.joints, run.joints, rtol=1e-15)
-    own = made(robot=read_robot(tmp_path / "scara.yaml"), noise=noise, joints=joints)
-    assert own.robot.n == 3
-    assert own.header.robot == "scara"
+    values = made(robot=read_robot(tmp_path / "scara.yaml"), noise=noise, joints=joints)
+    assert values.robot.n == 3
+    assert values.header.robot == "scara"
 
 
 def test_joints_beyond_their_limits_are_warnings_where_that_is_asked_for():
@@ -117,8 +118,8 @@ def test_it_is_analysed_as_a_file_is(tmp_path):
         targets=[shot.target for shot in demo.shots],
         spots_mm=demo.spots,
         target_priors={
-            name: stated.model_dump(exclude_unset=True, exclude_none=True)
-            for name, stated in header.targets.items()
+            name: content.model_dump(exclude_unset=True, exclude_none=True)
+            for name, content in header.targets.items()
         },
     )
     mine, its = zb.analyse(run, ess=400).result, zb.analyse(demo, ess=400).result
@@ -195,3 +196,52 @@ def test_a_value_is_checked_where_it_is_made(kind, values, argument):
         kind(**values)
     assert caught.value.argument == argument
     assert caught.value.found is not None
+
+
+# --- plans -------------------------------------------------------------------------------------------
+
+
+def made_plan(**changes):
+    shared = {key: value for key, value in ARGUMENTS.items() if key != "joints"}
+    return zb.Plan.from_arrays(**{**shared, "postures": POSTURES, **changes})
+
+
+def test_it_is_the_plan_of_a_file_that_says_the_same(tmp_path):
+    plan = made_plan(
+        postures=np.radians(POSTURES),
+        unit="rad",
+        targets=["a", "b", "a"],
+        target_priors={"a": {"guess_mm": [800, 0, 900]}, "b": {}},
+    )
+    write_plan(tmp_path / "plan.yaml", plan.header, np.degrees(plan.postures), plan.targets)
+    read = zb.read_plan(tmp_path / "plan.yaml")
+    np.testing.assert_allclose(plan.postures, read.postures, rtol=0, atol=1e-12)
+    assert (plan.header, plan.targets, plan.warnings) == (read.header, read.targets, read.warnings)
+
+
+def test_its_hash_is_that_of_the_file(tmp_path):
+    plan = made_plan()
+    write_plan(tmp_path / "plan.yaml", plan.header, POSTURES, plan.targets)
+    assert plan.sha256 == zb.read_plan(tmp_path / "plan.yaml").sha256
+    assert repr(plan) == "<Plan arrays: 3 postures at psd, irb1600>"
+
+
+@pytest.mark.parametrize(
+    ("changes", "argument", "words"),
+    [
+        ({"postures": POSTURES[:, :5]}, "postures", "wrong shape"),
+        ({"postures": POSTURES[:0]}, "postures", "no postures"),
+        ({"postures": POSTURES + 400}, "postures", "outside its limits"),
+        ({"unit": "grad"}, "unit", "no such unit"),
+        ({"targets": ["a"]}, "targets", "not as many rows as in postures"),
+        ({"targets": ["a", " ", "b"]}, "targets", "cannot be a name"),
+        ({"target_priors": {"a": {}, "b": {}}}, "targets", "several targets"),
+        ({"robot": "irb1601"}, "robot", "no robot of this name"),
+        ({"tool": "laser"}, "tool", "cannot be used"),
+        ({"prior": {"offset": 1}}, "prior", "offset"),
+    ],
+)
+def test_an_error_of_a_plan_names_the_argument(changes, argument, words):
+    with pytest.raises(zb.BadInput, match=words) as caught:
+        made_plan(**changes)
+    assert (caught.value.argument, caught.value.file) == (argument, None)

@@ -7,18 +7,12 @@ import functools
 import io
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pypdf
 import pytest
-from command_line import WIDTH
 from example_sweeps import (
-    hostile_lines,
-    hostile_map,
-    hostile_sweep,
     long_sweep,
     map_sweep,
     pattern_map_sweep,
@@ -27,11 +21,9 @@ from example_sweeps import (
     shots_sweep,
     with_parameter,
 )
-from golden_files import assert_golden
-from pages import Page, assert_fetches_nothing
-from study_text import cells, printed, tables_of, text_of, words
+from pages import Page
+from study_text import is_rounded, printed, tables_of, untrue, words
 
-from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.sweeps.grid_answer import (
     CaseParameter,
@@ -40,16 +32,14 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
     RunErrors,
 )
 from zerobeam.reports.output.html import html
-from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import write_study
 from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, rmse_interval, tolerance
 from zerobeam.reports.studies.sweeps.marks import gap
-from zerobeam.reports.style.blocks import FigureBlock, Row
 from zerobeam.reports.style.blocks import Page as BlockPage
+from zerobeam.reports.style.blocks import Row
 from zerobeam.reports.style.canvas import Picture, log_ticks
-from zerobeam.words.wording import label
 
 Json = dict[str, Any]
 
@@ -61,16 +51,7 @@ CLEAN = {
     "map": map_sweep,
     "pattern_map": pattern_map_sweep,
 }
-HOSTILE = {"dots": hostile_sweep, "lines": hostile_lines, "map": hostile_map}
-FIGURES = {
-    "patterns": ["dots_1"],
-    "shots": ["lines"],
-    "pattern_shots": ["lines"],
-    "map": ["map"],
-    "pattern_map": ["map", "ratio"],
-}
 SUMMARY, OFFSETS = "Verdict of each plan", "Predicted standard uncertainty u of each parameter"
-FORBIDDEN = 1.23456789
 ERRORS = ("runs", "rmse", "bias", "bias_std")
 FITS = ("likelihood", "midpoint")
 
@@ -83,14 +64,6 @@ def drawn_of(name: str) -> dict[str, Picture]:
 
 def texts(row: Row) -> list[str]:
     return [cell.text for cell in row.cells]
-
-
-def undetermined(content: Json) -> Iterator[tuple[Json, Json]]:
-    """Of the content of a study.json."""
-    for case in content["cases"]:
-        for row in case["parameters"]:
-            if row["status"] == "unidentifiable":
-                yield case, row
 
 
 # ── which study it is ─────────────────────────────────────────────────────────────────────────
@@ -108,64 +81,34 @@ def test_an_answer_with_axes_and_cases_is_a_sweep_whatever_its_name() -> None:
         assert study_of_file(answer) is None
 
 
-@pytest.mark.parametrize("name", CLEAN)
-def test_the_figures_follow_from_the_axes(name: str) -> None:
-    assert list(drawn_of(name)) == FIGURES[name]
-    view = study_page(CLEAN[name]())
-    shown = [b.name for s in view.sections for b in s.all if isinstance(b, FigureBlock)]
-    assert shown == FIGURES[name]
-
-
 # ── the same numbers everywhere ───────────────────────────────────────────────────────────────
 
 
-def numbers_in(text: str) -> list[str]:
-    return re.findall(r"\u2212?\d+(?:\.\d+)?", text)
-
-
-def is_rounded(text: str, value: float) -> bool:
-    """Whether `text` is `value` rounded to the place where it ends."""
-    place = 10.0 ** -len(text.partition(".")[2])
-    return abs(float(text.replace("\u2212", "-")) - value) <= 0.5000001 * place
-
-
-def wanted(one: CaseParameter) -> list[float]:
+def expected(one: CaseParameter) -> list[float]:
     """The numbers of a row of the table of parameters."""
-    found = [one.std] if one.std is not None else []
+    values = [one.std] if one.std is not None else []
     if of := one.likelihood:
-        found += [of.rmse, of.bias, *(100 * share for share in (of.held, of.held_low, of.held_high))]
-    return found + ([one.midpoint.rmse] if one.midpoint else [])
+        values += [of.rmse, of.bias, *(100 * share for share in (of.held, of.held_low, of.held_high))]
+    return values + ([one.midpoint.rmse] if one.midpoint else [])
 
 
 def untruths(view: BlockPage, study: GridStudy) -> list[str]:
-    """Cells of the tables that do not hold the numbers of the answer."""
-    found = []
-    (offsets,) = tables_of(view, OFFSETS)
-    rows = iter(offsets.rows)
-    for number, case in enumerate(study.cases, start=1):
-        if case.reason is not None:
-            continue
-        head = next(rows, None)
-        if head is None:
-            assert "cases shown, all in offsets.csv" in offsets.caption
-            break
-        assert texts(head)[0] == f"case {number}"
-        for one in case.parameters:
-            name, *told = texts(next(rows))
-            assert name == label(one.name)
-            numbers, values = numbers_in(" ".join(told)), wanted(one)
-            assert len(numbers) == len(values), (told, values)
-            found += [
-                text for text, value in zip(numbers, values, strict=True) if not is_rounded(text, value)
-            ]
-    (summary,) = tables_of(view, SUMMARY)
+    """Numbers in the tables that are not those of the answer."""
+    (offsets,), (summary,) = tables_of(view, OFFSETS), tables_of(view, SUMMARY)
+    values: list[list[float | None]] = []
+    for case in study.cases:
+        if case.reason is None:
+            values += [[], *(expected(one) or [None] for one in case.parameters)]
+    rows = [texts(row)[:1] if texts(row)[0].startswith("case ") else texts(row) for row in offsets.rows]
+    if len(rows) < len(values):
+        assert "cases shown, all in offsets.csv" in offsets.caption
+    wrong = untrue(rows, values[: len(rows)])
     for row, case in zip(summary.rows, study.cases, strict=True):
-        told = " ".join(texts(row)[len(study.axes) :])
-        std = re.search(r": (\d+\.\d+)°", told)
+        std = re.search(r": (\d+\.\d+)°", " ".join(texts(row)[len(study.axes) :]))
         assert (std is None) == (case.worst_std is None)
         if std is not None and not is_rounded(std.group(1), case.worst_std or 0):
-            found.append(std.group(1))
-    return found
+            wrong.append(std.group(1))
+    return wrong
 
 
 @pytest.mark.parametrize("name", CLEAN)
@@ -206,19 +149,19 @@ def test_the_plain_tables_say_what_the_answer_says_and_the_folder_is_whole(tmp_p
     )
     axes = answer["axes"]
     every = [(i, case, row) for i, case in enumerate(answer["cases"], 1) for row in case["parameters"]]
-    for told, (i, case, row) in zip(offsets, every, strict=True):
-        assert told["case"] == str(i)
-        assert told["axis1_plan.kind"] == axes[0]["values"][case["at"][0]]
-        assert told["axis2_plan.shots"] == str(axes[1]["values"][case["at"][1]])
-        assert (told["parameter"], told["status"], told["std"]) == (
+    for row_read, (i, case, row) in zip(offsets, every, strict=True):
+        assert row_read["case"] == str(i)
+        assert row_read["axis1_plan.kind"] == axes[0]["values"][case["at"][0]]
+        assert row_read["axis2_plan.shots"] == str(axes[1]["values"][case["at"][1]])
+        assert (row_read["parameter"], row_read["status"], row_read["std"]) == (
             row["name"], row["status"], as_text(row["std"])
         )  # fmt: skip
         for fit in ("likelihood", "midpoint"):
             for key in ERRORS:
-                assert told[f"{fit}_{key}"] == as_text((row[fit] or {}).get(key))
-    for told, case in zip(cases, answer["cases"], strict=True):
-        assert (told["verdict"], told["worst_std"]) == (case["verdict"], as_text(case["worst_std"]))
-        assert told["not_determined"] == ("delta2" if case["verdict"] == "degenerate" else "")
+                assert row_read[f"{fit}_{key}"] == as_text((row[fit] or {}).get(key))
+    for row_read, case in zip(cases, answer["cases"], strict=True):
+        assert (row_read["verdict"], row_read["worst_std"]) == (case["verdict"], as_text(case["worst_std"]))
+        assert row_read["not_determined"] == ("delta2" if case["verdict"] == "degenerate" else "")
 
 
 def test_an_axis_whose_key_is_that_of_a_column_hides_nothing() -> None:
@@ -226,16 +169,6 @@ def test_an_axis_whose_key_is_that_of_a_column_hides_nothing() -> None:
     study = replace(study, axes=(replace(study.axes[0], key="parameter"),))
     row = next(iter(SWEEP.tables["offsets.csv"](study)))
     assert (row["axis1_parameter"], row["parameter"]) == ("x-pattern", "delta2")
-
-
-def test_every_cell_and_sentence_is_in_the_pdf() -> None:
-    view = study_page(patterns_sweep())
-    read = pypdf.PdfReader(io.BytesIO(pdf(view, {})))
-    text = re.sub(r"\s", "", text_of(read))
-    said = [*cells(view), view.verdict.sentence, *view.notes]
-    assert len(said) > 80
-    for told in said:
-        assert re.sub(r"\s", "", told) in text, told
 
 
 def test_the_interval_of_an_rmse_is_that_of_chi_squared() -> None:
@@ -246,11 +179,6 @@ def test_the_interval_of_an_rmse_is_that_of_chi_squared() -> None:
 
 
 # ── what must be seen ─────────────────────────────────────────────────────────────────────────
-
-
-@pytest.mark.parametrize("name", ["patterns", "shots", "pattern_map"])
-def test_a_sweep_in_the_terminal(name: str) -> None:
-    assert_golden(f"study_sweep_{name}.txt", printed(CLEAN[name]()))
 
 
 def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
@@ -271,9 +199,9 @@ def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
 
 def test_a_map_has_the_worst_std_of_every_case_that_tells_all() -> None:
     text = words(drawn_of("map")["map"].svg)
-    told = {f"{case.worst_std:.2g}" for case in map_sweep().cases if case.worst_std is not None}
-    assert len(told) > 3
-    for std in told:
+    row_read = {f"{case.worst_std:.2g}" for case in map_sweep().cases if case.worst_std is not None}
+    assert len(row_read) > 3
+    for std in row_read:
         assert re.search(rf"(?<![\d.]){re.escape(std)}(?![\d])", text), std
 
 
@@ -372,69 +300,9 @@ def test_ticks_are_round_numbers_within_the_scale() -> None:
 # ── what must not be said ─────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("key", ["std", "likelihood", "midpoint"])
-def test_a_sweep_with_a_made_up_number_is_refused(key: str) -> None:
-    """Its objects cannot be made."""
-    study = patterns_sweep()
-    known = study.cases[1].parameters[1]
-    assert getattr(known, key) is not None
-    for one in study.parameters:
-        if one.status == "unidentifiable":
-            with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
-                replace(one, **{key: getattr(known, key)})
-
-
 @pytest.mark.parametrize("name", ["patterns", "shots", "map"])
 def test_what_is_not_determined_has_no_number(name: str) -> None:
-    study = CLEAN[name]()
-    seen = [row for _, row in undetermined(to_json(study))]
-    assert seen
-    assert all((row["std"], row["likelihood"], row["midpoint"]) == (None, None, None) for row in seen)
-    for one in study.parameters:
-        if one.status == "unidentifiable":
-            with pytest.raises(UnsoundResult, match="is unidentifiable"):
-                replace(one, std=FORBIDDEN)
-    for case in study.cases:
-        if case.unidentifiable:
-            with pytest.raises(UnsoundResult, match="does not identify all offsets"):
-                replace(case, worst_std=FORBIDDEN)
-    for row in SWEEP.tables["offsets.csv"](study):
-        if row["status"] == "unidentifiable":
-            assert not any(value for key, value in row.items() if key.startswith(("std", *FITS)))
-
-
-# ── one file, no network, names as text ───────────────────────────────────────────────────────
-
-
-@pytest.mark.parametrize("name", CLEAN)
-def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
-    text = html(study_page(CLEAN[name]()), drawn_of(name), "study")
-    page = Page(text)
-    assert_fetches_nothing(page)
-    figures = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
-    assert [bool(attributes["aria-label"]) for attributes in figures] == [True] * len(FIGURES[name])
-    used = re.findall(r'\bid="([^"]+)"', text)
-    assert len(used) == len(set(used)) > 0
-    assert "<image" not in text
-
-
-@pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
-    answer = HOSTILE[name]()
-    view, drawn = study_page(answer), SWEEP.pictures(answer)
-    assert {re.sub(r"_\d$", "", key) for key in drawn} == {name}
-    page = html(view, drawn, "study")
-    Page(page)
-    assert "<script" not in page
-    assert "&lt;script&gt;" in page
-    assert pdf(view, drawn).startswith(b"%PDF")
-    # Without figures, whose text is slow to read.
-    text = text_of(pypdf.PdfReader(io.BytesIO(pdf(view, {}))))
-    assert "#import" in text
-    assert "root:" not in text
-    terminal = printed(answer)
-    assert max(len(line) for line in terminal.splitlines()) <= WIDTH
-    headers = " ".join(key for rows in SWEEP.tables.values() for row in rows(answer) for key in row)
-    for told in (page, terminal, headers, *(picture.svg + picture.alt for picture in drawn.values())):
-        for letter in ("\x00", "\x1b", "\u202e"):
-            assert letter not in told
+    rows = [row for row in SWEEP.tables["offsets.csv"](CLEAN[name]()) if row["status"] == "unidentifiable"]
+    assert rows
+    for row in rows:
+        assert not any(value for key, value in row.items() if key.startswith(("std", *FITS)))

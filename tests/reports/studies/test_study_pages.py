@@ -1,0 +1,294 @@
+"""What holds for every study as people see it: one file, no network, nothing made up, names as text."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import io
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pypdf
+import pytest
+from command_line import WIDTH
+from example_geometry_study import geometry_study, hostile_geometry
+from example_studies import (
+    FORBIDDEN,
+    agreeing,
+    cell_study,
+    disagreeing,
+    hostile,
+    hostile_cell,
+    hostile_table2,
+    table2_study,
+    typed,
+)
+from example_sweeps import (
+    hostile_lines,
+    hostile_map,
+    hostile_sweep,
+    map_sweep,
+    pattern_map_sweep,
+    pattern_shots_sweep,
+    patterns_sweep,
+    shots_sweep,
+)
+from golden_files import assert_golden
+from made_once import made_once
+from pages import Page, assert_fetches_nothing
+from study_text import cells, printed, tables_of, text_of, texts_of, words
+
+from zerobeam.analysis.status import UnsoundResult
+from zerobeam.experiments.studies.answer import StudyAnswer, to_json
+from zerobeam.reports.output.html import html
+from zerobeam.reports.output.pdf import pdf
+from zerobeam.reports.studies.kinds import study_of, study_page
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
+from zerobeam.reports.style.blocks import Block, Facts, FigureBlock, Paragraph, section_of, table_of
+from zerobeam.reports.style.blocks import Page as View
+from zerobeam.reports.style.canvas import Picture
+from zerobeam.words.spreadsheet import csv_text
+
+Json = dict[str, Any]
+
+MADE: dict[str, Callable[[], Json | StudyAnswer]] = {
+    "agreeing": agreeing,
+    "disagreeing": disagreeing,
+    "cell": cell_study,
+    "table2": table2_study,
+    "geometry": geometry_study,
+    "sweep_patterns": patterns_sweep,
+    "sweep_shots": shots_sweep,
+    "sweep_pattern_shots": pattern_shots_sweep,
+    "sweep_map": map_sweep,
+    "sweep_pattern_map": pattern_map_sweep,
+    "hostile": hostile,
+    "hostile cell": hostile_cell,
+    "hostile table2": hostile_table2,
+    "hostile geometry": hostile_geometry,
+    "hostile dots": hostile_sweep,
+    "hostile lines": hostile_lines,
+    "hostile map": hostile_map,
+}
+GOLDEN = (
+    *("agreeing", "disagreeing", "cell", "table2", "geometry"),
+    *("sweep_patterns", "sweep_shots", "sweep_pattern_map"),
+)
+FIGURES = {
+    "agreeing": {"accuracy", *(f"{kind}_{plan}" for kind in ("coverage", "ranks") for plan in (1, 2, 3))},
+    "cell": {"coverage", "time"},
+    "table2": {"scatter"},
+    "geometry": {"uncertainty", "z", "coverage"},
+    "sweep_patterns": {"dots_1"},
+    "sweep_shots": {"lines"},
+    "sweep_pattern_shots": {"lines"},
+    "sweep_map": {"map"},
+    "sweep_pattern_map": {"map", "ratio"},
+}
+SLOW = ("disagreeing", "hostile")  # whose many figures take long to draw
+# The numbers that a study claims of one parameter.
+ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std", "coverage")
+CLAIMS = {
+    "agreeing": ERRORS,
+    "cell": ERRORS,
+    "table2": ("predicted_std", "alone_deg", "simulated_std", "simulated"),
+    "geometry": (*ERRORS, "z", "z_low", "z_high", "checked_std"),
+}
+
+
+@functools.cache
+def answer_of(name: str) -> Any:
+    return typed(MADE[name]())
+
+
+@functools.cache
+def drawn_of(name: str) -> dict[str, Picture]:
+    answer = answer_of(name)
+    return made_once(f"figures of a study {name}", lambda: study_of(answer).pictures(answer))
+
+
+def blocks(view: View) -> list[Block]:
+    return [block for section in view.sections for block in section.all]
+
+
+# ── what must be seen ─────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_a_study_in_the_terminal(name: str) -> None:
+    assert_golden(f"study_{name}.txt", printed(answer_of(name)))
+
+
+def test_the_standing_has_a_shape_and_a_word_besides_its_colour() -> None:
+    plain, coloured = printed(disagreeing()), printed(disagreeing(), colours=True)
+    assert "\x1b[" not in plain
+    assert "\x1b[" in coloured
+    assert plain.startswith("Does not agree. ")
+    for mark in ("● agrees", "◆ does not agree", "■ control: fails, as it must", "✕ not determined: J2 (δ2)"):
+        assert mark in plain
+    assert "◆" not in printed(agreeing())
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["agreeing", "cell", "table2", "sweep_patterns", pytest.param("disagreeing", marks=pytest.mark.long)],
+)
+def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
+    view = study_page(answer_of(name))
+    reader = pypdf.PdfReader(io.BytesIO(pdf(view, {})))  # figures take most of the time to read
+    text = re.sub(r"\s", "", text_of(reader))
+    texts = [*cells(view), view.verdict.sentence, *view.notes]
+    texts += [block.text for block in blocks(view) if isinstance(block, Paragraph)]
+    texts += [value for block in blocks(view) if isinstance(block, Facts) for _, value in block.rows]
+    assert len(texts) > 80
+    for words_of_it in texts:
+        assert re.sub(r"\s", "", words_of_it) in text, words_of_it
+    titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
+    assert titles == [section.title for section in view.sections if section.level == 1]
+    assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
+
+
+# ── what must not be said ─────────────────────────────────────────────────────────────────────
+
+
+def unidentifiable(content: Json) -> Iterator[Json]:
+    """The parameters that a plan does not determine, but of controls."""
+    for plan in content["plans"]:
+        for part in plan.get("estimators", [plan]):
+            if not part.get("control"):
+                yield from (row for row in part["parameters"] if row["status"] == "unidentifiable")
+
+
+@pytest.mark.parametrize(("name", "key"), [(name, key) for name, keys in CLAIMS.items() for key in keys])
+def test_a_study_with_a_made_up_number_cannot_be_made(name: str, key: str) -> None:
+    content = to_json(answer_of(name))
+    share = {"level": 0.95, "held": 5, "of": 9, "agrees": True}
+    share |= dict.fromkeys(("share", "low", "high"), FORBIDDEN)
+    rows = list(unidentifiable(content))
+    assert rows
+    for row in rows:
+        before = row[key]
+        row[key] = {
+            "coverage": [share] if isinstance(before, list) else share,
+            "simulated": dict.fromkeys(("q2_5", "median", "q97_5"), FORBIDDEN),
+        }.get(key, FORBIDDEN)
+        with pytest.raises(
+            UnsoundResult, match=rf"'{row['name']}.*' is unidentifiable, yet it has a value as {key}"
+        ):
+            typed(content)
+        row[key] = before
+    typed(content)
+
+
+def test_only_a_control_may_claim_what_a_plan_does_not_determine() -> None:
+    content = cell_study()
+    content["plans"][3]["parameters"][0]["bias"] = FORBIDDEN
+    content["plans"][3]["control"] = True
+    claimed = typed(content).plans[3]
+    assert claimed.parameters[0].bias == FORBIDDEN
+    with pytest.raises(UnsoundResult):
+        dataclasses.replace(claimed, control=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "table"),
+    [
+        ("agreeing", "coverage.csv"),
+        ("cell", "parameters.csv"),
+        ("table2", "scatter.csv"),
+        ("geometry", "parameters.csv"),
+    ],
+)
+def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
+    """Of a study of nothing else."""
+    content = to_json(answer_of(name))
+    content["plans"] = [plan for plan in content["plans"] if list(unidentifiable({"plans": [plan]}))]
+    (plan,) = content["plans"]
+    plan["estimators"] = [part for part in plan.get("estimators", []) if not part["control"]]
+    for part in plan["estimators"] or [plan]:
+        part["parameters"] = [row for row in part["parameters"] if row["status"] == "unidentifiable"]
+    answer = typed(content)
+    view, study = study_page(answer), study_of(answer)
+    starts = ("Share of intervals that hold the truth, in %, with", "Bias and root", "Plan ")
+    rows = [row for start in starts for one in tables_of(view, start) for row in texts_of(one)]
+    rows = [row for row in rows if row[0].startswith("J")]
+    assert len(rows) == {"agreeing": 6, "geometry": 2}.get(name, 1)
+    assert all(row[-1] == NOT_DETERMINED for row in rows)
+    texts = [" ".join(Page(html(view, {}, "study")).text), printed(answer)]
+    texts += [words(picture.svg) + picture.alt for picture in study.pictures(answer).values()]
+    assert sum(text.count(NOT_DETERMINED) for text in texts) >= 2
+    for row in study.tables[table](answer):
+        assert all(
+            row[column] is None for column in row if column.startswith(("held", "share", *CLAIMS[name]))
+        )
+
+
+# ── one file, no network, names as text ───────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in SLOW)) for name in MADE]
+)
+def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
+    view, drawn = study_page(answer_of(name)), drawn_of(name)
+    assert set(drawn) == FIGURES.get(name, set(drawn))
+    text = html(view, drawn, "study")
+    text.encode()
+    page = Page(text)
+    assert_fetches_nothing(page)
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
+    assert levels == [1, *(section.level + 1 for section in view.sections)]
+    figures = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
+    shown = [block.name for block in blocks(view) if isinstance(block, FigureBlock)]
+    assert sorted(shown) == sorted(drawn)
+    assert [bool(attributes["aria-label"]) for attributes in figures] == [True] * len(shown)
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids)) > 0
+    assert "<image" not in text
+    for table in study_of(answer_of(name)).tables:
+        assert table in " ".join(page.text)
+
+
+@pytest.mark.parametrize("name", [name for name in MADE if name.startswith("hostile")])
+def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
+    answer, drawn = answer_of(name), drawn_of(name)
+    view, study = study_page(answer), study_of(answer)
+    page, terminal = html(view, drawn, "study"), printed(answer)
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert pdf(view, drawn).startswith(b"%PDF")
+    text = text_of(pypdf.PdfReader(io.BytesIO(pdf(view, {}))))  # without figures, whose text is slow to read
+    assert "#import" in text
+    assert "root:" not in text
+    if name in ("hostile", "hostile cell", "hostile table2"):
+        assert "alert(&#39;x&#39;)" in page
+        assert "{{ 7*7 }}" in page
+        assert '#import "/etc/passwd": *; $x^2$ *bold* `raw` @cite <label>' in text
+    assert max(len(line) for line in terminal.splitlines()) <= WIDTH
+    tables = "".join(csv_text(rows(answer)) for rows in study.tables.values())
+    assert "<script>" in tables or name == "hostile map"
+    for shown in (page, terminal, tables, *(picture.svg + picture.alt for picture in drawn.values())):
+        for letter in ("\x00", "\x1b", "\u202e"):
+            assert letter not in shown
+
+
+def test_names_give_the_terminal_no_commands() -> None:
+    content = hostile()
+    content["notes"].append("[bold red]beware[/bold red] \x1b[2J")
+    text = printed(content)
+    assert "[bold red]beware[/bold red] \\x1b[2J" in text
+    assert "\x1b" not in text
+
+
+# ── sections ──────────────────────────────────────────────────────────────────────────────────
+
+
+def test_what_leads_up_to_the_first_figure_stays_with_the_heading_unless_it_is_a_table() -> None:
+    words_of_it, figure = Paragraph("so"), FigureBlock("a")
+    table = table_of("", [], [])
+    kept = section_of("", words_of_it, None, figure, words_of_it, FigureBlock("b"))
+    assert kept.lead == (words_of_it, figure)
+    assert kept.blocks == (words_of_it, FigureBlock("b"))
+    assert section_of("", words_of_it, table, figure).lead == ()
+    assert section_of("", words_of_it).blocks == (words_of_it,)
