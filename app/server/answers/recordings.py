@@ -67,8 +67,8 @@ def recording(folder: Folder, name: str) -> RunSoFar:
         state = states[-1][1] if states else None
     return RunSoFar(
         **dict(facts),
-        std={} if state is None else state.std,
-        course=[CoursePoint(recorded=count, std=so_far.std) for count, so_far in states],
+        std={} if state is None else state.offset_std,
+        course=[CoursePoint(recorded=count, std=so_far.offset_std) for count, so_far in states],
         worst_std=None if state is None else state.worst,
         headline=None if state is None else headline(state, person),
         notes=notes,
