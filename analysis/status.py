@@ -81,5 +81,5 @@ def versions() -> dict[str, str]:
 
 @cache
 def _versions() -> dict[str, str]:
-    names = ("zerobeam", "numpy", "scipy", "casadi")
+    names = ("zerobeam", "numpy", "scipy", "casadi", "emcee")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}

@@ -1,4 +1,4 @@
-"""Sampling of a density: an independence move from a multivariate t, and differential evolution.
+"""Sampling of a density by emcee: an independence move from a multivariate t, and differential evolution.
 
 Nothing here knows of robots: a vectorised log-density goes in, draws and their diagnostics come out. A run
 that mixes badly continues in the coordinates of a triangular map with many more walkers, up to a stated
@@ -11,10 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ...model.arrays import Index, Matrix, ShareDone
+from ...model.arrays import Index, Mask, Matrix, ShareDone
 from .convergence import effective, nested_rhat, normal_scores
 from .triangular_map import TriangularMap
 
@@ -60,33 +61,31 @@ def degrees_of_freedom(size: int) -> float:
     return max(6.0, 2.0 * size)
 
 
-@dataclass
-class Walkers:
-    """Where walkers are: `points` (W, f), and the `log_density` (W,) there."""
-
-    points: Matrix
-    log_density: Matrix
-
-
 class _Move:
-    """A move proposes new points to walkers, and those that are accepted are there."""
+    """emcee requires of a move `propose(model, state)`, which returns the state and who moved.
+
+    Its own moves accept walkers one by one, and emcee checks and copies each log-density in Python: that
+    costs more than the density. These accept all at once, evaluate the proposals of many steps in one call,
+    and draw from a generator of their ensemble.
+    """
 
     def __init__(self, random: np.random.Generator) -> None:
         self.random = random
         self.accepted = self.proposed = 0
 
     def settle(
-        self, walkers: Walkers, chosen: Index, points: Matrix, log_density: Matrix, factors: Matrix | float
-    ) -> None:
-        """Metropolis and Hastings for the walkers `chosen` (indices)."""
+        self, state: Any, chosen: Index, points: Matrix, log_density: Matrix, factors: Matrix | float
+    ) -> Mask:
+        """Metropolis and Hastings for the walkers `chosen` (indices); returns which of them moved."""
         # From -inf to -inf is NaN, and no move.
         with np.errstate(invalid="ignore"):
-            gain = log_density - walkers.log_density[chosen] + factors
-        moved = -self.random.standard_exponential(len(points)) < gain
-        walkers.points[chosen[moved]] = points[moved]
-        walkers.log_density[chosen[moved]] = log_density[moved]
+            gain = log_density - state.log_prob[chosen] + factors
+        moved: Mask = -self.random.standard_exponential(len(points)) < gain
+        state.coords[chosen[moved]] = points[moved]
+        state.log_prob[chosen[moved]] = log_density[moved]
         self.accepted += int(moved.sum())
         self.proposed += len(moved)
+        return moved
 
 
 class IndependenceMove(_Move):
@@ -101,38 +100,40 @@ class IndependenceMove(_Move):
         self.ahead = ahead
         self._drawn: Iterator[tuple[Matrix, Matrix, Matrix]] = iter(())
 
-    def step(self, log_density: LogDensity, walkers: Walkers) -> None:
-        count = len(walkers.points)
+    def propose(self, model: Any, state: Any) -> tuple[Any, Mask]:
+        count = len(state.coords)
         drawn = next(self._drawn, None)
         if drawn is None:
             steps = max(1, min(self.ahead, _ROWS // count))
             self.ahead -= steps
             points = self.proposal.draw(steps * count, self.random)
-            many = (points, log_density(points), self.proposal.log_density(points))
+            many = (points, model.log_prob_fn(points), self.proposal.log_density(points))
             self._drawn = zip(*(np.split(values, steps) for values in many), strict=True)
             drawn = next(self._drawn)
         points, density_there, proposal_there = drawn
-        factors = self.factors(self.proposal.log_density(walkers.points), proposal_there)
-        self.settle(walkers, np.arange(count), points, density_there, factors)
+        factors = self.factors(self.proposal.log_density(state.coords), proposal_there)
+        return state, self.settle(state, np.arange(count), points, density_there, factors)
 
     def factors(self, here: Matrix, there: Matrix) -> Matrix:
-        """(W,) what the proposal itself favours: ln g of the walkers and of what is proposed to them."""
+        """(W,) as in emcee's moves, what the proposal itself favours: ln g of the walkers and of what is
+        proposed to them."""
         return here - there
 
 
 class DifferentialMove(_Move):
     """Differential evolution (Ter Braak 2006; Nelson et al. 2013), half of the walkers by pairs of the other.
 
-    With `groups` the walkers are so many groups of one size, one after the other, and every pair is of the
-    walker's own group.
+    emcee's DEMove lists all pairs of walkers at each call; here a walker draws its pair. With `groups` the
+    walkers are so many groups of one size, one after the other, and every pair is of the walker's own group.
     """
 
     def __init__(self, random: np.random.Generator, groups: int = 1) -> None:
         super().__init__(random)
         self.groups = groups
 
-    def step(self, log_density: LogDensity, walkers: Walkers) -> None:
-        count, size = walkers.points.shape
+    def propose(self, model: Any, state: Any) -> tuple[Any, Mask]:
+        count, size = state.coords.shape
+        accepted = np.zeros(count, dtype=bool)
         starts = np.arange(self.groups)[:, None] * (count // self.groups)
         halves = np.array_split(self.random.permutation(count // self.groups), 2)
         # Now and then a whole difference: from one mode to another.
@@ -143,9 +144,10 @@ class DifferentialMove(_Move):
             second = (first + self.random.integers(1, len(other), size=len(chosen))) % len(other)
             start = np.repeat(starts[:, 0], len(half))
             stretch = scale * (1 + 1e-5 * self.random.standard_normal((len(chosen), 1)))
-            steps = stretch * (walkers.points[start + other[first]] - walkers.points[start + other[second]])
-            points = walkers.points[chosen] + steps
-            self.settle(walkers, chosen, points, log_density(points), 0.0)
+            steps = stretch * (state.coords[start + other[first]] - state.coords[start + other[second]])
+            points = state.coords[chosen] + steps
+            accepted[chosen] = self.settle(state, chosen, points, model.log_prob_fn(points), 0.0)
+        return state, accepted
 
 
 _CHUNK = 2048  # rows of one call of the density, whatever the number of threads: the numbers must be the same
@@ -215,21 +217,22 @@ class Moves:
 
     def advance(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
         """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
-        moves = (self.independence, self.differential)
+        import emcee
+
+        moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
+        sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
+        sampler.log_prob_fn = log_density  # emcee's own prints a traceback at Ctrl-C
         self.independence.ahead = round((1 - self._share) * steps)
-        # The generator of emcee, which made these steps once, with its choices.
-        choice = np.random.RandomState(self._random.integers(2**32))
-        walkers = Walkers(start.copy(), log_density(start))
-        chain = np.empty((steps if not last else 0, *start.shape))
-        for i, k in enumerate(choice.choice(2, size=steps, p=[1 - self._share, self._share])):
-            moves[k].step(log_density, walkers)
-            if not last:
-                chain[i] = walkers.points
-        return walkers.points[:, None] if last else chain.transpose(1, 0, 2)
+        # emcee's legacy generator has no more to do than to choose between the moves.
+        choice = np.random.RandomState(self._random.integers(2**32)).get_state()
+        state = emcee.State(start, log_prob=log_density(start), random_state=choice)
+        state = sampler.run_mcmc(state, steps, skip_initial_state_check=True, store=not last)
+        chain = state.coords[:, None] if last else sampler.get_chain().transpose(1, 0, 2)
+        return np.asarray(chain)
 
 
 class _Run:
-    """Independent ensembles, carried out as one, and what they have learnt so far.
+    """Independent ensembles, carried out as one by emcee, and what they have learnt so far.
 
     Points come and go as (ensembles, walkers, [steps,] f) in the caller's coordinates.
     """

@@ -103,8 +103,8 @@ def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
         "creation_library": "zerobeam",
         "creation_library_version": version("zerobeam"),
         "creation_library_language": "Python",
-        "inference_library": "zerobeam",
-        "inference_library_version": version("zerobeam"),
+        "inference_library": "emcee",
+        "inference_library_version": shown(inputs.versions.get("emcee", "")),
         "sampling_time": summary.seconds,
     }
     return {key: value for key, value in attributes.items() if value is not None}

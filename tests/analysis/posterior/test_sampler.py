@@ -1,3 +1,4 @@
+import emcee
 import numpy as np
 import pytest
 from arviz_stats.base import array_stats
@@ -8,7 +9,6 @@ from zerobeam.analysis.posterior.sampler import (
     DifferentialMove,
     IndependenceMove,
     IndependenceProposal,
-    Walkers,
     degrees_of_freedom,
     diagnostics,
     drift,
@@ -72,25 +72,18 @@ class NoFactors(IndependenceMove):
 class LopsidedDifference(DifferentialMove):
     """Not symmetric: every step goes to the right."""
 
-    def settle(self, walkers, chosen, points, log_density, factors):
-        there = walkers.points[chosen]
+    def settle(self, state, chosen, points, log_density, factors):
+        there = state.coords[chosen]
         right = there + np.abs(points - there)
-        super().settle(walkers, chosen, right, normal(right), factors)
-
-
-def chain_of(move, log_density, start, steps):
-    """(steps, walkers, f) by one move alone."""
-    walkers, chain = Walkers(start, log_density(start)), []
-    for _ in range(steps):
-        move.step(log_density, walkers)
-        chain.append(walkers.points.copy())
-    return np.array(chain)
+        return super().settle(state, chosen, right, normal(right), factors)
 
 
 def variance_by(move, steps=800, walkers=32):
     """Variance of a unit normal as sampled by one move alone, and its standard error."""
-    start = np.random.default_rng(3).normal(size=(walkers, 1))
-    chains = chain_of(move, normal, start, steps)[50:, :, 0].T
+    emcee_sampler = emcee.EnsembleSampler(walkers, 1, normal, moves=[move], vectorize=True)
+    start = emcee.State(np.random.default_rng(3).normal(size=(walkers, 1)))
+    emcee_sampler.run_mcmc(start, steps, skip_initial_state_check=True)
+    chains = emcee_sampler.get_chain(discard=50)[:, :, 0].T
     ess = float(array_stats.ess(chains**2, method="mean"))
     return float((chains**2).mean()), np.sqrt(2 / ess)
 
@@ -117,8 +110,9 @@ def test_differential_evolution_leaves_the_density_as_it_is():
 def test_a_pair_never_is_one_walker_twice():
     """Else a step of nothing would be accepted for certain: in a flat density every walker moves."""
     move = DifferentialMove(np.random.default_rng(1))
-    chain = chain_of(move, lambda w: np.zeros(len(w)), np.arange(6.0)[:, None], 200)
-    assert np.abs(np.diff(chain[:, :, 0], axis=0)).min() > 1e-6
+    flat = emcee.EnsembleSampler(6, 1, lambda w: np.zeros(len(w)), moves=[move], vectorize=True)
+    flat.run_mcmc(emcee.State(np.arange(6.0)[:, None]), 200, skip_initial_state_check=True)
+    assert np.abs(np.diff(flat.get_chain()[:, :, 0], axis=0)).min() > 1e-6
 
 
 def test_tails_are_lighter_in_many_dimensions():
@@ -401,10 +395,10 @@ def test_the_budget_is_kept(monkeypatch):
 def test_the_effective_size_is_honest():
     """The variance of means and of squares over 200 seeds is what the ESS says, within 4 of their errors."""
     size, seeds = 8, 200
-    result = [sample_density(normal, t_at_zero(size, 8.0), seed=s, ess=1000) for s in range(seeds)]
+    found = [sample_density(normal, t_at_zero(size, 8.0), seed=s, ess=1000) for s in range(seeds)]
     for power, variance in ((1, 1.0), (2, 2.0)):
-        means = np.array([(f.values**power).mean(axis=(0, 1, 2)) for f in result]) - (power == 2)
-        message = np.array(
+        means = np.array([(f.values**power).mean(axis=(0, 1, 2)) for f in found]) - (power == 2)
+        told = np.array(
             [
                 [
                     float(
@@ -414,11 +408,11 @@ def test_the_effective_size_is_honest():
                     )
                     for j in range(size)
                 ]
-                for f in result[:20]
+                for f in found[:20]
             ]
         ).mean()
         # Coordinates are nearly independent: the mean of size * seeds squares.
-        ratio = (means**2).mean() / (variance / message)
+        ratio = (means**2).mean() / (variance / told)
         assert abs(ratio - 1) < 4 * np.sqrt(2 / (size * seeds)) + 0.05, (power, ratio)
 
 
