@@ -13,7 +13,7 @@ from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
-from .rigs.simulated.cell_file import Cell
+from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
@@ -24,7 +24,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "header": Header,
     "robot": RobotFile,
     "obstacles": Obstacles,
-    "cell": Cell,
+    "cell": CellFile,
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,

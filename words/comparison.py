@@ -19,7 +19,7 @@ from ..analysis.repeatability.repeat import (
 from .findings import displacement_sentence
 from .misfit import criterion_sentence
 from .numbers import p_words
-from .wording import listed
+from .wording import be, listed
 
 
 def headline(runs: Comparison) -> str:
@@ -77,7 +77,7 @@ def notes(compared: Comparison) -> Iterator[str]:
             yield f"{run.name} is not compared: {failure(run.failure)}"
         if run.undetermined:
             yield (
-                f"{listed(run.undetermined)} of {run.name} {_is(run.undetermined)} unidentifiable: then the"
+                f"{listed(run.undetermined)} of {run.name} {be(run.undetermined)} unidentifiable: then the"
                 " predicted uncertainties of its other offsets are not reliable either, and the runs are"
                 " compared by their scatter alone. Leave it out to test the others"
             )
@@ -152,10 +152,6 @@ def sentence_of(finding: RunFinding) -> str:
             )
         case FileWarning(text):
             return text
-
-
-def _is(names: list[str]) -> str:
-    return "is" if len(names) == 1 else "are"
 
 
 def _hint_of_a_drift(comparison: Comparison) -> Iterator[str]:

@@ -16,8 +16,8 @@ from ..analysis.answer.findings import (
     RobustNotConverged,
 )
 from ..analysis.answer.result import LikelihoodSummary, Result
-from ..analysis.diagnostics.accuracy import Accuracy
-from ..analysis.diagnostics.displacement import ChangePoint, Displacement
+from ..analysis.diagnostics.accuracy import TcpAccuracy
+from ..analysis.diagnostics.displacement import Displacement
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
@@ -28,7 +28,7 @@ from ..analysis.solution import ParameterTable, Solution
 from .misfit import criterion_sentence, misfit_headline
 from .observability import reason
 from .verdict import verdict_sentence
-from .wording import Namer, listed
+from .wording import Namer, be, listed
 
 MOST_NAMED = 10
 _NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
@@ -129,7 +129,10 @@ def _measurements(numbers: Sequence[int]) -> str:
 def displacement_sentence(moved: Displacement) -> str:
     """What a reader must know of a significant moved, and what to do."""
     p_value = f"= {moved.p_value:.0e}" if moved.p_value > _NEVER else f"< {_NEVER:.0e}"
-    others = [_where(point) for point in moved.elsewhere[:_MOST_EXPLANATIONS]]
+    others = [
+        f"{point.target} moved between {point.after_shot} and {point.before_shot}"
+        for point in moved.elsewhere[:_MOST_EXPLANATIONS]
+    ]
     if moved.alone is not None:
         others.append(f"measurement {moved.alone} alone is wrong")
     doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
@@ -138,10 +141,6 @@ def displacement_sentence(moved: Displacement) -> str:
         f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}).{doubt} Discard the measurements"
         " before or after, or give them another target name"
     )
-
-
-def _where(point: ChangePoint) -> str:
-    return f"{point.target} moved between {point.after_shot} and {point.before_shot}"
 
 
 def _by(moved: Displacement) -> str:
@@ -215,7 +214,7 @@ def robust_message(robust: Robust) -> str:
     )
 
 
-def tcp_words(accuracy: Accuracy, name: Namer = str) -> str:
+def tcp_words(accuracy: TcpAccuracy, name: Namer = str) -> str:
     """What the point is whose accuracy is stated."""
     match accuracy.place:
         case "stated point":
@@ -230,7 +229,7 @@ def tcp_words(accuracy: Accuracy, name: Namer = str) -> str:
             )
 
 
-def accuracy_reason(accuracy: Accuracy, name: Namer = str) -> str | None:
+def accuracy_reason(accuracy: TcpAccuracy, name: Namer = str) -> str | None:
     """Why no accuracy is claimed; None where it is."""
     if not accuracy.converged:
         return "the fit did not converge"
@@ -240,8 +239,7 @@ def accuracy_reason(accuracy: Accuracy, name: Namer = str) -> str | None:
     reasons = []
     for (state, cause), names in parts.items():
         why = "" if cause is None else f": {reason(cause, name)}"
-        verb = "is" if len(names) == 1 else "are"
         reasons.append(
-            f"the TCP depends on {listed([name(each) for each in names])}, which {verb} {state}{why}"
+            f"the TCP depends on {listed([name(each) for each in names])}, which {be(names)} {state}{why}"
         )
     return "; ".join(reasons) or None

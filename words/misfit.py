@@ -19,6 +19,7 @@ from .wording import Namer, clipped, listed
 
 UNVALIDATED = "no estimate or uncertainty of this run is validated"
 _MOST_NAMED = 8
+_LEVEL = f"{100 * (1 - 2 * LACK_OF_FIT):.1f} %"
 _NOISE = {"all": "estimated noise", "joint": "estimated noise of the joints", "spot": "estimated spot noise"}
 
 
@@ -45,7 +46,7 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             bound = f"{plausible:g} times" if factor > 1 else f"1/{plausible:g} of"
             side = "above" if factor > 1 else "below"
             return (
-                f"The {_NOISE[of]} is {times(factor)} times the stated ({_level()} interval {low} to {high}),"
+                f"The {_NOISE[of]} is {times(factor)} times the stated ({_LEVEL} interval {low} to {high}),"
                 f" {side} the {bound} that noise.plausible_factor allows: the model does not describe these"
                 " measurements, or the stated noise is wrong"
             )
@@ -82,10 +83,6 @@ def _off(parameter: OffPrior, name: Namer) -> str:
         if parameter.stds is None
         else f"{name(parameter.name)} ({parameter.stds:+.1f})".replace("(-", f"({numbers.MINUS}")
     )
-
-
-def _level() -> str:
-    return f"{1 - 2 * LACK_OF_FIT:.1%}".replace("%", " %")
 
 
 _MOST_MEASUREMENTS = 10

@@ -12,9 +12,8 @@ from ..analysis.answer.document import NextStep, NextSteps, ValueToEnter
 from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.displacement import Displacement
-from ..analysis.solution import ParameterResult
 from . import numbers
-from .wording import label, listed
+from .wording import be, label, listed
 
 _SAFE = re.compile(r"[\w./+@-]+")
 # What writes the offsets for a controller, by its vendor: the command, and the file's name.
@@ -72,7 +71,7 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     steps = [
         NextStep(
             text=f"Enter nothing yet: {which}"
-            f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
+            f" {be(named)} not determined well enough. Record more measurements, in"
             " postures that a plan chooses and a check approves:",
             commands=(
                 "zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml",
@@ -92,13 +91,11 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     return tuple(steps)
 
 
-def _entered(result: Result) -> list[ParameterResult]:
-    return [row for row in result.parameters if row.group == "offset" and row.status == "identified"]
-
-
 def _values(result: Result) -> tuple[ValueToEnter, ...]:
     entries = []
-    for row in _entered(result):
+    for row in result.parameters:
+        if row.group != "offset" or row.status != "identified":
+            continue
         assert row.estimate is not None
         assert row.std is not None
         value = numbers.estimate(row.estimate, row.std, row.unit)

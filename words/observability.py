@@ -155,16 +155,13 @@ def _tool(kind: ToolKind) -> str:
 def _local_optima(cause: LocalOptima, name: Namer) -> str:
     named = []
     for row in cause.parameters[:_MOST_AT_OPTIMA]:
-        here, there = (numbers.estimate(value, row.std, _unit(row.unit)) for value in row.values)
+        unit = "" if row.unit == "1" else row.unit
+        here, there = (numbers.estimate(value, row.std, unit) for value in row.values)
         named.append(f"{name(row.name)} = {here} or {there}")
     more = len(cause.parameters) - len(named)
     count = "two" if cause.count == 2 else str(cause.count)
     values = ", ".join(named) + (f" and {more} more parameters" if more else "")
     return f"{count} local optima explain the data about equally well: {values}"
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
 
 
 def _before(cause: CommonMotion) -> str:

@@ -19,7 +19,7 @@ from ..analysis.observability.check import (
 from ..analysis.status import Status, Verdict
 from . import numbers
 from .observability import reason
-from .wording import Namer, counted, listed
+from .wording import Namer, be, counted, listed
 
 VERDICT_WORDS: dict[PlanVerdict, str] = {
     "pass": "Pass",
@@ -74,7 +74,7 @@ def verdict_sentence(
 
 
 def _are(names: list[str], name: Namer) -> str:
-    return f"{listed([name(each) for each in names])} {'is' if len(names) == 1 else 'are'}"
+    return f"{listed([name(each) for each in names])} {be(names)}"
 
 
 def tone_of(verdict: PlanVerdict) -> Verdict:

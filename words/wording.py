@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 
 Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
 
@@ -84,6 +84,11 @@ def ended(text: str) -> str:
 
 def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def be(subjects: Sized) -> str:
+    """`is` of one, `are` of several."""
+    return "is" if len(subjects) == 1 else "are"
 
 
 def listed(names: list[str], most: int = 8) -> str:

@@ -86,7 +86,7 @@ class CompiledClimb:
     def _call(
         self, function: int, inputs: Sequence[GridInput], x: Matrix, inner: int, *, in_flange: bool = False
     ) -> int:
-        """The address of what C takes as a kernel's call."""
+        """The address of a kernel's call as climb.c reads it."""
         numbers = [len(inputs), inner, function]
         for k, grid_input in enumerate(inputs):
             self._kept.append(grid_input)

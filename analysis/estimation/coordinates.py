@@ -34,7 +34,7 @@ class MappedPoint(NamedTuple):
 
 
 class FlangeCoordinates:
-    """v (f,): free parameters scaled by their priors, but targets as seen, over their prior std.
+    """v (f,): free parameters over their prior stds; targets in the flange frame of their first shot.
 
     Rows are those of the density: `of` (W,) names the data set of each.
     """
@@ -127,7 +127,7 @@ class FlangeCoordinates:
         return np.asarray(from_z @ of_z @ from_z.transpose(0, 2, 1))
 
     def _spread_out(self, v: Matrix) -> tuple[Matrix, Matrix]:
-        """(W, p) x but for the moved targets, and (W, moved, 3) mm these as seen."""
+        """(W, p) x but for the moved targets, and (W, moved, 3) mm these in the flange frame."""
         x = self._problem.parameters.prior_mean + v @ self._to_x
         return x, (v @ self._to_in_flange).reshape(len(v), len(self._targets), 3)
 
@@ -153,5 +153,5 @@ class FlangeCoordinates:
 
 @lru_cache(maxsize=8)
 def flange_coordinates(density: Density) -> FlangeCoordinates:
-    """Those of a density, made once."""
+    """The coordinates of a density, made once."""
     return FlangeCoordinates(density)

@@ -46,7 +46,7 @@ class Minima(NamedTuple):
     reason: list[str]
 
     def keep(self, rows: Index, x: Matrix, cost: Matrix, slope: Matrix, curvature: Matrix) -> None:
-        """Where these rows have come to."""
+        """Keep the state of these rows."""
         self.x[rows], self.cost[rows] = x, cost
         self.slope[rows], self.curvature[rows] = slope, curvature
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -176,30 +175,22 @@ _TURNOVER = 2  # effective draws for each walker: on average it has left its sta
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """What the ensembles left: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
+    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
 
-    `settled`: R-hat passed its gate and nothing drifts; whether the ESS is enough is the caller's to say.
-    `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the density's rows.
+    `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
+    was required. `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the
+    density's rows.
     """
 
     values: Matrix
-    acceptance: float
     rhat: Matrix
     ess_bulk: Matrix
-    seconds: float
-    looking: float
-    evaluations: int
-    settled: bool
-
-
-class _Grown(NamedTuple):
-    """Draws with their R-hat and ESS (f,); whether they are `enough`, and whether they have `settled`."""
-
-    values: Matrix
-    rhat: Matrix
-    bulk: Matrix
     enough: bool
     settled: bool
+    acceptance: float = 0.0
+    seconds: float = 0.0
+    looking: float = 0.0
+    evaluations: int = 0
 
 
 def possible_density(log_density: LogDensity, points: Matrix) -> Matrix:
@@ -268,7 +259,7 @@ class _Run:
         return np.concatenate(list((self._pool.map if len(chunks) > 1 else map)(function, chunks)))
 
     def start(self, walkers: int) -> Matrix | None:
-        """Draws of the proposal, pulled in to where the density is not 0; None where that is nowhere."""
+        """Draws of the proposal, moved to its location until the density is not 0; else None."""
         points = self._proposal.draw(ENSEMBLES * walkers, self.random)
         for _ in range(_PULLS):
             possible = np.isfinite(self.density(points))
@@ -283,14 +274,14 @@ class _Run:
         return points.reshape(ENSEMBLES, walkers, -1)
 
     def spread(self, values: Matrix, walkers: int) -> Matrix:
-        """Starts for as many walkers, from each ensemble's own draws."""
+        """(ensembles, walkers, f) starting points, chosen among the draws of each ensemble."""
         ensembles = values.reshape(ENSEMBLES, -1, values.shape[-1])
         return np.stack(
             [self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in ensembles]
         )
 
     def advance(self, starts: Matrix, steps: int) -> Matrix:
-        """So many steps of every walker."""
+        """Chains (ensembles, walkers, steps, f) from `starts` (ensembles, walkers, f)."""
         began = time.perf_counter()
         transport = self._transport
         size = starts.shape[-1]
@@ -337,13 +328,13 @@ class _Run:
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
 
     def _first_look(self, walkers: int) -> int:
-        """Steps: many times what it takes until a walker's draws are independent."""
+        """How many steps until the first diagnostics: many autocorrelation times of a walker."""
         if self._transport is not None:
             return _MAPPED_LOOK
         return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
 
-    def grow(self, starts: Matrix, ess: float, limit: int, progress: ShareDone) -> _Grown:
-        """Draws until they have settled and are enough, or `limit` steps are done."""
+    def grow(self, starts: Matrix, ess: float, limit: int, progress: ShareDone) -> Sampled:
+        """Draws from `starts` until they are enough and have settled, in at most `limit` steps."""
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         values = starts[:, :, None][:, :, :0]
@@ -360,7 +351,7 @@ class _Run:
             settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE and reaches
             enough = reached >= needed
             if (enough and settled) or total >= limit:
-                return _Grown(values, rhat, bulk, enough, settled)
+                return Sampled(values, rhat, bulk, enough, settled)
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
             factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
             total = min(max(int(np.ceil(factor * total)), total + ROUND), limit)
@@ -399,30 +390,26 @@ def sample_density(
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
-            grown = _Grown(values, *diagnostics(judged(values)), False, False)
+            sampled = Sampled(values, *diagnostics(judged(values)), False, False)
         else:
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
                 values = run.advance(run.spread(values, walkers), ROUND // 2)
-            grown = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
-            if not (grown.enough and grown.settled):
+            sampled = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
+            if not (sampled.enough and sampled.settled):
                 many = max(walkers, _MAPPED_WALKERS)
-                starts = run.spread(grown.values, many)
-                run.refit(grown.values, mapped=True)
+                starts = run.spread(sampled.values, many)
+                run.refit(sampled.values, mapped=True)
                 values = run.burn_in(starts, _MAPPED_ROUNDS)
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
-                grown = run.grow(values[:, :, -1], ess, limit, shown)
-    looking = time.perf_counter() - began - run.seconds
-    return Sampled(
-        values=grown.values,
+                sampled = run.grow(values[:, :, -1], ess, limit, shown)
+    return replace(
+        sampled,
         acceptance=run.acceptance,
-        rhat=grown.rhat,
-        ess_bulk=grown.bulk,
         seconds=run.seconds,
-        looking=looking,
+        looking=time.perf_counter() - began - run.seconds,
         evaluations=run.evaluations,
-        settled=grown.settled,
     )
 
 

@@ -198,7 +198,7 @@ def _model_walks(
             model=model,
             offset=offset,
             unit=units[offset],
-            arms=sum(offset in own.series.names and own.walks(offset) for _, own in members),
+            arms=sum(offset in own.series.names and own.determines_rate(offset) for _, own in members),
             median=rates.median(offset) if known else None,
             between=rates.between(offset) if known else None,
             noticed=noticed,

@@ -61,7 +61,7 @@ class Laser:
     def __post_init__(self) -> None:
         checked(StatedTool, self.content())
 
-    def content(self) -> dict[str, Any]:
+    def content(self) -> dict[str, object]:
         """The header's key `tool`, plain."""
         sigma = _stated(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
         keys = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
@@ -100,7 +100,7 @@ class Probe:
     def __post_init__(self) -> None:
         checked(StatedTool, self.content())
 
-    def content(self) -> dict[str, Any]:
+    def content(self) -> dict[str, object]:
         """The header's key `tool`, plain."""
         keys = {"point_mm": self.point_mm, "calibrated": self.calibrated}
         return _tool("probe", keys, _stated(shift_mm=self.shift_mm))
@@ -146,7 +146,7 @@ class Noise:
     def __post_init__(self) -> None:
         checked(StatedNoise, self.content())
 
-    def content(self) -> dict[str, Any]:
+    def content(self) -> dict[str, object]:
         """The header's key `noise`, plain."""
         keys = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
         if self.scale != "known":
@@ -185,14 +185,14 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _stated(**values: Any) -> dict[str, Any]:
+def _stated(**values: Any) -> dict[str, object]:
     """The values that are not None, in the types that a file has."""
     return {name: plain(value) for name, value in values.items() if value is not None}
 
 
-def _tool(kind: str, keys: Mapping[str, Any], sigma: Mapping[str, Any]) -> dict[str, Any]:
+def _tool(kind: str, keys: Mapping[str, Any], sigma: Mapping[str, Any]) -> dict[str, object]:
     """The header's key `tool`, which has no empty `sigma`."""
-    content: dict[str, Any] = plain({"kind": kind, **keys, **({"sigma": sigma} if sigma else {})})
+    content: dict[str, object] = plain({"kind": kind, **keys, **({"sigma": sigma} if sigma else {})})
     return content
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..kinematics.robot import J3, Conventions, JointKind, PendantUnit
 from .reading import KeyPath, shown
@@ -15,6 +15,15 @@ from .validation import FileModel, Name, NumberPair, as_tuple, refusal
 _Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
 _Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]
 _Names = Annotated[tuple[Name, ...], BeforeValidator(as_tuple)]
+
+
+def _ordered(values: tuple[float, float]) -> tuple[float, float]:
+    if not values[0] < values[1]:
+        raise refusal("the range is empty", found=shown(list(values)), allowed="[lower, upper], lower first")
+    return values
+
+
+_Range = Annotated[NumberPair, AfterValidator(_ordered)]
 
 
 class StatedMounting(FileModel):
@@ -77,40 +86,21 @@ class StatedEncoder(FileModel):
 class FileLimits(FileModel):
     """Further limits of a robot file's joints, besides those of its rows."""
 
-    joint3_to_link2_deg: NumberPair | None = Field(
+    joint3_to_link2_deg: _Range | None = Field(
         default=None,
         description="range of the angle between links 2 and 3, degrees, of an arm whose pendant counts joint"
         " 3 from the ground (its rows have the pendant's range)",
     )
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _require_range(self.joint3_to_link2_deg, "joint3_to_link2_deg")
-        return self
-
 
 class UrdfLimits(FileModel):
     """Further limits of a URDF's joints, besides those in it."""
 
-    joint3_pendant_deg: NumberPair | None = Field(
+    joint3_pendant_deg: _Range | None = Field(
         default=None,
         description="range of joint 3 as the pendant counts it, degrees, where that is from the ground (the"
         " URDF has the range of the angle between links 2 and 3)",
     )
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _require_range(self.joint3_pendant_deg, "joint3_pendant_deg")
-        return self
-
-
-def _require_range(
-    values: tuple[float, float] | None, key: Literal["joint3_to_link2_deg", "joint3_pendant_deg"]
-) -> None:
-    if values is not None and not values[0] < values[1]:
-        raise refusal(
-            "the range is empty", key=(key,), found=shown(list(values)), allowed="[lower, upper], lower first"
-        )
 
 
 def require_fitting(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
@@ -441,7 +441,7 @@ def read_header(path: Path | str) -> Header:
     return validate(Header, document.data, file=document.file, line=document.line)
 
 
-def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, Any]:
+def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, object]:
     """The header's stated keys as plain values, `schema` first: what a file begins with."""
     content = header.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
     return {"schema": schema, **{key: value for key, value in content.items() if key != "schema"}}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from io import FileIO
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -189,11 +189,11 @@ def _require_same(recorded: Header, required: Header, *, file: Path, line: int |
         )
 
 
-def _first_difference(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, str, str] | None:
+def _first_difference(one: Mapping[str, object], other: Mapping[str, object]) -> tuple[str, str, str] | None:
     """The first key that differs, such as 'noise.joint_deg', and its values as in a file."""
     for key in dict.fromkeys((*other, *one)):
         a, b = one.get(key), other.get(key)  # a stated value is never None
-        if isinstance(a, dict) and isinstance(b, dict):
+        if isinstance(a, Mapping) and isinstance(b, Mapping):
             if inner := _first_difference(a, b):
                 return f"{key}.{inner[0]}", *inner[1:]
         elif json.dumps(a) != json.dumps(b):  # where 1, 1.0 and true are three values

@@ -252,7 +252,7 @@ def _plain(node: Node, path: KeyPath, file: Path, lines: dict[KeyPath, int]) -> 
             _at(item, (*path, i), file, lines)
             items.append(_plain(item, (*path, i), file, lines))
         return items
-    mapping: dict[str, Any] = {}
+    mapping: dict[str, object] = {}
     for key_node, value_node in node.value:
         key = _plain(key_node, path, file, {}) if isinstance(key_node, ScalarNode) else None
         line = key_node.start_mark.line + 1
@@ -319,8 +319,8 @@ def parse_json(text: str, *, file: Path, line: int) -> Any:
     a number too large for a float.
     """
 
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        result: dict[str, Any] = {}
+    def once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        result: dict[str, object] = {}
         for key, value in pairs:
             if key in result:
                 raise BadInput(
@@ -422,5 +422,5 @@ def json_rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | 
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
-def json_line(content: dict[str, Any]) -> str:
+def json_line(content: Mapping[str, object]) -> str:
     return _ENCODER.encode(content) + "\n"

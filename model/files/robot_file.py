@@ -351,7 +351,7 @@ def doubts(rows: RobotFile) -> tuple[str, ...]:
 
 
 def read_rows(path: Path) -> RobotFile:
-    """What a robot file states."""
+    """The content of a robot file, checked."""
     document = read_yaml(path)
     require_schema(document.data, "zerobeam/robot/1", file=path, line=document.line(("schema",)))
     return validate(RobotFile, document.data, file=path, line=document.line)

@@ -265,7 +265,7 @@ def _bad_input(
     file: Path | None,
     line: Callable[[KeyPath], int | None],
 ) -> BadInput:
-    """A pydantic complaint in our own words."""
+    """The BadInput of a complaint of pydantic's, with its line."""
     kind, facts = complaint["type"], complaint.get("ctx", {})
     path = _place(data, complaint["loc"], kind)
     value = complaint["input"]

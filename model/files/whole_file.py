@@ -11,7 +11,7 @@ import tempfile
 import time
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from io import FileIO, StringIO
 from pathlib import Path
 from typing import Any, Self
@@ -109,7 +109,7 @@ def is_part(name: str) -> bool:
 
 
 def writer() -> str:
-    """This computer and this process, in the names of what is not finished."""
+    """Name of this computer and this process, for the names of unfinished files."""
     return f"{_here()}-{os.getpid()}"
 
 
@@ -205,7 +205,7 @@ def lock(file: FileIO) -> bool:
 # YAML as people write it
 
 
-def yaml_text(content: dict[str, Any]) -> str:
+def yaml_text(content: Mapping[str, object]) -> str:
     """Content of a file as YAML."""
     yaml = YAML()
     yaml.width = 4096
@@ -222,9 +222,9 @@ def flow(value: Any) -> Any:
     return commented
 
 
-def short_in_one_line(content: dict[str, Any]) -> dict[str, Any]:
+def short_in_one_line(content: Mapping[str, object]) -> dict[str, object]:
     """Mappings of the header stay open for the eye; lists and what is deeper go on one line."""
-    result: dict[str, Any] = {}
+    result: dict[str, object] = {}
     for key, value in content.items():
         if isinstance(value, dict):
             result[key] = CommentedMap(

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import casadi as ca
@@ -26,36 +27,6 @@ from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
 from .tool import Tool
-
-
-def midpoint_function(robot: Robot, tool: Tool, geometry: Geometry = NOMINAL) -> ca.Function:
-    """(q1, q2, arm, tool) -> midpoint (3,), jacobian (3, a + k) by arm, tool, and (3, n) by q1 and by q2.
-
-    The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
-    defined for parallel beams: callers leave those pairs out.
-    """
-    one = Posture(robot, geometry)
-    other = Posture(robot, geometry, one.arm)
-    q1, q2, arm = one.q, other.q, one.arm
-    unknown = ca.SX.sym("tool", len(tool.free_axes))
-    point, direction, _ = tool.beam(unknown)
-    feet: list[tuple[ca.SX, ca.SX]] = []
-    for posture in (one, other):
-        rotation, translation = posture.pose
-        feet.append((translation + rotation @ point, rotation @ direction))
-    (o1, u1), (o2, u2) = feet
-    between, cosine = o2 - o1, ca.dot(u1, u2)
-    sine_squared = ca.sumsqr(ca.cross(u1, u2))
-    along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
-    along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
-    middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
-    return ca.Function(
-        "midpoint",
-        [q1, q2, arm, unknown],
-        ca.cse([middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]),
-        ["q1", "q2", "arm", "tool"],
-        ["midpoint", "jacobian", "by_q1", "by_q2"],
-    )
 
 
 class Posture:
@@ -70,10 +41,29 @@ class Posture:
         recorded = geometry.recorded_symbols(robot, self.q)
         self.theta = self.q + geometry.bent(robot, self.arm, recorded)
 
-    @property
+    @cached_property
     def pose(self) -> tuple[ca.SX, ca.SX]:
         """The flange's rotation and translation in the base frame."""
         return self.robot.flange_pose(self.theta)
+
+    def in_flange(self, point: ca.SX) -> ca.SX:
+        """A point (3, 1) of the base frame, in the flange frame."""
+        rotation, translation = self.pose
+        return rotation.T @ (point - translation)
+
+    def in_base(self, point: ca.SX) -> ca.SX:
+        """A point (3, 1) of the flange frame, in the base frame."""
+        rotation, translation = self.pose
+        return translation + rotation @ point
+
+    def beam(self, tool: Tool, unknown: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Origin and direction (3, 1) of a laser's beam in the base frame."""
+        point, direction, _ = tool.beam(unknown)
+        return self.in_base(point), self.pose[0] @ direction
+
+    def inputs(self, **others: ca.SX) -> dict[str, ca.SX]:
+        """Of a function of the posture and of `others`."""
+        return {"q": self.q, "arm": self.arm, **others}
 
 
 # What does not change from shot to shot of one walker.
@@ -101,7 +91,7 @@ class ShotFunctions:
               the beam meets the plane through `centre` across `normal`, and how far from its origin
     skeleton  (q, arm) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, arm) -> axes (3, n): unit joint axes in the base frame
-    midpoint  of two shots of a beam: see `midpoint_function`
+    midpoint  of two shots of a beam: see `_midpoint`
 
     `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + 1,) those of the
     joints and of the spot, `stated` (n + 1,) what the header says of them.
@@ -207,17 +197,18 @@ class _Shot:
         return ca.vertcat(self.arm, self.target, self.unknown)
 
 
+def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """With names for inputs and outputs; outputs are dense, and what they share is computed once."""
+    values = ca.cse([ca.densify(value) for value in outputs.values()])
+    return ca.Function(name, list(inputs.values()), values, list(inputs), list(outputs))
+
+
 def _linear(functions: ShotFunctions) -> ca.Function:
     robot, q = functions.robot, ca.SX.sym("q", functions.robot.n)
     recorded = functions.geometry.recorded_symbols(robot, q)
     shot = _Shot(functions, recorded, lambda delta: robot.turns(q + delta))
-    return ca.Function(
-        "linear",
-        [q, shot.spot, shot.arm, shot.target, shot.unknown],
-        ca.cse([shot.residual, ca.densify(shot.jacobian)]),
-        ["q", "spot", "arm", "target", "tool"],
-        ["m", "jacobian"],
-    )
+    inputs = {"q": q, "spot": shot.spot, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
+    return _function("linear", inputs, {"m": shot.residual, "jacobian": shot.jacobian})
 
 
 class _Weighted(_Shot):
@@ -248,24 +239,27 @@ class _Weighted(_Shot):
         return by_joints, variances[n] * ca.SX.eye(self.by_joints.size1())
 
     @property
-    def inputs(self) -> tuple[list[ca.SX], list[str]]:
-        symbols = [self.recorded, self.spot, self.weight, self.arm, self.target, self.unknown]
-        names = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
-        return [*symbols, self.variances, self.stated_variances], names
+    def inputs(self) -> dict[str, ca.SX]:
+        return {
+            "turns": self.recorded,
+            "spot": self.spot,
+            "weight": self.weight,
+            "arm": self.arm,
+            "target": self.target,
+            "tool": self.unknown,
+            "variances": self.variances,
+            "stated": self.stated_variances,
+        }
 
 
 def _terms(functions: ShotFunctions) -> ca.Function:
     shot = _Weighted(functions)
-    symbols, names = shot.inputs
-    return ca.Function("terms", symbols, ca.cse([shot.quad, shot.logdet]), names, ["quad", "logdet"])
+    return _function("terms", shot.inputs, {"quad": shot.quad, "logdet": shot.logdet})
 
 
 def _slopes(functions: ShotFunctions) -> ca.Function:
-    shot = _Weighted(functions)
-    symbols, names = shot.inputs
-    n = functions.robot.n
+    shot, n = _Weighted(functions), functions.robot.n
     gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
-    whitened = _forward(shot.factor, shot.jacobian)
     noise_information = ca.SX(3, 1)
     if functions.log_det == "relative":
         # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
@@ -273,107 +267,98 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
         for k, value in enumerate((shot.quad, shot.logdet)):
             by_variances = 2 * shot.variances * ca.gradient(value, shot.variances)
             gradients[k] = ca.vertcat(gradients[k], ca.sum1(by_variances[:n]), by_variances[n])
-        halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
-        joint, spot = halves
+        joint, spot = (_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise)
         pairs = ((joint, joint), (spot, joint), (spot, spot))
         noise_information = ca.vertcat(*(shot.weight * ca.trace(a @ b.T) / 2 for a, b in pairs))
-    outputs = ca.cse([shot.quad, shot.logdet, *gradients, noise_information, shot.weight, whitened])
-    return ca.Function(
-        "slopes",
-        symbols,
-        [ca.densify(value) for value in outputs],
-        names,
-        ["quad", "logdet", "quad_gradient", "logdet_gradient", "noise_information", "root_weight", "root"],
-    )
+    outputs = {
+        "quad": shot.quad,
+        "logdet": shot.logdet,
+        "quad_gradient": gradients[0],
+        "logdet_gradient": gradients[1],
+        "noise_information": noise_information,
+        "root_weight": shot.weight,
+        "root": _forward(shot.factor, shot.jacobian),
+    }
+    return _function("slopes", shot.inputs, outputs)
 
 
 def _seen(functions: ShotFunctions) -> ca.Function:
     posture, target = _posture(functions), ca.SX.sym("target", 3)
-    rotation, translation = posture.pose
-    target_in_flange = rotation.T @ (target - translation)
-    return ca.Function(
-        "seen", [posture.q, posture.arm, target], [target_in_flange], ["q", "arm", "target"], ["y"]
-    )
+    return _function("seen", posture.inputs(target=target), {"y": posture.in_flange(target)})
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:
     posture, target = _posture(functions), ca.SX.sym("target", 3)
-    rotation, translation = posture.pose
-    y = rotation.T @ (target - translation)
-    return ca.Function(
-        "sighted",
-        [posture.q, posture.arm, target],
-        ca.cse([y, ca.densify(ca.jacobian(y, posture.q))]),
-        ["q", "arm", "target"],
-        ["y", "jacobian"],
-    )
+    y = posture.in_flange(target)
+    outputs = {"y": y, "jacobian": ca.jacobian(y, posture.q)}
+    return _function("sighted", posture.inputs(target=target), outputs)
 
 
 def _place(functions: ShotFunctions) -> ca.Function:
     posture, y = _posture(functions), ca.SX.sym("y", 3)
-    rotation, translation = posture.pose
-    placed = translation + rotation @ y
-    return ca.Function("place", [posture.q, posture.arm, y], [placed], ["q", "arm", "y"], ["target"])
+    return _function("place", posture.inputs(y=y), {"target": posture.in_base(y)})
 
 
 def _placed(functions: ShotFunctions) -> ca.Function:
     posture, y = _posture(functions), ca.SX.sym("y", 3)
-    rotation, translation = posture.pose
-    placed = translation + rotation @ y
-    return ca.Function(
-        "placed",
-        [posture.q, posture.arm, y],
-        [placed, ca.densify(ca.jacobian(placed, ca.vertcat(posture.arm, y)))],
-        ["q", "arm", "y"],
-        ["target", "jacobian"],
-    )
+    target = posture.in_base(y)
+    outputs = {"target": target, "jacobian": ca.jacobian(target, ca.vertcat(posture.arm, y))}
+    return _function("placed", posture.inputs(y=y), outputs)
 
 
 def _beam(functions: ShotFunctions) -> ca.Function:
     posture, tool = _posture(functions), functions.tool
-    rotation, translation = posture.pose
     unknown = ca.SX.sym("tool", len(tool.free_axes))
     if tool.kind == "laser":
-        point, direction, _ = tool.beam(unknown)
+        origin, direction = posture.beam(tool, unknown)
     else:
-        point, direction = tool.tip(unknown), ca.SX.zeros(3)
-    return ca.Function(
-        "beam",
-        [posture.q, posture.arm, unknown],
-        [translation + rotation @ point, ca.densify(rotation @ direction)],
-        ["q", "arm", "tool"],
-        ["origin", "direction"],
-    )
+        origin, direction = posture.in_base(tool.tip(unknown)), ca.SX.zeros(3)
+    return _function("beam", posture.inputs(tool=unknown), {"origin": origin, "direction": direction})
 
 
 def _hit(functions: ShotFunctions) -> ca.Function:
-    posture = _posture(functions)
-    rotation, translation = posture.pose
-    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
+    posture, unknown = _posture(functions), ca.SX.sym("tool", len(functions.tool.free_axes))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
-    point, direction, _ = functions.tool.beam(unknown)
-    origin, direction = translation + rotation @ point, rotation @ direction
+    origin, direction = posture.beam(functions.tool, unknown)
     length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
     hit = origin + length * direction
-    return ca.Function(
-        "hit",
-        [posture.q, posture.arm, unknown, centre, normal],
-        ca.cse([hit, length, ca.densify(ca.jacobian(hit, posture.q))]),
-        ["q", "arm", "tool", "centre", "normal"],
-        ["point", "length", "jacobian"],
-    )
+    inputs = posture.inputs(tool=unknown, centre=centre, normal=normal)
+    outputs = {"point": hit, "length": length, "jacobian": ca.jacobian(hit, posture.q)}
+    return _function("hit", inputs, outputs)
 
 
 def _skeleton(functions: ShotFunctions) -> ca.Function:
     posture = _posture(functions)
-    points = ca.densify(posture.robot.skeleton(posture.theta))
-    return ca.Function("skeleton", [posture.q, posture.arm], [points], ["q", "arm"], ["points"])
+    return _function("skeleton", posture.inputs(), {"points": posture.robot.skeleton(posture.theta)})
 
 
 def _axes(functions: ShotFunctions) -> ca.Function:
     posture = _posture(functions)
-    axes = ca.densify(posture.robot.axes(posture.theta))
-    return ca.Function("axes", [posture.q, posture.arm], [axes], ["q", "arm"], ["axes"])
+    return _function("axes", posture.inputs(), {"axes": posture.robot.axes(posture.theta)})
+
+
+def _midpoint(functions: ShotFunctions) -> ca.Function:
+    """(q1, q2, arm, tool) -> midpoint (3,), jacobian (3, a + k) by arm, tool, and (3, n) by q1 and by q2.
+
+    The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
+    defined for parallel beams: callers leave those pairs out.
+    """
+    one = _posture(functions)
+    other = Posture(functions.robot, functions.geometry, one.arm)
+    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
+    (o1, u1), (o2, u2) = (posture.beam(functions.tool, unknown) for posture in (one, other))
+    between, cosine = o2 - o1, ca.dot(u1, u2)
+    sine_squared = ca.sumsqr(ca.cross(u1, u2))
+    along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
+    along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
+    middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
+    outputs = {
+        "midpoint": middle,
+        "jacobian": ca.jacobian(middle, ca.vertcat(one.arm, unknown)),
+        "by_q1": ca.jacobian(middle, one.q),
+        "by_q2": ca.jacobian(middle, other.q),
+    }
+    return _function("midpoint", {"q1": one.q, "q2": other.q, "arm": one.arm, "tool": unknown}, outputs)
 
 
 _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
@@ -388,7 +373,7 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "hit": _hit,
     "skeleton": _skeleton,
     "axes": _axes,
-    "midpoint": lambda functions: midpoint_function(functions.robot, functions.tool, functions.geometry),
+    "midpoint": _midpoint,
 }
 
 

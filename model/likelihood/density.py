@@ -246,7 +246,7 @@ class Density:
         return self._columns[target]
 
     def _variances(self, x: Matrix, count: int) -> list[GridInput]:
-        """Those of x, and as stated."""
+        """The variances at x (W, p), and the stated ones, as inputs of a kernel."""
         if count not in self._stated:
             self._stated[count] = constant(self.problem.noise.variances, count)
         as_stated = self._stated[count]
@@ -331,5 +331,5 @@ def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:
 
 @lru_cache(maxsize=8)
 def density_of(problem: Problem) -> Density:
-    """That of the problem's own measurements, made once."""
+    """The density of the problem's own measurements, made once."""
     return Density(problem)

@@ -127,15 +127,15 @@ class Geometry:
         return _of_links(robot, length_mm, angle_deg)
 
     def joined(self, more: Geometry) -> Geometry:
-        """The same with the gravity and the harmonics of another one."""
+        """This geometry with the gravity and the harmonics of `more`, where it has them."""
         return replace(self, gravity=more.gravity or self.gravity, harmonics=more.harmonics or self.harmonics)
 
     def without(self, rung: Literal["gravity", "harmonics"]) -> Geometry:
-        """The same without one of the two."""
+        """This geometry without its gravity, or without its harmonics."""
         return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())
 
     def scaled(self, length: float, angle: float) -> Geometry:
-        """The same with all tolerances of links multiplied: lengths by one factor, angles by another."""
+        """This geometry with the tolerances of links multiplied: lengths by one factor, angles by another."""
         return replace(self, length=self.length * length, angle=self.angle * angle)
 
     def __bool__(self) -> bool:
@@ -231,7 +231,7 @@ class Geometry:
         return (2 if self.gravity is None else 3) * robot.n
 
     def recorded_symbols(self, robot: Robot, q: ca.SX) -> ca.SX:
-        """The same (…n, 1) of symbols q (n, 1)."""
+        """(2n or 3n, 1) what `recorded` has, of symbols q (n, 1)."""
         parts = [part for turn in robot.turns(q) for part in turn]
         if self.gravity is None:
             return ca.vertcat(*parts)
@@ -270,7 +270,7 @@ def torques(robot: Robot, q: ca.SX, masses: Matrix, up: Matrix) -> ca.SX:
 
 
 def _torques(robot: Robot, masses: Matrix, up: Matrix, rows: Matrix) -> Matrix:
-    """(W, n) the same in numbers, of rows (W, n)."""
+    """(W, n) torques in numbers at joint positions `rows` (W, n)."""
     if not len(rows):
         return rows
     function = _torque_function(robot, tuple(masses.tolist()), tuple(up.tolist()))

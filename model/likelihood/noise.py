@@ -32,7 +32,7 @@ class NoiseModel:
 
     @classmethod
     def from_header(cls, header: Header, robot: Robot) -> NoiseModel:
-        """Of what the header states; BadInput if that does not suit the robot."""
+        """The noise that a header states; BadInput if that does not suit the robot."""
         noise = header.noise
         return cls(
             noise.of_joints(robot),

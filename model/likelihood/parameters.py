@@ -129,7 +129,7 @@ class Parameters:
         )
 
     def with_geometry(self, geometry: Geometry, robot: Robot, tool: Tool) -> Parameters:
-        """All, with the parameters of `geometry` in place of those that there are."""
+        """These parameters with those of `geometry` in place of their own geometry parameters."""
         rest = self.without("geometry").items
         geometry_items = _of_geometry(geometry, robot, tool, StatedTolerance())
         return Parameters((*rest[: robot.n], *geometry_items, *rest[robot.n :]))
@@ -193,7 +193,7 @@ class Parameters:
         return result
 
     def without(self, group: Group) -> Parameters:
-        """All but those of a group."""
+        """The parameters without those of a group."""
         return Parameters(tuple(item for item in self.items if item.group != group))
 
     # Numbers of all

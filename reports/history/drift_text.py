@@ -148,7 +148,9 @@ def _offset_rows(found: ArmDrift) -> Iterator[dict[str, Any]]:
             "estimate": value,
             "std": std,
             "interval95": list(found.drift.interval(last, along)) if known else None,
-            "rate": {"median": median, "interval95": list(interval)} if found.drift.walks(name) else None,
+            "rate": {"median": median, "interval95": list(interval)}
+            if found.drift.determines_rate(name)
+            else None,
         }
 
 

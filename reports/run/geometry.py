@@ -95,7 +95,10 @@ def _offsets(result: Result) -> Table | None:
                 label(row.name),
                 numbers.spread(row.std, row.unit),
                 percent(row.tolerance_share),
-                *(_spread(values.get(row.name), row.unit) for values in others),
+                *(
+                    NO_NUMBER if (u := values.get(row.name)) is None else numbers.spread(u, row.unit)
+                    for values in others
+                ),
                 "" if most is None else f"{label(most.parameter)} ({correlation(most)})",
             )
         )
@@ -103,10 +106,6 @@ def _offsets(result: Result) -> Table | None:
         "u of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
     )
     return table_of(caption, columns, rows)
-
-
-def _spread(value: float | None, unit: str) -> str:
-    return NO_NUMBER if value is None else numbers.spread(value, unit)
 
 
 def _links(rows: Sequence[ParameterResult]) -> Table | None:
@@ -225,7 +224,7 @@ def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], u
         face = colour if rung.kept else light("ground")
         axes.plot([value], [y], "o", markersize=6, markerfacecolor=face, color=colour)
         text = numbers.significant(value) if unit else numbers.fixed(value, 1)
-        beside(axes, value, y, text, xytext=(8, 0))
+        beside(axes, value, y, text, gap=8)
     shown = [value for value in values if value is not None]
     low, high = min(shown), max(shown)
     room = (high - low) or abs(high) or 1.0

@@ -125,18 +125,15 @@ def offsets_table(result: Result) -> Table:
 
 def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[OffsetRow], str]]:
     """The head of the column beside u, and what it says of an offset."""
-    if geometry.stated:
-        return SET_BY_TOLERANCES, _share
+
+    def share(row: OffsetRow) -> str:
+        return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
 
     def considered(row: OffsetRow) -> str:
         value = None if row.std is None else geometry.consider.get(row.name)
         return NO_NUMBER if value is None else numbers.spread(value, unit_of(row.unit))
 
-    return IF_IT_DEVIATES, considered
-
-
-def _share(row: OffsetRow) -> str:
-    return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
+    return (SET_BY_TOLERANCES, share) if geometry.stated else (IF_IT_DEVIATES, considered)
 
 
 def other_tables(parameters: Sequence[ParameterResult]) -> list[Table]:

@@ -104,10 +104,11 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
     """
     if draws is None or not draws.converged or not result.posterior.converged:
         return None
-    determined = _determined_offsets(result, draws)
+    determined = [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
     if not determined:
         return None
-    chosen = determined[:MOST_PARAMETERS]
+    widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
+    chosen = [row for row in determined if row in widest]
     flat = draws.values.reshape(-1, draws.values.shape[-1])[
         :, [draws.names.index(row.name) for row in chosen]
     ]
@@ -122,13 +123,6 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
         f"Corner plot of {names}.{more} The table beside it has the same means, spreads and quantiles.",
         svg,
     )
-
-
-def _determined_offsets(result: Result, draws: Draws) -> list[ParameterResult]:
-    """Offsets that the data determine, in their order: of many the least certain first."""
-    determined = [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
-    widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
-    return sorted(determined, key=lambda row: row not in widest)
 
 
 def _smooth(heights: Matrix) -> Matrix:

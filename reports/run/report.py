@@ -13,7 +13,9 @@ from ...words.result_json import dumps, to_json
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import clipped, counted, ended, label, person, sentence
 from ..output import whole_folder
-from ..output.whole_folder import Kind, write_folder
+from ..output.posterior_file import write_posterior
+from ..output.whole_folder import Kind, write_folder, write_page
+from ..scenes.turnable import STILL, still_picture
 from ..style.blocks import (
     Block,
     Commands,
@@ -40,7 +42,7 @@ from .parameters import offsets_picture, offsets_section, rehearsal_section
 from .placements import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
 from .residuals import residuals_picture, residuals_section
-from .run_scene import scene_section
+from .run_scene import run_turnable, scene_section
 from .uncertainty_budget import budget_section
 from .unobservable import unobservable_section
 from .workspace import workspace_picture, workspace_section
@@ -176,14 +178,7 @@ def check_target(folder: Path | str) -> None:
 
 def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]:
     """All files of the report into an empty folder; the names of the figures."""
-    # The heavy libraries (matplotlib, xarray) are loaded only once it is known that they are needed.
     text = dumps(to_json(result))
-
-    from ..output.posterior_file import write_posterior
-    from ..output.whole_folder import write_page
-    from ..scenes.turnable import STILL, still_picture
-    from .run_scene import run_turnable
-
     if draws is not None:
         write_posterior(folder / "posterior.nc", result, draws)
     turnable, drawn = run_turnable(result), pictures(result, draws)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...analysis.diagnostics.influence import ShotResult
 from ...words import numbers
 from ...words.wording import clipped, shown
 from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
-from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.canvas import DASHES, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
 
@@ -95,7 +95,8 @@ def residuals_picture(result: Result) -> Picture:
     stated noise leads one to expect.
     """
     shots = result.shots
-    order = sorted(shots, key=_rank(shots))
+    targets = list(dict.fromkeys(shot.target for shot in shots))
+    order = sorted(shots, key=lambda shot: targets.index(shot.target))
     few = len(order) <= FEW_SHOTS
     drawn = drawn_of(order)
     with style():
@@ -125,8 +126,9 @@ def residuals_picture(result: Result) -> Picture:
             f": {len(drawn)} of {len(order)} are drawn, the {LARGEST_DRAWN} largest and others evenly; all"
             " are in result.json"
         )
+    where = "one target" if len(targets) == 1 else f"{len(targets)} targets"
     alt = (
-        f"Residuals of {len(order)} measurements at {_targets_of(order)}. {over} lie beyond "
+        f"Residuals of {len(order)} measurements at {where}. {over} lie beyond "
         f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
     )
     return Picture("misses", title, alt, svg)
@@ -150,46 +152,49 @@ def _limits(shots: Sequence[ShotResult]) -> list[float]:
     return [by_size[len(shot.miss_mm)] for shot in shots]
 
 
-def _targets_of(shots: Sequence[ShotResult]) -> str:
-    count = len({shot.target for shot in shots})
-    return "one target" if count == 1 else f"{count} targets"
-
-
-def _rank(shots: Sequence[ShotResult]) -> Callable[[ShotResult], int]:
-    first: dict[str, int] = {}
-    for i, shot in enumerate(shots):
-        first.setdefault(shot.target, i)
-    return lambda shot: first[shot.target]
-
-
 def _millimetres(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
-    x = np.array(list(drawn))
-    length = np.array([math.hypot(*shot.miss_mm) for shot in drawn.values()])
-    left = {i: shot.leave_one_out for i, shot in drawn.items()}
-    predicted = np.array([i for i, value in left.items() if value is not None], dtype=int)
-    ring = np.array([value for value in left.values() if value is not None])
+    """The upper panel: the residual as a dot, the leave-one-out residual as a ring."""
+    length = [math.hypot(*shot.miss_mm) for shot in drawn.values()]
+    left_out = {i: shot.leave_one_out for i, shot in drawn.items() if shot.leave_one_out is not None}
     if few:
-        axes.vlines(x, 0, length, color=light("line"), linewidth=1)
-    size = 4.5 if few else 1.8
-    rim = 0.8 if few else 0.4
-    axes.plot(
-        predicted,
-        ring,
-        "o",
-        markersize=size,
-        markerfacecolor="none",
-        markeredgewidth=rim,
-        color=light("weak"),
+        axes.vlines(list(drawn), 0, length, color=light("line"), linewidth=1)
+    size, rim = (4.5, 0.8) if few else (1.8, 0.4)
+    rings = axes.plot(
+        list(left_out), list(left_out.values()), "o", markersize=size, mew=rim, label="leave-one-out"
     )
-    axes.plot(x, length, "o", markersize=size, markeredgewidth=0, color=light("identified"))
+    rings[0].set(color=light("weak"), markerfacecolor="none")
+    at, blue = list(drawn), light("identified")
+    dots = axes.plot(at, length, "o", markersize=size, mew=0, color=blue, label="at the fit")
     axes.set_ylabel("residual, mm")
-    handles = [_dot("identified", filled=True, words="at the fit")]
-    if len(predicted):
-        handles.append(_dot("weak", filled=False, words="leave-one-out"))
-    _key(axes, handles)
+    _key(axes, [*dots, *rings] if left_out else dots, 4.5 / size)
 
 
-def _key(axes: Axes, handles: list[Line2D]) -> None:
+def _sigmas(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
+    """The lower panel: the normalised residual, and the limit that noise leaves 95 % below."""
+    x = np.array(list(drawn))
+    whitened = np.array([shot.whitened for shot in drawn.values()])
+    limit = np.array(_limits(list(drawn.values())))
+    beyond = whitened > limit
+    if few:
+        axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)
+    size = 4.5 if few else 1.8
+    axes.plot(x[~beyond], whitened[~beyond], "o", markersize=size, mew=0, color=light("identified"))
+    outside = axes.plot(
+        x[beyond], whitened[beyond], "^", markersize=size + 0.7, mew=0, color=light("weak"), label="beyond it"
+    )
+    expected = axes.step(
+        np.concatenate([[-0.5], x + 0.5]),
+        np.concatenate([limit[:1], limit]),
+        color=light("muted"),
+        linewidth=0.8,
+        linestyle=DASHES,
+        label="95 % limit of the noise",
+    )
+    _key(axes, [*expected, *outside] if beyond.any() else expected, 4.5 / size)
+    axes.set_ylabel("normalised residual")
+
+
+def _key(axes: Axes, handles: list[Line2D], scale: float) -> None:
     """The key above a panel, flush right."""
     axes.legend(
         handles=handles,
@@ -198,46 +203,8 @@ def _key(axes: Axes, handles: list[Line2D]) -> None:
         ncols=len(handles),
         handletextpad=0.3,
         handlelength=1.6,
+        markerscale=scale,
     )
-
-
-def _dot(role: str, *, filled: bool, words: str, shape: str = "o") -> Line2D:
-    from matplotlib.lines import Line2D
-
-    fill = light(role) if filled else "none"
-    return Line2D(
-        [],
-        [],
-        linestyle="",
-        marker=shape,
-        markersize=4.5,
-        markerfacecolor=fill,
-        color=light(role),
-        label=words,
-    )
-
-
-def _sigmas(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
-    """Draws the lower panel."""
-    from matplotlib.lines import Line2D
-
-    x = np.array(list(drawn))
-    whitened = np.array([shot.whitened for shot in drawn.values()])
-    limit = np.array(_limits(list(drawn.values())))
-    beyond = whitened > limit
-    if few:
-        axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)
-    size = 4.5 if few else 1.8
-    axes.plot(
-        x[~beyond], whitened[~beyond], "o", markersize=size, markeredgewidth=0, color=light("identified")
-    )
-    axes.plot(x[beyond], whitened[beyond], "^", markersize=size + 0.7, markeredgewidth=0, color=light("weak"))
-    dashes: dict[str, Any] = {"color": light("muted"), "linewidth": 0.8, "linestyle": (0, (4, 3))}
-    axes.step(np.concatenate([[-0.5], x + 0.5]), np.concatenate([limit[:1], limit]), **dashes)
-    expected = Line2D([], [], **dashes, label="95 % limit of the noise")
-    outside = [_dot("weak", filled=True, words="beyond it", shape="^")] if beyond.any() else []
-    _key(axes, [expected, *outside])
-    axes.set_ylabel("normalised residual")
 
 
 def _targets(above: Axes, below: Axes, shots: Sequence[ShotResult]) -> float:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.budget import Budget, BudgetRow
-from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
@@ -72,12 +71,8 @@ def _lead(result: Result) -> str:
 
 
 def _wider(result: Result, budget: Budget) -> bool:
-    interval = _parameter(result, budget).interval95
+    interval = result.parameters.named(budget.name).interval95
     return interval is not None and bool(budget.expanded > _SAME * (interval[1] - interval[0]) / 2)
-
-
-def _parameter(result: Result, budget: Budget) -> ParameterResult:
-    return result.parameters.named(budget.name)
 
 
 def source_words(row: BudgetRow, tool: str) -> str:
@@ -188,7 +183,7 @@ def _dof(dof: float | None) -> str:
 
 
 def _result(result: Result, budget: Budget) -> str:
-    estimate = _parameter(result, budget).estimate
+    estimate = result.parameters.named(budget.name).estimate
     assert estimate is not None  # a budget is of what the data determine
     return f"{numbers.estimate(estimate, budget.expanded)} ± {numbers.spread(budget.expanded)}"
 

@@ -8,7 +8,7 @@ from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
 from ...words.observability import combination_words, direction_kind, rank_facts, reason, remedy
-from ...words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
+from ...words.wording import NOT_DETERMINED, be, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 from .parameters import ParameterRow
 
@@ -48,8 +48,7 @@ def _sentence(parameters: Sequence[ParameterRow], directions: Sequence[NullDirec
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
-        verb = "is" if len(lost) == 1 else "are"
-        text = f"{listed(lost)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
+        text = f"{listed(lost)} {be(lost)} {NOT_DETERMINED}. No value is given, since any would be made up."
     elif any(row.status == "unvalidated" for row in parameters):
         text = (
             f"The measurements would determine every {what} that was not held, but the model does not"

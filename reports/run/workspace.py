@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, LevelMap, Map, Region
+from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
 from ...words import numbers
 from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
-from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
+from ..style.canvas import DASHES, WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def _doubts(result: Result) -> list[str]:
     return sentences
 
 
-def _where(accuracy: Accuracy) -> str:
+def _where(accuracy: TcpAccuracy) -> str:
     at = numbers.with_unit(", ".join(numbers.exact(round(v, 6)) for v in accuracy.point_mm), "mm")
     return (
         f"The TCP is {sentence(tcp_words(accuracy, person))} ({at} in the flange frame), in the base frame"
@@ -113,10 +113,7 @@ def _spread(value: float) -> str:
 
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
-_SIDES: tuple[tuple[Callable[[Map], LevelMap], str], ...] = (
-    (lambda own: own.before_mm, "without the offsets: error, mm"),
-    (lambda own: own.after95_mm, "with them: 95 % within, mm"),
-)
+_COLUMNS = ("without the offsets: error, mm", "with them: 95 % within, mm")
 # Inches: beside, below and between panels, above all of them.
 _LEFT, _BELOW, _BETWEEN, _RIGHT, _KEY = 0.7, 0.42, 0.38, 0.2, 0.85
 
@@ -133,19 +130,20 @@ def workspace_picture(result: Result) -> Picture | None:
         return None
     maps = accuracy.maps
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.
-    width = (WIDTH - _LEFT - _BETWEEN - _RIGHT) / len(_SIDES)
+    width = (WIDTH - _LEFT - _BETWEEN - _RIGHT) / len(_COLUMNS)
     inch = max(len(plane.postures[0]) * plane.cell_mm for plane in maps) / width
     heights = [len(plane.postures) * plane.cell_mm / inch for plane in maps]
     whole = _KEY + sum(heights) + _BELOW * len(maps) + 0.1 * (len(maps) - 1)
     with style():
         figure = new_figure(whole, fitted=False)
-        for column, (of, words) in enumerate(_SIDES):
-            edges = _edges([value for plane in maps for value in _numbers(of(plane).median)])
+        for column, words in enumerate(_COLUMNS):
+            grids = [(plane.after95_mm if column else plane.before_mm).median for plane in maps]
+            edges = _edges([value for grid in grids for value in _numbers(grid)])
             left, top = (_LEFT + column * (width + _BETWEEN)) / WIDTH, whole - _KEY
-            for plane, height in zip(maps, heights, strict=True):
+            for plane, grid, height in zip(maps, grids, heights, strict=True):
                 across = len(plane.postures[0]) * plane.cell_mm / inch
                 axes = figure.add_axes((left, (top - height) / whole, across / WIDTH, height / whole))
-                _panel(axes, plane, of(plane).median, edges)
+                _panel(axes, plane, grid, edges)
                 if column:
                     axes.set_ylabel("")
                     axes.tick_params(axis="y", labelleft=False)
@@ -194,12 +192,10 @@ def _panel(axes: Axes, plane: Map, grid: Grid, edges: list[float]) -> None:
         for i, j in itertools.product(range(rows), range(columns))
         if plane.shots[i][j]
     ]
-    rim: dict[str, Any] = {
-        "markerfacecolor": light("ground"),
-        "markeredgecolor": light("ink"),
-        "markeredgewidth": 0.9,
-    }
-    axes.plot(*zip(*shots, strict=True), "o", markersize=3.6, zorder=3, **rim)
+    x, y = zip(*shots, strict=True)
+    axes.plot(
+        x, y, "o", markersize=3.6, zorder=3, markerfacecolor=light("ground"), color=light("ink"), mew=0.9
+    )
     axes.set_xlim(left, left + columns * size)
     axes.set_ylim(low, low + rows * size)
     axes.grid(visible=False)
@@ -230,16 +226,18 @@ def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float,
 
 def _base(axes: Axes, plane: str) -> None:
     """Where the base is: its level next to axis 1, its place seen from above."""
-    ink: dict[str, Any] = {"color": light("ink"), "fontsize": 8.5}
+    ink = light("ink")
     bottom, top = axes.get_ylim()
-    ground = {"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85}
     if plane == "horizontal":
-        axes.plot([0], [0], "+", markersize=9, markeredgewidth=1.2, color=light("ink"), zorder=4)
-        axes.annotate("base", (0, 0), xytext=(5, 4), textcoords="offset points", bbox=ground, zorder=4, **ink)
+        axes.plot([0], [0], "+", markersize=9, markeredgewidth=1.2, color=ink, zorder=4)
+        text = axes.annotate("base", (0, 0), (5, 4), textcoords="offset points", zorder=4)
+        text.set_bbox({"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85})
     elif bottom <= 0 <= top:
-        axes.axhline(0, color=light("ink"), linewidth=0.8, linestyle=(0, (4, 3)))
-        beside: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
-        axes.annotate("base", (1, 0), xytext=(3, 0), va="center", **beside, **ink)
+        axes.axhline(0, color=ink, linewidth=0.8, linestyle=DASHES)
+        text = axes.annotate("base", (1, 0), (3, 0), axes.get_yaxis_transform(), "offset points", va="center")
+    else:
+        return
+    text.set(color=ink, fontsize=8.5)
 
 
 def _legend(figure: Figure, left: float, words: str, edges: list[float]) -> None:
@@ -278,7 +276,7 @@ def _title(maps: Sequence[Map]) -> str:
     return f"How far the TCP is off, {planes}: the median posture of each place; rings: the measurements"
 
 
-def _alt(accuracy: Accuracy) -> str:
+def _alt(accuracy: TcpAccuracy) -> str:
     region = accuracy.workspace
     assert region is not None
 

@@ -158,7 +158,7 @@ def floor_of(robot: Robot) -> float:
     return -(robot.conventions.below_base or 0.0) + 0.0
 
 
-def scene_json(scene: Scene3D) -> dict[str, Any]:
+def scene_json(scene: Scene3D) -> dict[str, object]:
     """The scene as `scene.js` reads it."""
     return {
         "centre": _rounded(scene.centre),

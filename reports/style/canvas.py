@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+DASHES = (0, (4, 3))  # of a line that bounds or compares
 WIDTH = 6.2  # inches: nearly one text width on paper, and read as it is on a phone
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
@@ -111,15 +112,10 @@ def bare_y(axes: Axes) -> None:
     axes.spines["left"].set_visible(False)
 
 
-def beside(axes: Axes, x: float, y: float, words: str, **look: Any) -> None:
-    """Words to the right of a dot."""
-    settings: dict[str, Any] = {
-        "xytext": (7, 0),
-        "textcoords": "offset points",
-        "va": "center",
-        "fontsize": 9,
-    }
-    axes.annotate(words, (x, y), **(settings | look))
+def beside(axes: Axes, x: float, y: float, words: str, *, gap: float = 7, color: str | None = None) -> None:
+    """Words to the right of a dot, `gap` points away."""
+    colour = color or light("ink")
+    axes.annotate(words, (x, y), (gap, 0), textcoords="offset points", va="center", fontsize=9, color=colour)
 
 
 def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float = 9.0) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import wrap
 
 from rich.console import Console
@@ -12,7 +12,7 @@ from rich.text import Text
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...experiments.plans.make import MadePlan
-from ...experiments.procedure.events import Ended, KnownOffset
+from ...experiments.procedure.events import Ended
 from ...words import numbers
 from ...words.findings import headline
 from ...words.geometry import worth_sentence
@@ -108,7 +108,11 @@ def print_carried(console: Console, answer: Ended) -> None:
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
             beside = [of(row) for _, of in worth]
-            table.add_row(label(row.name), *_estimate_and_std(row), *beside, marked(row.status, row.status))
+            estimate = std = "—"
+            if row.status != "unidentifiable" and row.estimate is not None and row.std is not None:
+                estimate = numbers.estimate(row.estimate, row.std, row.unit)
+                std = numbers.spread(row.std, row.unit)
+            table.add_row(label(row.name), estimate, std, *beside, marked(row.status, row.status))
         console.print(table)
         if worth_text is not None:
             console.print(Text(worth_text))
@@ -122,7 +126,9 @@ def print_carried(console: Console, answer: Ended) -> None:
         saved = counted(answer.saved, "measurement")
         console.print(Text(f"Adaptive: {saved} saved; {sentence(answer.why or '')}."))
     if any(answer.seconds.values()):
-        console.print(Text(_seconds_line(answer.seconds)))
+        phases = [f"{name} {numbers.significant(value, 2)}" for name, value in answer.seconds.items()]
+        whole = numbers.significant(sum(answer.seconds.values()), 2, "s")
+        console.print(Text(f"This session took {whole}: {', '.join(phases)}."))
     console.print(Text("Intervals from the posterior: zerobeam report RUN -o DIR"))
 
 
@@ -134,12 +140,6 @@ def contradicted(p_value: float | None) -> Text:
     )
 
 
-def _estimate_and_std(row: KnownOffset) -> tuple[str, str]:
-    if row.status == "unidentifiable" or row.estimate is None or row.std is None:
-        return "—", "—"
-    return numbers.estimate(row.estimate, row.std, row.unit), numbers.spread(row.std, row.unit)
-
-
 def _measured(answer: Ended) -> str:
     """What was found at a refused measurement is in the notes."""
     line = f"{counted(len(answer.shots), 'measurement')} recorded"
@@ -147,11 +147,6 @@ def _measured(answer: Ended) -> str:
     line += f"; refused: {listed(refused)}" if refused else ", none refused"
     missing = f"; not recorded: {listed([str(i) for i in answer.missing], 99)}" if answer.missing else ""
     return f"{line}{missing}."
-
-
-def _seconds_line(seconds: Mapping[str, float]) -> str:
-    phases = ", ".join(f"{name} {numbers.significant(value, 2)}" for name, value in seconds.items())
-    return f"This session took {numbers.significant(sum(seconds.values()), 2, 's')}: {phases}."
 
 
 def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Result]) -> None:

@@ -37,6 +37,7 @@ from .answers import contradicted
 _REDRAWN = 8  # times a second
 _STEPS = 4
 _NONE = "—"
+_UNKNOWN = "not known yet"
 _CELL = 9  # letters of an offset's std, so that the columns do not move
 _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
@@ -159,7 +160,9 @@ def drawn(now: UnderWay) -> RenderableType:
     grid.add_row("measurements", Text(f"{now.recorded} recorded, {now.refused} refused, {now.left} to come"))
     grid.add_row("time", Text(_time(now)))
     grid.add_row("std, ° or mm", _stds(now.std))
-    grid.add_row("worst std", Text(_worst(now)))
+    worst = _UNKNOWN if now.worst is None else numbers.spread(now.worst)
+    tolerance = "" if now.tolerance is None else f" (wanted {numbers.exact(now.tolerance)})"
+    grid.add_row("worst std", Text(worst + tolerance))
     lines: list[RenderableType] = [grid]
     if not now.consistent:
         lines.append(contradicted(now.p_value))
@@ -200,19 +203,13 @@ def _duration(seconds: float) -> str:
 
 def _stds(std: Mapping[str, float | None]) -> RenderableType:
     if not std:
-        return Text("not known yet")
-    return Columns([_std(name, value) for name, value in std.items()], padding=(0, 2), equal=True)
-
-
-def _std(name: str, value: float | None) -> Text:
-    if value is None:
-        return Text(f"{label(name, 8)} {_NONE}".ljust(_CELL), style=STYLE["unidentifiable"])
-    return Text(f"{label(name, 8)} {numbers.spread(value)}".ljust(_CELL))
-
-
-def _worst(now: UnderWay) -> str:
-    worst = "not known yet" if now.worst is None else numbers.spread(now.worst)
-    return worst if now.tolerance is None else f"{worst} (wanted {numbers.exact(now.tolerance)})"
+        return Text(_UNKNOWN)
+    cells = []
+    for name, value in std.items():
+        text = _NONE if value is None else numbers.spread(value)
+        style = STYLE["unidentifiable"] if value is None else ""
+        cells.append(Text(f"{label(name, 8)} {text}".ljust(_CELL), style=style))
+    return Columns(cells, padding=(0, 2), equal=True)
 
 
 _DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2

@@ -49,8 +49,8 @@ def covariances(spectra):
     """Of these eigenvalues, each set turned at random in a hundred ways."""
     rng = np.random.default_rng(2)
     turns = np.linalg.qr(rng.normal(size=(100, 3, 3)))[0]
-    found = np.array([q @ np.diag(own) @ q.T for own in spectra for q in turns])
-    return (found + found.transpose(0, 2, 1)) / 2
+    result = np.array([q @ np.diag(item) @ q.T for item in spectra for q in turns])
+    return (result + result.transpose(0, 2, 1)) / 2
 
 
 DEGENERATE = [
@@ -68,9 +68,9 @@ DEGENERATE = [
 def test_the_eigenvalues_are_those_of_lapack():
     spectra = [*np.random.default_rng(3).exponential(size=(20, 3)), *DEGENERATE]
     matrices = covariances(spectra)
-    exact, found = np.linalg.eigvalsh(matrices).T, error_radius._eigenvalues(matrices)
-    assert (np.diff(found, axis=0) >= -1e-15 * found[2]).all()
-    assert (np.abs(found - exact) <= 1e-7 * exact[2]).all()
+    exact, result = np.linalg.eigvalsh(matrices).T, error_radius._eigenvalues(matrices)
+    assert (np.diff(result, axis=0) >= -1e-15 * result[2]).all()
+    assert (np.abs(result - exact) <= 1e-7 * exact[2]).all()
 
 
 @pytest.mark.parametrize("dof", [None, 5])

@@ -41,10 +41,10 @@ def test_of_exchanged_columns_with_geometry_the_misfit_is_said(
     assert answer.status == 1, answer.err
     assert answer.json["verdict"] == "misfit"
     assert set(answer.json["geometry"]["at_twice"].values()) == {None}
-    told = zerobeam("analyse", run, "--ess", 100)
-    assert told.status == 1
-    assert "None" not in told.out
-    assert "nan" not in told.out
+    actual = zerobeam("analyse", run, "--ess", 100)
+    assert actual.status == 1
+    assert "None" not in actual.out
+    assert "nan" not in actual.out
 
 
 def test_what_the_geometry_can_fit_exactly_says_nothing_of_the_noise(tmp_path: Path) -> None:
@@ -66,11 +66,11 @@ def test_correlated_measurements_may_count_for_too_few(
     real = ladder.effective
 
     def fewer(*arguments: Any) -> Any:
-        found = real(*arguments)
+        result = real(*arguments)
 
         class Fewer:
             def __getattr__(self, name: str) -> Any:
-                return divisor if name == "divisor" else getattr(found, name)
+                return divisor if name == "divisor" else getattr(result, name)
 
         return Fewer()
 

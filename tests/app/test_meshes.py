@@ -72,7 +72,8 @@ def test_collada_in_metres_where_its_nodes_are(tmp_path: Path, group: str) -> No
         ("a.obj", b"v 0 0 0\nf 1 2 3\n", "not there"),
         ("a.obj", b"v 0 0 x\n", "cannot be read"),
         ("a.dae", b"<!DOCTYPE x [<!ENTITY a 'b'>]><COLLADA/>", "document type"),
-        ("a.dae", b"<COLLADA", "cannot be read"),
+        ("a.dae", b"<COLLADA><scene", "cannot be read"),
+        ("a.dae", b"<COLLADA></COLLADA>", "names no scene"),
         ("a.ply", b"", "no mesh"),
     ],
 )

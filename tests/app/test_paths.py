@@ -24,7 +24,7 @@ from starlette.testclient import TestClient
 from zerobeam.app.server.end_points import END_POINTS
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import ALLOWED, job_command
-from zerobeam.commands.program import app
+from zerobeam.commands.app import app
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN

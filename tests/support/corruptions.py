@@ -65,15 +65,17 @@ def probe_run() -> Run:
     """A probe in the two sockets of a plate at three places, 24 measurements, without fault."""
     alone = header(PROBE, target=None)
     distances = [
-        {"between": [f"{place}_0", f"{place}_1"], "mm": 50, "sigma_mm": 0.1}
-        for place in ("left", "right", "high")
+        {"between": [f"{position}_0", f"{position}_1"], "mm": 50, "sigma_mm": 0.1}
+        for position in ("left", "right", "high")
     ]
-    targets = {name: {"guess_mm": list(place), "sigma_mm": 50} for name, place in _PLACES.items()}
-    own = header(PROBE, target=None, spot_mm=0.05, targets=targets, distances=distances)
+    targets = {name: {"guess_mm": list(position), "sigma_mm": 50} for name, position in _PLACES.items()}
+    made_header = header(PROBE, target=None, spot_mm=0.05, targets=targets, distances=distances)
     robot = load_robot("irb1600")
-    postures = [varied_postures(alone, robot, place, 4, 7 + k) for k, place in enumerate(_PLACES.values())]
+    postures = [
+        varied_postures(alone, robot, position, 4, 7 + k) for k, position in enumerate(_PLACES.values())
+    ]
     names = [name for name in SOCKETS for _ in range(4)]
-    return simulated(plan_of(own, np.concatenate(postures), names), TABLE_2, seed=11)[1]
+    return simulated(plan_of(made_header, np.concatenate(postures), names), TABLE_2, seed=11)[1]
 
 
 def columns(change: Callable[[Matrix], None]) -> Spoil:

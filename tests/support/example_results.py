@@ -146,32 +146,27 @@ def _outlier() -> Analysis:
     return _analysed(_named(replace(run, shots=tuple(shots)), "outlier.jsonl"), robust="huber")
 
 
-def _several(places: Mapping[str, tuple[float, float, float]], each: int) -> Plan:
-    """A plan of so many measurements of each of some targets."""
-    targets = {name: {"guess_mm": list(place)} for name, place in places.items()}
+def _three_targets(each: int) -> Plan:
+    """A plan of so many measurements of each of three targets."""
+    at = {"near": (900.0, 0.0, 0.0), "left": (700.0, 500.0, 200.0), "right": (800.0, -400.0, 300.0)}
+    targets = {name: {"guess_mm": list(guess)} for name, guess in at.items()}
     postures = [
-        varied_postures(header(target=place), irb1600(), place, each, seed)
-        for seed, place in enumerate(places.values())
+        varied_postures(header(target=guess), irb1600(), guess, each, seed)
+        for seed, guess in enumerate(at.values())
     ]
-    names = [name for name in places for _ in range(each)]
+    names = [name for name in at for _ in range(each)]
     return plan_of(header(target=None, targets=targets), np.vstack(postures), names)
 
 
 def _held_out() -> Analysis:
     """Three targets, of which two were held out; the offsets hold there."""
-    plan = _several(
-        {"near": (900.0, 0.0, 0.0), "left": (700.0, 500.0, 200.0), "right": (800.0, -400.0, 300.0)}, 8
-    )
-    run = _named(simulated(plan, TABLE_2, 3)[1], "three-targets.jsonl")
+    run = _named(simulated(_three_targets(8), TABLE_2, 3)[1], "three-targets.jsonl")
     return _analysed(run, held_out=("left", "right"))
 
 
 def _geometry() -> Analysis:
     """Three targets, an upper arm that is 0.4 mm longer, and the geometry estimated, the ladder included."""
-    plan = _several(
-        {"near": (900.0, 0.0, 0.0), "left": (700.0, 500.0, 200.0), "right": (800.0, -400.0, 300.0)}, 8
-    )
-    run = simulated(replace(plan, robot=_longer_upper_arm(0.4)), TABLE_2, 3)[1]
+    run = simulated(replace(_three_targets(8), robot=_longer_upper_arm(0.4)), TABLE_2, 3)[1]
     own = run.header.model_copy(update={"geometry": StatedGeometry(scale="estimated")})
     return _analysed(_named(replace(run, robot=irb1600(), header=own), "links.jsonl"))
 
@@ -228,6 +223,10 @@ class Example(NamedTuple):
     result: Result
     draws: Draws | None
 
+    @classmethod
+    def of(cls, analysis: Analysis) -> Example:
+        return cls(analysis.result, analysis.draws)
+
 
 _MADE: dict[str, Example] = {}
 
@@ -235,12 +234,8 @@ _MADE: dict[str, Example] = {}
 def analysed(name: str) -> Example:
     """An example, made once in a session."""
     if name not in _MADE:
-        _MADE[name] = made_once(f"example {name}", lambda: _shown(_MAKERS[name]()))
+        _MADE[name] = made_once(f"example {name}", lambda: Example.of(_MAKERS[name]()))
     return _MADE[name]
-
-
-def _shown(found: Analysis) -> Example:
-    return Example(found.result, found.draws)
 
 
 _MAKERS: dict[str, Callable[[], Analysis]] = {
@@ -273,44 +268,16 @@ class _Examples(Mapping[str, Result]):
 EXAMPLES = _Examples()
 
 
-def good() -> Result:
-    return EXAMPLES["good"]
+def _example(name: str) -> Callable[[], Result]:
+    return lambda: EXAMPLES[name]
 
 
-def x_pattern() -> Result:
-    return EXAMPLES["x_pattern"]
-
-
-def uncalibrated() -> Result:
-    return EXAMPLES["uncalibrated"]
-
-
-def misfit() -> Result:
-    return EXAMPLES["misfit"]
-
-
-def unconverged() -> Result:
-    return EXAMPLES["unconverged"]
-
-
-def outlier() -> Result:
-    return EXAMPLES["outlier"]
-
-
-def held_out() -> Result:
-    return EXAMPLES["held_out"]
-
-
-def separate() -> Result:
-    return EXAMPLES["separate"]
-
-
-def geometry() -> Result:
-    return EXAMPLES["geometry"]
-
-
-def hostile() -> Result:
-    return EXAMPLES["hostile"]
+good, x_pattern, uncalibrated, misfit, unconverged = map(
+    _example, ("good", "x_pattern", "uncalibrated", "misfit", "unconverged")
+)
+outlier, held_out, separate, geometry, hostile = map(
+    _example, ("outlier", "held_out", "separate", "geometry", "hostile")
+)
 
 
 def draws(result: Result) -> Draws:

@@ -152,9 +152,9 @@ def whole_files(folder: Path, *, recorded: bool) -> Files:
     good = demo_runs()[0].path.read_text(encoding="utf-8")
     head, *shots = good.splitlines()
     text["run.jsonl"] = good
-    stated = {**json.loads(head), "schema": "zerobeam/plan/1"}
-    stated["postures_deg"] = [json.loads(shot)["joints_deg"] for shot in shots]
-    text["good.yaml"] = json.dumps(stated, indent=1)
+    actual = {**json.loads(head), "schema": "zerobeam/plan/1"}
+    actual["postures_deg"] = [json.loads(shot)["joints_deg"] for shot in shots]
+    text["good.yaml"] = json.dumps(actual, indent=1)
     text["run2.jsonl"] = "\n".join([head, *shots[::-1]]) + "\n"
     text["own.yaml"], text["own.jsonl"] = (
         plan.replace("irb1600", "arm.yaml"),
@@ -262,49 +262,49 @@ VALUES: list[Any] = [
 BROKEN = (ValueError, IndexError, KeyError, TypeError, OverflowError, RecursionError, YAMLError)
 
 
-def damaged(chance: random.Random, files: Files, whole: Whole) -> Damaged:
+def damaged(rng: random.Random, files: Files, whole: Whole) -> Damaged:
     """One damaged input of a command, by chance."""
-    own = {name: files[name] for name in whole.needs}
+    values = {name: files[name] for name in whole.needs}
     words = shlex.split(whole.command)
-    told = []
-    for _ in range(chance.choice([1, 1, 1, 2, 4])):
+    message = []
+    for _ in range(rng.choice([1, 1, 1, 2, 4])):
         if not whole.damages:
-            place = chance.randrange(1, len(words))
-            words[place] = chance.choice([text for text in (*TEXTS, *NUMBERS) if "/" not in text])
-            told.append(f"{words[place][:20]!r} as word {place}")
+            position = rng.randrange(1, len(words))
+            words[position] = rng.choice([text for text in (*TEXTS, *NUMBERS) if "/" not in text])
+            message.append(f"{words[position][:20]!r} as word {position}")
             continue
         numbers = [i for i, word in enumerate(words) if re.fullmatch(r"-?[0-9.,-]+", word)]
-        if numbers and chance.random() < 0.15:
-            place = chance.choice(numbers)
-            words[place] = chance.choice([*NUMBERS, "1e30,1e30,1e30", "", "x"])
-            told.append(f"{words[place][:20]!r} as word {place}")
+        if numbers and rng.random() < 0.15:
+            position = rng.choice(numbers)
+            words[position] = rng.choice([*NUMBERS, "1e30,1e30,1e30", "", "x"])
+            message.append(f"{words[position][:20]!r} as word {position}")
             continue
-        name = chance.choice(whole.damages)
-        structured = name.endswith((".yaml", ".json", ".jsonl")) and chance.random() < 0.6
-        how = chance.choice(_OF_VALUES if structured else _OF_TEXT)
+        name = rng.choice(whole.damages)
+        structured = name.endswith((".yaml", ".json", ".jsonl")) and rng.random() < 0.6
+        how = rng.choice(_OF_VALUES if structured else _OF_TEXT)
         try:
-            own[name] = (_in_values if structured else _in_text)(chance, name, own[name], how)
+            values[name] = (_in_values if structured else _in_text)(rng, name, values[name], how)
         except BROKEN:  # too damaged already for this kind
-            own[name] = own[name][: chance.randrange(len(own[name]) + 1)]
-        told.append(f"{how.__name__} in {name}")
-    return Damaged(tuple(words), own, "; ".join(told))
+            values[name] = values[name][: rng.randrange(len(values[name]) + 1)]
+        message.append(f"{how.__name__} in {name}")
+    return Damaged(tuple(words), values, "; ".join(message))
 
 
-def draw(chance: random.Random, among: Sequence[Whole]) -> Whole:
-    return chance.choices(among, [whole.often for whole in among])[0]
+def draw(rng: random.Random, among: Sequence[Whole]) -> Whole:
+    return rng.choices(among, [whole.often for whole in among])[0]
 
 
-def _in_text(chance: random.Random, name: str, content: bytes, how: Callable[..., bytes]) -> bytes:
-    return how(chance, content)
+def _in_text(rng: random.Random, name: str, content: bytes, how: Callable[..., bytes]) -> bytes:
+    return how(rng, content)
 
 
-def _in_values(chance: random.Random, name: str, content: bytes, how: Callable[..., None]) -> bytes:
+def _in_values(rng: random.Random, name: str, content: bytes, how: Callable[..., None]) -> bytes:
     """Exchange parts of the values of YAML, JSON, or one line of JSON lines."""
     lines = content.decode().split("\n") if name.endswith(".jsonl") else [content.decode()]
-    line = chance.choice([0, chance.randrange(len(lines))])
+    line = rng.choice([0, rng.randrange(len(lines))])
     yaml = YAML(typ="safe", pure=True)
     value = yaml.load(lines[line]) if name.endswith(".yaml") else json.loads(lines[line])
-    how(chance, *chance.choice(list(_places(value))))
+    how(rng, *rng.choice(list(_places(value))))
     lines[line] = json.dumps(value, indent=1 if name.endswith(".yaml") else None)  # which is YAML too
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
@@ -317,80 +317,82 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
             yield from _places(value[key])
 
 
-def another_value(chance: random.Random, inside: Any, key: Any) -> None:
-    inside[key] = chance.choice(VALUES)
+def another_value(rng: random.Random, inside: Any, key: Any) -> None:
+    inside[key] = rng.choice(VALUES)
 
 
-def scaled(chance: random.Random, inside: Any, key: Any) -> None:
+def scaled(rng: random.Random, inside: Any, key: Any) -> None:
     if isinstance(inside[key], int | float):
-        inside[key] *= chance.choice([-1, 0, 1e-9, 1e-3, 0.5, 2, 57.3, 1e3, 1e9, 1e200])
+        inside[key] *= rng.choice([-1, 0, 1e-9, 1e-3, 0.5, 2, 57.3, 1e3, 1e9, 1e200])
 
 
-def left_out(chance: random.Random, inside: Any, key: Any) -> None:
+def left_out(rng: random.Random, inside: Any, key: Any) -> None:
     del inside[key]
 
 
-def doubled(chance: random.Random, inside: Any, key: Any) -> None:
+def doubled(rng: random.Random, inside: Any, key: Any) -> None:
     if isinstance(inside, list):
         inside.insert(key, inside[key])
     else:
         inside[f"{key}2"] = inside[key]
 
 
-def many(chance: random.Random, inside: Any, key: Any) -> None:
-    inside[key] = [inside[key]] * chance.choice([1, 2, 6, 300])
+def many(rng: random.Random, inside: Any, key: Any) -> None:
+    inside[key] = [inside[key]] * rng.choice([1, 2, 6, 300])
 
 
-def exchanged(chance: random.Random, inside: Any, key: Any) -> None:
-    other = chance.choice(list(inside) if isinstance(inside, dict) else range(len(inside)))
+def exchanged(rng: random.Random, inside: Any, key: Any) -> None:
+    other = rng.choice(list(inside) if isinstance(inside, dict) else range(len(inside)))
     inside[key], inside[other] = inside[other], inside[key]
 
 
-def another_number(chance: random.Random, content: bytes) -> bytes:
-    found = list(re.finditer(rb"-?[0-9]+(\.[0-9]+)?(e-?[0-9]+)?", content))
-    one = chance.choice(found)
-    return content[: one.start()] + chance.choice(NUMBERS).encode() + content[one.end() :]
+def another_number(rng: random.Random, content: bytes) -> bytes:
+    result = list(re.finditer(rb"-?[0-9]+(\.[0-9]+)?(e-?[0-9]+)?", content))
+    one = rng.choice(result)
+    return content[: one.start()] + rng.choice(NUMBERS).encode() + content[one.end() :]
 
 
-def another_word(chance: random.Random, content: bytes) -> bytes:
-    one = chance.choice(list(re.finditer(rb"[A-Za-z_]+", content)))
-    return content[: one.start()] + chance.choice(TEXTS).encode() + content[one.end() :]
+def another_word(rng: random.Random, content: bytes) -> bytes:
+    one = rng.choice(list(re.finditer(rb"[A-Za-z_]+", content)))
+    return content[: one.start()] + rng.choice(TEXTS).encode() + content[one.end() :]
 
 
-def turned_bit(chance: random.Random, content: bytes) -> bytes:
-    place = chance.randrange(len(content))
-    return content[:place] + bytes([content[place] ^ 1 << chance.randrange(8)]) + content[place + 1 :]
+def turned_bit(rng: random.Random, content: bytes) -> bytes:
+    position = rng.randrange(len(content))
+    return content[:position] + bytes([content[position] ^ 1 << rng.randrange(8)]) + content[position + 1 :]
 
 
-def cut(chance: random.Random, content: bytes) -> bytes:
-    return content[: chance.randrange(len(content))]
+def cut(rng: random.Random, content: bytes) -> bytes:
+    return content[: rng.randrange(len(content))]
 
 
-def inserted(chance: random.Random, content: bytes) -> bytes:
-    place = chance.randrange(len(content) + 1)
-    return content[:place] + chance.choice([*TEXTS, *NUMBERS, "\n", "\t", ","]).encode() + content[place:]
+def inserted(rng: random.Random, content: bytes) -> bytes:
+    position = rng.randrange(len(content) + 1)
+    return content[:position] + rng.choice([*TEXTS, *NUMBERS, "\n", "\t", ","]).encode() + content[position:]
 
 
-def without_part(chance: random.Random, content: bytes) -> bytes:
-    start = chance.randrange(len(content))
-    return content[:start] + content[start + chance.choice([1, 2, 10, 100]) :]
+def without_part(rng: random.Random, content: bytes) -> bytes:
+    start = rng.randrange(len(content))
+    return content[:start] + content[start + rng.choice([1, 2, 10, 100]) :]
 
 
-def doubled_line(chance: random.Random, content: bytes) -> bytes:
+def doubled_line(rng: random.Random, content: bytes) -> bytes:
     lines = content.split(b"\n")
-    place = chance.randrange(len(lines))
-    return b"\n".join([*lines[:place], *[lines[place]] * chance.choice([2, 2, 50]), *lines[place + 1 :]])
+    position = rng.randrange(len(lines))
+    return b"\n".join(
+        [*lines[:position], *[lines[position]] * rng.choice([2, 2, 50]), *lines[position + 1 :]]
+    )
 
 
-def exchanged_lines(chance: random.Random, content: bytes) -> bytes:
+def exchanged_lines(rng: random.Random, content: bytes) -> bytes:
     lines = content.split(b"\n")
-    one, other = chance.randrange(len(lines)), chance.randrange(len(lines))
+    one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
     lines[one], lines[other] = lines[other], lines[one]
     return b"\n".join(lines)
 
 
-def garbage(chance: random.Random, content: bytes) -> bytes:
-    return chance.randbytes(chance.choice([1, 30, 1000]))
+def garbage(rng: random.Random, content: bytes) -> bytes:
+    return rng.randbytes(rng.choice([1, 30, 1000]))
 
 
 _OF_VALUES = (another_value, another_value, scaled, scaled, left_out, doubled, many, exchanged)
@@ -411,21 +413,21 @@ _NOT_FOR_PEOPLE = ("Traceback", "fault of zerobeam itself", "Warning", "encounte
 
 def faults(answer: Answer, before: Files, after: Files, seconds: float, kilobytes: int) -> list[str]:
     """What is wrong with the answer to a damaged input, or with what it left in the folder."""
-    found = [word for word in _NOT_FOR_PEOPLE if word in answer.err]
+    result = [word for word in _NOT_FOR_PEOPLE if word in answer.err]
     if answer.status not in (0, 1, 2, 3) and answer.err != "stopped\n":
-        found.append(f"status {answer.status}")
+        result.append(f"status {answer.status}")
     if answer.status == 2 or (answer.status == 3 and not answer.out):  # else the answer says what failed
         if answer.err.count("error: ") != 1 and "Usage: " not in answer.err:
-            found.append("not one message")
+            result.append("not one message")
         if answer.status == 2 and answer.out:
-            found.append("printed something")
+            result.append("printed something")
     if answer.status == 2 and after != before:
-        found.append(f"wrote {sorted(set(after) - set(before)) or 'into its input'}")
+        result.append(f"wrote {sorted(set(after) - set(before)) or 'into its input'}")
     if seconds > LONGEST_S:
-        found.append(f"took {seconds:.0f} s")
+        result.append(f"took {seconds:.0f} s")
     if kilobytes * 1024 > MOST_BYTES:
-        found.append("took more than 1 GB")
-    return found
+        result.append("took more than 1 GB")
+    return result
 
 
 def judged(one: Damaged, folder: Path) -> tuple[Answer, list[str]]:
@@ -433,10 +435,10 @@ def judged(one: Damaged, folder: Path) -> tuple[Answer, list[str]]:
     for name, content in one.files.items():
         (folder / name).write_bytes(content)
     with contextlib.chdir(folder):
-        begun, largest = time.process_time(), _peak() if _peak() * 1024 > MOST_BYTES else 0
+        start, largest = time.process_time(), _peak() if _peak() * 1024 > MOST_BYTES else 0
         with ctrl_c(CONTROLLER_S) if one.words[0] == "controller" else contextlib.nullcontext():
             answer = zerobeam(*one.words)
-        seconds = time.process_time() - begun
+        seconds = time.process_time() - start
     after = {path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else b""
              for path in folder.rglob("*")}  # fmt: skip
     return answer, faults(answer, one.files, after, seconds, _peak() - largest)

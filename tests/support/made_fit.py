@@ -27,12 +27,14 @@ def by_hand(
     """The solution of a fit that ended at `delta` (n,) with that covariance (n, n), internal units. All is
     identified but what `status` has another word for, by index."""
     noise = {"joint_mm": 0.02} if any(joint.kind == "prismatic" for joint in robot.joints) else {}
-    held = [f"delta{i + 1}" for i, own in {0: "held", **(status or {})}.items() if own == "held"]
-    own = header(tool, target=None, noise=noise, held=held)
+    held = [
+        f"delta{i + 1}" for i, made_header in {0: "held", **(status or {})}.items() if made_header == "held"
+    ]
+    made_header = header(tool, target=None, noise=noise, held=held)
     joints = robot.lower + np.random.default_rng(0).uniform(0.4, 0.6, (5, robot.n)) * (
         robot.upper - robot.lower
     )
-    problem = Problem.build(own, robot, joints, ["psd"] * 5)
+    problem = Problem.build(made_header, robot, joints, ["psd"] * 5)
     parameters, n = problem.parameters, robot.n
     x, of_x = parameters.prior_mean.copy(), np.diag(parameters.prior_std) ** 2
     x[:n], of_x[:n, :n] = delta, covariance
@@ -40,7 +42,7 @@ def by_hand(
     z = ((x - parameters.prior_mean) / parameters.prior_std)[free]
     scaled = (of_x / np.outer(parameters.prior_std, parameters.prior_std))[np.ix_(free, free)]
     fit = LikelihoodFit(problem, x, z, scaled, 1.0, 0.0, 0.0, 1, True, "by hand")
-    told: dict[int, Status] = {0: "held", **(status or {})}
-    statuses = tuple(told.get(i, "identified") for i in range(len(parameters)))
+    message: dict[int, Status] = {0: "held", **(status or {})}
+    statuses = tuple(message.get(i, "identified") for i in range(len(parameters)))
     facts = Identifiability(len(z), len(z), None, {}, ())
     return Solution(fit, Identified(statuses, np.zeros(len(parameters)), facts))

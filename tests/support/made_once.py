@@ -21,10 +21,10 @@ def made_once(name: str, make: Callable[[], Made]) -> Made:
         return make()
     file = Path(folder) / f"{name}.pickle"
     if file.exists():
-        found: Made = pickle.loads(file.read_bytes())
-        return found
+        result: Made = pickle.loads(file.read_bytes())
+        return result
     made = make()
-    aside = file.with_name(f"{file.name}.{os.getpid()}")
-    aside.write_bytes(pickle.dumps(made))
-    aside.replace(file)
+    part = file.with_name(f"{file.name}.{os.getpid()}")
+    part.write_bytes(pickle.dumps(made))
+    part.replace(file)
     return made

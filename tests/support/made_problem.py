@@ -80,10 +80,10 @@ class Made:
     def variances(self, x: np.ndarray) -> np.ndarray:
         """(..., n + 1) with the noise factors at x, if there are any."""
         noise, n = self.problem.noise, self.problem.robot.n
-        stated = np.append(noise.joint**2, noise.spot**2)
+        content = np.append(noise.joint**2, noise.spot**2)
         if not noise.separate:
-            return stated
-        return stated * np.repeat(np.exp(x[..., -2:]) ** 2, (n, 1), axis=-1)
+            return content
+        return content * np.repeat(np.exp(x[..., -2:]) ** 2, (n, 1), axis=-1)
 
     def covariance(self, x: np.ndarray, shot: int) -> np.ndarray:
         """(..., d, d), complex if x is."""
@@ -98,10 +98,10 @@ class Made:
 
     def distances(self, x: np.ndarray) -> np.ndarray:
         """(..., D) by how many of its stds each stated distance is missed, complex if x is."""
-        targets, stated = self.problem.split(x).targets, self.problem.distances
-        between = [targets[..., each.second, :] - targets[..., each.first, :] for each in stated]
+        targets, content = self.problem.split(x).targets, self.problem.distances
+        between = [targets[..., each.second, :] - targets[..., each.first, :] for each in content]
         lengths = [np.sqrt((v * v).sum(axis=-1)) for v in between]
-        missed = [(v - each.mm) / each.sigma for v, each in zip(lengths, stated, strict=True)]
+        missed = [(v - each.mm) / each.sigma for v, each in zip(lengths, content, strict=True)]
         return np.stack(missed, axis=-1) if missed else np.zeros((*x.shape[:-1], 0))
 
     def stated(self, x: np.ndarray) -> list[np.ndarray]:
@@ -115,20 +115,20 @@ class Made:
         """Log-likelihood at known or separate noise: each miss's density over that of no miss at the stated
         noise, which no unit of the miss changes."""
         total = -(self.distances(x) ** 2).sum() / 2
-        for (m, s), stated in zip(self.gaussians(x), self.stated(x), strict=True):
+        for (m, s), content in zip(self.gaussians(x), self.stated(x), strict=True):
             zero = np.zeros(len(m))
             total += stats.multivariate_normal.logpdf(m, zero, s)
-            total -= stats.multivariate_normal.logpdf(zero, zero, stated.real)
+            total -= stats.multivariate_normal.logpdf(zero, zero, content.real)
         return float(total)
 
     def log_posterior(self, x: np.ndarray) -> np.ndarray:
         """(...) with the prior, for complex steps."""
         problem, parameters = self.problem, self.problem.parameters
         quad, logdet = 0.0, 0.0
-        for i, stated in enumerate(self.stated(x)):
+        for i, content in enumerate(self.stated(x)):
             m, s = self.miss(x, i), self.covariance(x, i)
             quad = quad + square(m, s)
-            logdet = logdet + np.log(np.linalg.det(s) / np.linalg.det(stated))
+            logdet = logdet + np.log(np.linalg.det(s) / np.linalg.det(content))
         if problem.noise.estimated:
             quad = problem.shots * problem.tool.residual_size * np.log(quad)
         z = ((x - parameters.prior_mean) / parameters.prior_std)[..., parameters.free]

@@ -1,15 +1,49 @@
-"""HTML pages as the tests see them: tags with their attributes, the visible text, tables, scripts."""
+"""Pages as the tests see them: the texts of sections; of HTML tags, visible text, tables, scripts."""
 
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import json
 import re
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from typing import Any
 
+from zerobeam.reports.style.blocks import Paragraph, Section, Table
+
 DATA = {"type": "application/json", "id": "scene-data"}  # attributes of a scene that no script runs
+
+
+def strings(value: Any) -> Iterator[str]:
+    """All texts of a view, in their order."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        yield from strings(list(value.values()))
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from strings(item)
+    elif dataclasses.is_dataclass(value):
+        yield from strings(vars(value))
+
+
+def paragraphs(section: Section) -> str:
+    """The paragraphs of a section, as one text."""
+    return " ".join(block.text for block in section.all if isinstance(block, Paragraph))
+
+
+def tables(section: Section, caption: str = "") -> list[Table]:
+    """The tables of a section whose caption begins so."""
+    found = [block for block in section.all if isinstance(block, Table)]
+    return [table for table in found if table.caption.startswith(caption)]
+
+
+def table(section: Section, caption: str = "") -> Table:
+    """The only one of them."""
+    (only,) = tables(section, caption)
+    return only
 
 
 class Page(HTMLParser):

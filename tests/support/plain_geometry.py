@@ -99,7 +99,7 @@ def chain_of_rows(rows: Sequence[Sequence[float]], convention: str, kinds: str) 
 
     def link(a: float, alpha: float, d: float, theta: float) -> Link:
         start, end = rotation("z", theta) @ shift(z=d) @ shift(x=a), rotation("x", alpha)
-        return lambda own: start @ deviation(own) @ end
+        return lambda values: start @ deviation(values) @ end
 
     return Chain(kinds, (_Z,) * len(rows), before, tuple(link(*row) for row in behind))
 
@@ -112,7 +112,7 @@ def chain_of_robot(robot: Robot) -> Chain:
     def link(axis: np.ndarray, transform: np.ndarray, after: np.ndarray) -> Link:
         frame = link_frame(axis, transform, after)
         back = np.linalg.inv(frame) @ transform
-        return lambda own: frame @ deviation(own) @ back
+        return lambda values: frame @ deviation(values) @ back
 
     links = [
         link(joint.axis, transform, after)
@@ -125,15 +125,15 @@ def chain_of_robot(robot: Robot) -> Chain:
 def link_frame(axis: np.ndarray, transform: np.ndarray, after: np.ndarray) -> np.ndarray:
     """(4, 4) z along the axis, x along the common normal, at the point of the next axis that is nearest; at
     the next joint's origin where the axes are within 5 degrees of parallel."""
-    place, along = transform[:3, 3], transform[:3, :3] @ after
+    position, along = transform[:3, 3], transform[:3, :3] @ after
     if np.degrees(np.arccos(min(abs(axis @ along), 1.0))) < 5:
-        foot, x = place, place - (place @ axis) * axis
+        foot, x = position, position - (position @ axis) * axis
         if np.linalg.norm(x) < 1e-6:
             x = transform[:3, 0] - (transform[:3, 0] @ axis) * axis
     else:
         # Lengths s along this axis and t along the next: s axis - (place + t along) is the shortest.
-        s, t = np.linalg.lstsq(np.array([axis, -along]).T, place, rcond=None)[0]
-        foot = place + t * along
+        s, t = np.linalg.lstsq(np.array([axis, -along]).T, position, rcond=None)[0]
+        foot = position + t * along
         x = foot - s * axis
         if np.linalg.norm(x) < 1e-6:
             x = np.cross(axis, along)
@@ -165,10 +165,10 @@ class UncertainArm:
         return np.array([axis in ("a", "d") for _, axis in self.names])
 
     def grouped(self, values: np.ndarray) -> dict[str, dict[str, Value]]:
-        own: dict[str, dict[str, Value]] = {}
+        actual: dict[str, dict[str, Value]] = {}
         for (of, axis), value in zip(self.names, np.moveaxis(values, -1, 0), strict=True):
-            own.setdefault(of, {})[axis] = value
-        return own
+            actual.setdefault(of, {})[axis] = value
+        return actual
 
     def torques(self, q: np.ndarray, masses: np.ndarray, up: np.ndarray) -> np.ndarray:
         """(..., n) minus the derivatives of the potential energy by the revolute joints, of the nominal arm;
@@ -183,7 +183,7 @@ class UncertainArm:
         return np.where([kind == "r" for kind in self.chain.kinds], -rates, 0)
 
     def true_joints(self, q: np.ndarray, delta: np.ndarray, values: np.ndarray) -> np.ndarray:
-        own, gravity = self.grouped(values), self.geometry.gravity
+        actual, gravity = self.grouped(values), self.geometry.gravity
         bend = np.zeros(q.shape)
         if gravity is not None:
             largest = np.where(gravity.largest > 0, gravity.largest, 1.0)
@@ -191,7 +191,7 @@ class UncertainArm:
         rates = {"gravity": bend, "cos": np.cos(q), "sin": np.sin(q)}
         theta = (q + delta).astype(complex)
         for i in range(q.shape[-1]):
-            of_joint = own.get(f"joint{i + 1}", {})
+            of_joint = actual.get(f"joint{i + 1}", {})
             for name in of_joint.keys() & rates.keys():
                 theta[..., i] += of_joint[name] * rates[name][..., i]
         return theta
@@ -205,9 +205,9 @@ class UncertainArm:
     def miss(self, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
         """As of `plain_model`; `free` is offsets, geometry, target, tool in one vector."""
         n, g = q.shape[-1], len(self.names)
-        own, rest = free[..., : n + g], free[..., n + g :]
+        values, rest = free[..., : n + g], free[..., n + g :]
         rest = np.concatenate([np.zeros((*free.shape[:-1], n)), rest], axis=-1)
-        return miss(lambda _: self.pose(q, own), tool, q, spot, rest)
+        return miss(lambda _: self.pose(q, values), tool, q, spot, rest)
 
     def covariance(
         self, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
@@ -217,9 +217,9 @@ class UncertainArm:
         values, rest = free[..., n : n + g], free[..., n + g :]
         theta = self.true_joints(q, free[..., :n], values)
         links = self.grouped(values[..., None, None, :])  # the same at each joint's steps to either side
-        own = Arm(self.arm.robot, lambda at: self.chain.frames(at, links)[-1])
+        actual = Arm(self.arm.robot, lambda at: self.chain.frames(at, links)[-1])
         rest = np.concatenate([np.zeros((*free.shape[:-1], n)), rest], axis=-1)
-        return covariance(own, tool, theta, spot, rest, variances)
+        return covariance(actual, tool, theta, spot, rest, variances)
 
 
 def uncertain(name: str, own: Arm, geometry: Geometry) -> UncertainArm:

@@ -48,11 +48,11 @@ def misses(
 
     At offsets (..., 6) and a target (..., 3).
     """
-    chain, place = frames(joints + delta[..., None, :]), target[..., None, :]
+    chain, position = frames(joints + delta[..., None, :]), target[..., None, :]
     back, shift = np.swapaxes(chain[-1][..., :3, :3], -1, -2), chain[-1][..., :3, 3]
-    miss = (back @ (place - shift)[..., None])[..., 1:, 0] - POINT[1:] - spots
-    columns = [np.cross(t[..., :3, 2], place - t[..., :3, 3]) for t in chain[:-1]]
-    return miss, -(back @ np.stack(columns, axis=-1))[..., 1:, :]
+    residual = (back @ (position - shift)[..., None])[..., 1:, 0] - POINT[1:] - spots
+    columns = [np.cross(t[..., :3, 2], position - t[..., :3, 3]) for t in chain[:-1]]
+    return residual, -(back @ np.stack(columns, axis=-1))[..., 1:, :]
 
 
 class PlainPosterior:
@@ -78,13 +78,13 @@ class PlainPosterior:
         """Misses (..., N, 2) and their covariances (..., N, 2, 2)."""
         x = self.mean + z * self.prior_std
         delta = np.concatenate([np.zeros((*z.shape[:-1], 1)), x[..., :5]], axis=-1)
-        miss, by_joints = misses(self.joints, self.spots, delta, x[..., 5:])
-        return miss, self.joint**2 * by_joints @ np.swapaxes(by_joints, -1, -2) + self.spot**2 * np.eye(2)
+        residual, by_joints = misses(self.joints, self.spots, delta, x[..., 5:])
+        return residual, self.joint**2 * by_joints @ np.swapaxes(by_joints, -1, -2) + self.spot**2 * np.eye(2)
 
     def value(self, z: np.ndarray) -> np.ndarray:
         """(...) up to a constant."""
-        miss, s = self._parts(z)
-        quad = (miss * np.linalg.solve(s, miss[..., None])[..., 0]).sum(axis=(-2, -1))
+        residual, s = self._parts(z)
+        quad = (residual * np.linalg.solve(s, residual[..., None])[..., 0]).sum(axis=(-2, -1))
         return (quad + (z**2).sum(axis=-1)) / 2
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
@@ -98,12 +98,12 @@ class PlainPosterior:
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
         """(..., 2 N + f) whose half sum of squares is the -log posterior; the priors come last."""
-        miss, s = self._parts(z)
+        residual, s = self._parts(z)
         l11 = np.sqrt(s[..., 0, 0])
         l21 = s[..., 1, 0] / l11
         l22 = np.sqrt(s[..., 1, 1] - l21**2)
-        first = miss[..., 0] / l11
-        second = (miss[..., 1] - l21 * first) / l22
+        first = residual[..., 0] / l11
+        second = (residual[..., 1] - l21 * first) / l22
         return np.concatenate([first, second, z], axis=-1)
 
     def residual_jacobian(self, z: np.ndarray) -> np.ndarray:

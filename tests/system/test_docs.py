@@ -23,10 +23,10 @@ from documents import DOCS, PAGES, ROOT, blocks, prepare, prose, read, told_comm
 from pydantic import BaseModel
 
 import zerobeam
-from zerobeam.commands.program import app
+from zerobeam.commands.app import app
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.make import MadePlan
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.experiments.studies.sweeps.study_file import StudyFile, built_in_studies
 from zerobeam.model.files.header import Header
@@ -245,7 +245,7 @@ def test_documented_defaults_are_those_of_the_code() -> None:
     assert len(rows) >= 15
     for key, documented in rows:
         place = key.split(".")
-        model = next(model for model in (Header, Cell, StudyFile) if place[0] in model.model_fields)
+        model = next(model for model in (Header, CellFile, StudyFile) if place[0] in model.model_fields)
         assert default_of(model, place) == float(documented.replace(" ", "")), key
 
 

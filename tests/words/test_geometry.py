@@ -15,7 +15,7 @@ from zerobeam.words.geometry import (
     tolerances_words,
     worth_sentence,
 )
-from zerobeam.words.wording import label, person
+from zerobeam.words.wording import person
 
 
 @dataclass(frozen=True)
@@ -121,20 +121,3 @@ def test_a_rung_says_why_it_is_kept_or_not(
     assert rung_reason(ladder, 0) == "for comparison"
     assert rung_reason(ladder, 1) == "stated"
     assert rung_reason(ladder, 3) == words
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("delta2", "J2 (δ2)"),
-        ("link2.a", "link 2, a"),
-        ("link12.alpha", "link 12, α"),
-        ("link3.beta", "link 3, β"),
-        ("joint3.gravity", "J3, gravity"),
-        ("joint3.cos", "J3, cos q"),
-        ("link2.x", "link2.x"),  # a coordinate of a target of that name
-        ("tool.z", "tool.z"),
-    ],
-)
-def test_parameters_by_the_names_that_people_use(name: str, words: str) -> None:
-    assert label(name) == person(name) == words

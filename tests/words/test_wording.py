@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from example_results import HOSTILE_NAMES
 
 from zerobeam.reports.style.typeface import in_font
@@ -29,14 +30,26 @@ def test_a_long_name_keeps_its_two_ends() -> None:
     assert clipped("short.x", 20) == "short.x"
 
 
-def test_offsets_are_written_as_people_write_them() -> None:
-    assert label("delta12") == "J12 (δ12)"
-    assert label("delta1x") == "delta1x"
-    assert person("delta3") == "J3 (δ3)"
-    assert person("target") == "target"
-    # A target may be called that, and a sentence is not read back.
-    assert label("delta2.x") == person("delta2.x") == "delta2.x"
-    assert sentence("delta2.x and delta2") == "delta2.x and delta2"
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("delta2", "J2 (δ2)"),
+        ("delta12", "J12 (δ12)"),
+        ("delta1x", "delta1x"),
+        ("delta2.x", "delta2.x"),  # a target may be called that
+        ("target", "target"),
+        ("link2.a", "link 2, a"),
+        ("link12.alpha", "link 12, α"),
+        ("link3.beta", "link 3, β"),
+        ("joint3.gravity", "J3, gravity"),
+        ("joint3.cos", "J3, cos q"),
+        ("link2.x", "link2.x"),  # a coordinate of a target of that name
+        ("tool.z", "tool.z"),
+    ],
+)
+def test_parameters_by_the_names_that_people_use(name: str, words: str) -> None:
+    assert label(name) == person(name) == words
+    assert sentence(name) == name  # a sentence is not read back
 
 
 def test_a_sentence_ends_with_one_mark() -> None:

@@ -1,7 +1,6 @@
 // What scene.js draws: arms as the server places them, in a frame that only changes when it has to.
 import { by } from "/page/parts/dom.js";
 
-const VIEW = [-62, 20]; // degrees: from where a scene is first seen
 const ONE_PLACE = 15; // mm: joints nearer to each other than this share one number
 const far = (a, b) => Math.hypot(...a.map((v, i) => v - b[i]));
 
@@ -31,7 +30,7 @@ function frame(postures, targets, reach, extent) {
   const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough);
   const half = Math.max(high[0] - low[0], high[1] - low[1], reach) / 2;
   const bounds = [0, 1].flatMap((i) => [Math.floor((centre[i] - half) / step), Math.ceil((centre[i] + half) / step)].map((n) => n * step));
-  return { centre, radius, view: VIEW, grid: { step, bounds }, axis: 0.22 * radius, factor: null };
+  return { centre, radius, grid: { step, bounds }, axis: 0.22 * radius, factor: null };
 }
 
 let kept = null, keptOf = null;

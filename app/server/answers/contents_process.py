@@ -12,8 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ....experiments.importers.inspection.columns_found import head_of, layout_of, layout_stated
-from ....experiments.importers.inspection.contents import Contents, contents_of
+from ....experiments.makers.contents import Contents, contents_of, head_of, layout_of, layout_stated
 from ....model.errors import BadInput
 
 PATIENCE_S = 60.0

@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ....experiments.importers.inspection import columns_found, readings
-from ....experiments.importers.table import Table, check_signs
+from ....experiments.makers import contents as columns_found
+from ....experiments.makers import readings
+from ....experiments.makers.generic.tables import TextTable, check_signs
 from ....experiments.schema import json_schema
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
@@ -223,7 +224,7 @@ def _stated_layout(wanted: AskedTable) -> dict[str, Any]:
     return stated
 
 
-def _raw(table: Table, given: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
+def _raw(table: TextTable, given: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
     """(N, n) values as they are in the table, NaN for a joint without a column."""
     values = np.full((len(table.rows), robot.n), np.nan)
     for i, name in enumerate(given or ()):
@@ -232,7 +233,7 @@ def _raw(table: Table, given: tuple[str | None, ...] | None, robot: Robot) -> Ma
     return values
 
 
-def _numbers(table: Table, name: str) -> Matrix:
+def _numbers(table: TextTable, name: str) -> Matrix:
     return table.numbers([table.column(name)])[:, 0]
 
 

@@ -53,8 +53,12 @@ def read_mesh(path: Path) -> Mesh:
     if kind not in _KINDS:
         raise BadInput("this is no mesh that can be drawn", found=path.name, allowed=", ".join(_KINDS))
     content = read_bytes(path, LARGEST_MESH)
-    if kind == ".dae" and any(part in decode(content, file=path, line=None) for part in _REFUSED_XML):
-        raise BadInput("a COLLADA file may have no document type or entities", file=path)
+    if kind == ".dae":
+        text = decode(content, file=path, line=None)
+        if any(part in text for part in _REFUSED_XML):
+            raise BadInput("a COLLADA file may have no document type or entities", file=path)
+        if "<scene" not in text:
+            raise BadInput("the COLLADA file names no scene that could be drawn", file=path)
     try:
         scene = trimesh.load_scene(BytesIO(content), file_type=kind[1:], process=False)
         mesh = _mesh(scene.to_mesh(), scene.units if kind == ".dae" else None)

@@ -37,9 +37,9 @@ def problems():
 def climbs(problem, sets, rows=5, seed=1):
     """The climb in C and the one in Python of the same rows, and where they start, x (rows, p)."""
     rng = np.random.default_rng(seed)
-    own = 1e-3 * rng.normal(size=(sets, *problem.joints.shape)) * (problem.robot.display > 1)
+    values = 1e-3 * rng.normal(size=(sets, *problem.joints.shape)) * (problem.robot.display > 1)
     spots = rng.normal(size=(sets, *problem.spots.shape)) * problem.noise.spot
-    density = Density(problem, problem.joints + own, spots)
+    density = Density(problem, problem.joints + values, spots)
     of = rng.integers(sets, size=rows)
     one, two = Climb(density, of, rows), Climb(density, of, rows)
     one._compiled = compiled_climb(density, one.coordinates, compile=True)
@@ -55,15 +55,15 @@ def test_the_same_slopes(case, sets):
     one, two, x = climbs(problems()[case], sets)
     v = one.coordinates.from_parameters(x, one.of)
     every = np.arange(len(v))
-    found, expected = one._compiled.slopes(v, one.of), two._model(v, every)
-    for part, own in zip(found, expected, strict=True):
-        np.testing.assert_allclose(part, own, rtol=0, atol=1e-12 * np.abs(own).max())
+    result, expected = one._compiled.slopes(v, one.of), two._model(v, every)
+    for part, actual in zip(result, expected, strict=True):
+        np.testing.assert_allclose(part, actual, rtol=0, atol=1e-12 * np.abs(actual).max())
     short = one._compiled.slopes(v, one.of, with_information=False)
-    np.testing.assert_array_equal(short.gradient, found.gradient)
+    np.testing.assert_array_equal(short.gradient, result.gradient)
     assert short.curvature.shape == (0, v.shape[1], v.shape[1])
     if sets > 1:  # control: of another data set they are others
         other = one._compiled.slopes(v, (one.of + 1) % sets)
-        assert np.abs(other.cost / found.cost - 1).min() > 1e-6
+        assert np.abs(other.cost / result.cost - 1).min() > 1e-6
 
 
 @needs_compiler
@@ -72,28 +72,28 @@ def test_the_same_way_up(case):
     one, two, x = climbs(problems()[case], 4)
     v = one.coordinates.from_parameters(x, one.of)
     v[1] = np.nan
-    given = v.copy()
-    found, expected = one.up(v), two.up(v)
-    np.testing.assert_array_equal(v, given)  # not written into
-    assert found.reason == expected.reason
-    assert found.reason[1] == NOT_FINITE
-    np.testing.assert_array_equal(found.iterations, expected.iterations)
-    np.testing.assert_array_equal(found.converged, expected.converged)
-    assert found.converged.sum() == (0 if case == "prismatic, open probe" else 4)  # six tips: no mode
-    sound = np.flatnonzero(found.converged)
+    inputs = v.copy()
+    result, expected = one.up(v), two.up(v)
+    np.testing.assert_array_equal(v, inputs)  # not written into
+    assert result.reason == expected.reason
+    assert result.reason[1] == NOT_FINITE
+    np.testing.assert_array_equal(result.iterations, expected.iterations)
+    np.testing.assert_array_equal(result.converged, expected.converged)
+    assert result.converged.sum() == (0 if case == "prismatic, open probe" else 4)  # six tips: no mode
+    sound = np.flatnonzero(result.converged)
     std = np.sqrt(np.diagonal(np.linalg.inv(expected.curvature[sound]), axis1=1, axis2=2))
-    np.testing.assert_allclose((found.x - expected.x)[sound] / std, 0, atol=1e-6)
-    np.testing.assert_allclose(found.cost[sound], expected.cost[sound], rtol=1e-9)
+    np.testing.assert_allclose((result.x - expected.x)[sound] / std, 0, atol=1e-6)
+    np.testing.assert_allclose(result.cost[sound], expected.cost[sound], rtol=1e-9)
 
 
 @needs_compiler
 def test_too_few_steps_are_said():
     one, two, x = climbs(problems()["two targets, open laser"], 1)
     v = one.coordinates.from_parameters(x, one.of)
-    found, expected = one.up(v, 1), two.up(v, 1)
-    assert found.reason == expected.reason == ["no convergence in 1 iterations"] * 5
-    np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-12 * np.abs(expected.x).max())
-    assert not found.converged.any()
+    result, expected = one.up(v, 1), two.up(v, 1)
+    assert result.reason == expected.reason == ["no convergence in 1 iterations"] * 5
+    np.testing.assert_allclose(result.x, expected.x, rtol=0, atol=1e-12 * np.abs(expected.x).max())
+    assert not result.converged.any()
 
 
 @needs_compiler
@@ -119,10 +119,10 @@ def test_the_same_top(case, steps):
     one, two, x = climbs(problems()[case], 4, rows=20)
     v = one.coordinates.from_parameters(x, one.of)
     v[1] = np.nan
-    found = two.up(v, steps)
-    *_, whole = one._compiled.polish(found, one.of, 60, 1e-7, 1e-3, 1e-3, 3e-3)
+    result = two.up(v, steps)
+    *_, whole = one._compiled.polish(result, one.of, 60, 1e-7, 1e-3, 1e-3, 3e-3)
     assert whole.sum() == 19 if steps == 200 else 0 < whole.sum() < 20
-    top, expected = one.polished(found), two.polished(found)
+    top, expected = one.polished(result), two.polished(result)
     assert top.reason[1] == expected.reason[1] == NOT_FINITE
     assert np.isnan(top.covariance[1]).all()
     sound = np.flatnonzero(expected.converged)

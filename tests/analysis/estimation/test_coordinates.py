@@ -72,15 +72,15 @@ def test_each_row_is_seen_from_its_own_data_set(case):
     np.testing.assert_allclose(back, x, atol=1e-9)
     for row, which in enumerate(of):
         alone = FlangeCoordinates(Density(problem.moved(density.joints[which])))
-        own = x[row : row + 1]
-        np.testing.assert_array_equal(v[row], alone.from_parameters(own)[0])
-        np.testing.assert_array_equal(by_v[row], alone.jacobian(own)[0])
+        values = x[row : row + 1]
+        np.testing.assert_array_equal(v[row], alone.from_parameters(values)[0])
+        np.testing.assert_array_equal(by_v[row], alone.jacobian(values)[0])
         np.testing.assert_array_equal(back[row], alone.to_parameters(v[row : row + 1])[0])
     if case != "all targets held":  # control: seen from another data set's shot it stands elsewhere
         other = coordinates.from_parameters(x, (of + 1) % 3)
         assert (np.abs(other - v).max(axis=1) > 1e-5).any()
-    own = FlangeCoordinates(recordings(problem, 5))
-    np.testing.assert_array_equal(own.from_parameters(x), own.from_parameters(x, np.arange(5)))
+    values = FlangeCoordinates(recordings(problem, 5))
+    np.testing.assert_array_equal(values.from_parameters(x), values.from_parameters(x, np.arange(5)))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -109,21 +109,21 @@ def test_gradients_and_informations_are_carried_over_by_the_jacobian(case):
     problem = problems()[case]
     coordinates = FlangeCoordinates(Density(problem))
     x = many(problem)
-    by_v, place = coordinates.jacobian(x), coordinates.at(coordinates.from_parameters(x))
+    by_v, position = coordinates.jacobian(x), coordinates.at(coordinates.from_parameters(x))
     rng, f = np.random.default_rng(2), by_v.shape[1]
     gradient, root = rng.normal(size=(5, f)), rng.normal(size=(5, f, f))
-    given = gradient.copy()
+    inputs = gradient.copy()
     expected = np.einsum("wi,wij->wj", gradient, by_v)
     np.testing.assert_allclose(
-        place.gradient(gradient), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+        position.gradient(gradient), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
     )
-    np.testing.assert_array_equal(gradient, given)  # not written into
+    np.testing.assert_array_equal(gradient, inputs)  # not written into
     information = root @ root.transpose(0, 2, 1)
     expected = by_v.transpose(0, 2, 1) @ information @ by_v
     np.testing.assert_allclose(
-        place.information(information), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
+        position.information(information), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
     )
-    np.testing.assert_array_equal(place.jacobian, by_v)
+    np.testing.assert_array_equal(position.jacobian, by_v)
 
 
 def test_the_gradient_by_v_against_differences_of_the_log_posterior():
@@ -163,9 +163,11 @@ def test_seen_from_its_first_shot_the_target_stays():
     there, x = coordinates.to_parameters(moved)[0], x[0]
     assert there[5] - x[5] == pytest.approx(np.radians(5))
     assert np.linalg.norm(there[6:9] - x[6:9]) > 1.0
-    seen = problem.functions.function("seen")
+    observed = problem.functions.function("seen")
     np.testing.assert_allclose(
-        seen(problem.joints[0], there[:6], there[6:9]), seen(problem.joints[0], x[:6], x[6:9]), atol=1e-9
+        observed(problem.joints[0], there[:6], there[6:9]),
+        observed(problem.joints[0], x[:6], x[6:9]),
+        atol=1e-9,
     )
     assert irb1600().n == 6
 

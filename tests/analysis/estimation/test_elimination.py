@@ -18,8 +18,8 @@ from zerobeam.model.likelihood.density import Density
 
 
 def two_targets():
-    own = header(targets={"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [900, 0, 0]}})
-    return plan_of(own, good_plan(12).postures, ["a", "b"] * 6)
+    made_header = header(targets={"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [900, 0, 0]}})
+    return plan_of(made_header, good_plan(12).postures, ["a", "b"] * 6)
 
 
 PLANS = {
@@ -55,15 +55,15 @@ def by_scipy(problem, start, moving):
         root = np.sqrt(Density(problem).noise_weight(x[None])[0])
 
         def rows(z, x=x, factor=factor, root=root):
-            own = x.copy()
-            own[moving] = parameters.prior_mean[moving] + z * parameters.prior_std[moving]
-            white = problem.whiten(own, factor)
+            point = x.copy()
+            point[moving] = parameters.prior_mean[moving] + z * parameters.prior_std[moving]
+            white = problem.whiten(point, factor)
             return np.append(white.residual * root, z), np.vstack(
                 [white.jacobian[:, moving] * root, np.eye(len(z))]
             )
 
         z = ((x - parameters.prior_mean) / parameters.prior_std)[moving]
-        found = optimize.least_squares(
+        result = optimize.least_squares(
             lambda z: rows(z)[0],
             z,
             jac=lambda z: rows(z)[1],
@@ -74,7 +74,7 @@ def by_scipy(problem, start, moving):
             gtol=1e-15,
         )
         x = x.copy()
-        x[moving] = parameters.prior_mean[moving] + found.x * parameters.prior_std[moving]
+        x[moving] = parameters.prior_mean[moving] + result.x * parameters.prior_std[moving]
     return x
 
 
@@ -82,14 +82,14 @@ def test_it_is_the_least_squares_of_all_parameters_at_once(run):
     """By scipy over offsets, tool and targets together: to 1e-3 stds (weights settle to 1e-6 prior stds, and
     the smallest std is some 1e-3 of its prior's)."""
     problem, start, fit = run
-    found = eliminated(problem, start)
+    result = eliminated(problem, start)
     free = problem.parameters.free
-    assert in_stds(problem, fit, found, by_scipy(problem, start, free)) < 1e-3
+    assert in_stds(problem, fit, result, by_scipy(problem, start, free)) < 1e-3
     # Negative control: targets that are kept at the start and not eliminated give another answer.
     frozen = by_scipy(problem, start, free & ~problem.parameters.group("target"))
-    assert in_stds(problem, fit, found, frozen) > 0.1
+    assert in_stds(problem, fit, result, frozen) > 0.1
     held = ~free
-    np.testing.assert_array_equal(found[held], start[held])
+    np.testing.assert_array_equal(result[held], start[held])
 
 
 def test_the_fit_with_it_is_the_fit_without(run):
@@ -122,12 +122,12 @@ def test_the_targets_are_the_best_for_these_offsets(run):
 
 
 def test_distances_and_separate_noise_are_refused():
-    own = header(
+    made_header = header(
         targets={"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [900, 0, 0]}},
         distances=[{"between": ["a", "b"], "mm": 50, "sigma_mm": 0.1}],
     )
     postures = good_plan(12).postures
-    tied = plan_of(own, postures, ["a", "b"] * 6)
+    tied = plan_of(made_header, postures, ["a", "b"] * 6)
     separate = plan_of(header(noise={"scale": "separate"}), postures)
     for plan in (tied, separate):
         _, problem = simulated_problem(plan, TABLE_2, seed=3)

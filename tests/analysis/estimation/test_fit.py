@@ -69,7 +69,7 @@ def test_the_mode_by_scipy_minimize(good):
     truth, problem, fit = good
     second, root = plain(problem), np.linalg.cholesky(fit.covariance)
     centre = truth_in_z(truth)
-    found = optimize.minimize(
+    result = optimize.minimize(
         lambda w: second.value(centre + root @ w).real,
         np.zeros(8),
         jac=lambda w: root.T @ second.gradient(centre + root @ w),
@@ -77,16 +77,16 @@ def test_the_mode_by_scipy_minimize(good):
         method="trust-exact",
         options={"gtol": 1e-8},
     )
-    assert np.linalg.norm(found.jac) < 1e-6
+    assert np.linalg.norm(result.jac) < 1e-6
     assert fit.converged
-    np.testing.assert_allclose((centre + root @ found.x - fit.z) / fit.std, 0, atol=1e-6)
+    np.testing.assert_allclose((centre + root @ result.x - fit.z) / fit.std, 0, atol=1e-6)
 
 
 def test_the_mode_by_scipy_least_squares(good):
     """The same misses in the stds that move with the parameters, priors as residuals: 1e-6 of a std."""
     truth, problem, fit = good
     second = plain(problem)
-    found = optimize.least_squares(
+    result = optimize.least_squares(
         lambda z: second.residuals(z).real,
         truth_in_z(truth),
         jac=second.residual_jacobian,
@@ -96,8 +96,8 @@ def test_the_mode_by_scipy_least_squares(good):
         ftol=1e-15,
         gtol=1e-15,
     )
-    assert found.cost > 1
-    np.testing.assert_allclose((found.x - fit.z) / fit.std, 0, atol=1e-6)
+    assert result.cost > 1
+    np.testing.assert_allclose((result.x - fit.z) / fit.std, 0, atol=1e-6)
 
 
 def test_with_spot_noise_alone_it_is_plain_least_squares():
@@ -110,7 +110,7 @@ def test_with_spot_noise_alone_it_is_plain_least_squares():
     def residuals(z):
         return second.residuals(z).real
 
-    found = optimize.least_squares(
+    result = optimize.least_squares(
         residuals,
         np.zeros(8),
         jac=lambda z: second.residual_jacobian(z),
@@ -120,7 +120,7 @@ def test_with_spot_noise_alone_it_is_plain_least_squares():
         ftol=1e-15,
         gtol=1e-15,
     )
-    np.testing.assert_allclose((found.x - fit.z) / fit.std, 0, atol=1e-6)
+    np.testing.assert_allclose((result.x - fit.z) / fit.std, 0, atol=1e-6)
 
 
 def test_the_weighted_step_by_scipy(good):
@@ -141,7 +141,7 @@ def test_the_weighted_step_by_scipy(good):
         return tuple(part[None] for part in residual(z[0]))
 
     start = fit.z + 3 * fit.std
-    found = levenberg_marquardt(least_squares(rows), start[None])
+    result = levenberg_marquardt(least_squares(rows), start[None])
     second = optimize.least_squares(
         lambda z: residual(z)[0],
         start,
@@ -152,10 +152,10 @@ def test_the_weighted_step_by_scipy(good):
         ftol=1e-15,
         gtol=1e-15,
     )
-    std = np.sqrt(np.diag(np.linalg.inv(found.curvature[0])))
-    assert found.converged[0]
-    np.testing.assert_allclose((found.x[0] - second.x) / std, 0, atol=1e-6)
-    assert np.abs((found.x[0] - start) / std).max() > 1
+    std = np.sqrt(np.diag(np.linalg.inv(result.curvature[0])))
+    assert result.converged[0]
+    np.testing.assert_allclose((result.x[0] - second.x) / std, 0, atol=1e-6)
+    assert np.abs((result.x[0] - start) / std).max() > 1
 
 
 def test_the_covariance_is_that_of_the_plain_posterior(good):
@@ -189,8 +189,8 @@ def test_the_truth_lies_where_it_is_said():
         truth, problem = simulated_problem(plan, TABLE_2, seed=100 + seed)
         fit = fit_likelihood(problem, starts=0)
         assert fit.converged
-        miss = (fit.z - truth_in_z(truth))[:5]
-        distances.append(miss @ np.linalg.solve(fit.covariance[:5, :5], miss))
+        residual = (fit.z - truth_in_z(truth))[:5]
+        distances.append(residual @ np.linalg.solve(fit.covariance[:5, :5], residual))
     low, high = stats.chi2.ppf([0.0005, 0.9995], 5 * 40)
     assert low < sum(distances) < high
     # Negative control: stds too small by a fifth would be caught.
@@ -212,8 +212,8 @@ def misstated(factor, seed, scale):
     """A run whose real noise is `factor` times what its header says."""
     plan = good_plan(20, joint_deg=0.01 * factor, spot_mm=0.05 * factor)
     truth, problem = simulated_problem(plan, TABLE_2, seed)
-    told = header(noise={"scale": scale})
-    return truth, Problem.build(told, plan.robot, problem.joints, ["psd"] * 20, problem.spots)
+    message = header(noise={"scale": scale})
+    return truth, Problem.build(message, plan.robot, problem.joints, ["psd"] * 20, problem.spots)
 
 
 def test_understated_noise_is_found():
@@ -247,8 +247,8 @@ def test_the_truth_under_an_estimated_scale():
     for seed in range(30):
         truth, problem = misstated(2.0, 700 + seed, "estimated")
         fit = fit_likelihood(problem, starts=0)
-        miss = (fit.z - truth_in_z(truth))[:5]
-        distances.append(miss @ np.linalg.solve(fit.covariance[:5, :5], miss) / 5)
+        residual = (fit.z - truth_in_z(truth))[:5]
+        distances.append(residual @ np.linalg.solve(fit.covariance[:5, :5], residual) / 5)
     mean, variance = stats.f.stats(5, 32, moments="mv")
     assert abs(np.mean(distances) - mean) < 3.5 * np.sqrt(variance / 30)
 
@@ -270,10 +270,10 @@ def test_starts_put_targets_nearest_to_their_beams(good):
     np.testing.assert_array_equal(near[:6], truth.x[:6])
     # With recordings of their own, each is near to its own beams.
     moved = problem.joints + np.array([0.0, 0.02])[:, None, None]
-    own = start_at(problem, z[[0, 0]], moved)
-    np.testing.assert_allclose(own[0], near, rtol=1e-12)
-    np.testing.assert_allclose(own[1], start_at(problem.moved(moved[1]), z[:1])[0], rtol=1e-12)
-    assert np.linalg.norm(own[1, 6:9] - own[0, 6:9]) > 5.0
+    values = start_at(problem, z[[0, 0]], moved)
+    np.testing.assert_allclose(values[0], near, rtol=1e-12)
+    np.testing.assert_allclose(values[1], start_at(problem.moved(moved[1]), z[:1])[0], rtol=1e-12)
+    assert np.linalg.norm(values[1, 6:9] - values[0, 6:9]) > 5.0
 
 
 def test_a_target_of_which_a_coordinate_is_held_starts_there():
@@ -311,10 +311,10 @@ def test_the_best_of_all_starts_wins():
     # The starts are rows: the best of them by hand.
     density, rng = Density(problem), np.random.default_rng(0)
     z = np.vstack([np.zeros(8), rng.normal(size=(8, 8))])
-    found = fit_rows(density, start_at(problem, z), np.zeros(9, dtype=np.int64))
-    best = found.log_posterior[found.converged].max()
+    result = fit_rows(density, start_at(problem, z), np.zeros(9, dtype=np.int64))
+    best = result.log_posterior[result.converged].max()
     assert several.log_posterior == pytest.approx(best, abs=1e-6)
-    assert np.ptp(found.log_posterior) > 1  # they do not all end in one place
+    assert np.ptp(result.log_posterior) > 1  # they do not all end in one place
 
 
 # --- rows -------------------------------------------------------------------------------------------
@@ -343,10 +343,10 @@ def test_fifty_runs_at_once_are_fifty_fits(scale):
     # Control: the runs are not one.
     assert (np.ptp(many.z, axis=0) > many.std.mean(axis=0))[:8].all()
     if scale == "known":
-        miss = (many.z - density.scaled(x[None]))[:, :5]
+        residual = (many.z - density.scaled(x[None]))[:, :5]
         inverse = np.linalg.inv(many.covariance[:, :5, :5])
         low, high = stats.chi2.ppf([0.0005, 0.9995], 50 * 5)
-        assert low < (miss[:, None, :] @ inverse @ miss[:, :, None]).sum() < high
+        assert low < (residual[:, None, :] @ inverse @ residual[:, :, None]).sum() < high
 
 
 def test_several_starts_of_several_runs():
@@ -354,14 +354,14 @@ def test_several_starts_of_several_runs():
     _, problem, joints, spots = many_runs(good_plan(12), TABLE_2, 3, seed=22)
     density, of = Density(problem, joints, spots), np.array([2, 0, 1, 0, 2, 1])
     z = np.random.default_rng(1).normal(scale=0.3, size=(6, density.size))
-    found = fit_rows(density, start_at(problem, z, joints[of]), of)
-    assert found.converged.all()
+    result = fit_rows(density, start_at(problem, z, joints[of]), of)
+    assert result.converged.all()
     for run in range(3):
         first, second = np.flatnonzero(of == run)
-        np.testing.assert_allclose((found.z[first] - found.z[second]) / found.std[first], 0, atol=1e-3)
+        np.testing.assert_allclose((result.z[first] - result.z[second]) / result.std[first], 0, atol=1e-3)
         alone = fit_likelihood(problem.moved(joints[run], spots[run]), starts=0)
-        np.testing.assert_allclose((found.z[first] - alone.z) / alone.std, 0, atol=1e-3)
-    assert np.abs((found.z[0] - found.z[1]) / found.std[0]).max() > 0.1
+        np.testing.assert_allclose((result.z[first] - alone.z) / alone.std, 0, atol=1e-3)
+    assert np.abs((result.z[0] - result.z[1]) / result.std[0]).max() > 0.1
 
 
 def test_the_modes_alone_are_near_the_polished_ones():
@@ -384,11 +384,11 @@ def test_a_start_that_is_no_number_hurts_no_other():
     start = start_at(problem, np.zeros((3, density.size)), joints)
     sound = fit_rows(density, start)
     start[1] = np.nan
-    found = fit_rows(density, start)
-    np.testing.assert_array_equal(found.converged, [True, False, True])
-    assert "not finite" in found.reason[1]
-    np.testing.assert_array_equal(found.z[[0, 2]], sound.z[[0, 2]])
-    np.testing.assert_array_equal(found.covariance[[0, 2]], sound.covariance[[0, 2]])
+    result = fit_rows(density, start)
+    np.testing.assert_array_equal(result.converged, [True, False, True])
+    assert "not finite" in result.reason[1]
+    np.testing.assert_array_equal(result.z[[0, 2]], sound.z[[0, 2]])
+    np.testing.assert_array_equal(result.covariance[[0, 2]], sound.covariance[[0, 2]])
 
 
 def test_shots_of_no_weight_are_not_fitted():
@@ -397,13 +397,13 @@ def test_shots_of_no_weight_are_not_fitted():
     weights = np.ones((12, 12))
     weights[np.arange(12), np.arange(12)] = 0
     start = np.tile(fit_likelihood(problem, starts=0).x, (12, 1))
-    found = fit_rows(Density(problem).weighted(weights), start)
+    result = fit_rows(Density(problem).weighted(weights), start)
     for i in range(12):
         fewer = problem.select(np.delete(np.arange(12), i))
         one = fit_rows(Density(fewer), start[:1])
-        np.testing.assert_allclose((found.z[i] - one.z[0]) / one.std[0], 0, atol=1e-4)
-        np.testing.assert_allclose(found.std[i] / one.std[0], 1, atol=1e-4)
-    assert np.abs((found.z - found.z[0]) / found.std).max() > 0.1
+        np.testing.assert_allclose((result.z[i] - one.z[0]) / one.std[0], 0, atol=1e-4)
+        np.testing.assert_allclose(result.std[i] / one.std[0], 1, atol=1e-4)
+    assert np.abs((result.z - result.z[0]) / result.std).max() > 0.1
 
 
 def test_the_mode_with_free_noise_factors_by_scipy():
@@ -419,36 +419,36 @@ def test_the_mode_with_free_noise_factors_by_scipy():
         x[free] += (fit.z[0] + 0.5 * root.sum(axis=1) + root @ w) * scale
         return fit.log_posterior[0] - density.log_posterior(x[None])[0]
 
-    found = optimize.minimize(cost, np.zeros(len(root)), method="BFGS", options={"gtol": 1e-6})
-    np.testing.assert_allclose(found.x, -0.5, atol=1e-3)
-    assert cost(found.x) >= -1e-9
+    result = optimize.minimize(cost, np.zeros(len(root)), method="BFGS", options={"gtol": 1e-6})
+    np.testing.assert_allclose(result.x, -0.5, atol=1e-3)
+    assert cost(result.x) >= -1e-9
     assert cost(np.zeros(len(root))) > 0.5
 
 
 @pytest.mark.long
 def test_a_probe_on_an_arm_with_a_slide():
     robot = random_robot("rprrrr", 6)
-    own = header(
+    made_header = header(
         {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]},
         target=(300.0, 200.0, 100.0),
         noise={"joint_mm": 0.02},
     )
     # The tip's place in a middle posture: near it there are many ways to stand.
-    problem = Problem.build(own, robot, np.zeros((1, 6)), ["psd"])
-    place = problem.beams(problem.parameters.prior_mean)[0][0]
-    own = header(
+    problem = Problem.build(made_header, robot, np.zeros((1, 6)), ["psd"])
+    position = problem.beams(problem.parameters.prior_mean)[0][0]
+    made_header = header(
         {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]},
-        target=place,
+        target=position,
         noise={"joint_mm": 0.02},
     )
-    postures = varied_postures(own, robot, place, 20, 2)
+    postures = varied_postures(made_header, robot, position, 20, 2)
     true = {"delta2": 2.0, "delta3": 0.8, "delta4": -0.5}
-    truth, problem = simulated_problem(plan_of(own, postures, robot=robot), true, seed=4)
+    truth, problem = simulated_problem(plan_of(made_header, postures, robot=robot), true, seed=4)
     fit = fit_likelihood(problem, starts=2)
     assert fit.converged
-    miss = fit.z - truth_in_z(truth)
-    distance = miss @ np.linalg.solve(fit.covariance, miss)
-    assert distance < stats.chi2.ppf(0.9995, len(miss))
+    residual = fit.z - truth_in_z(truth)
+    distance = residual @ np.linalg.solve(fit.covariance, residual)
+    assert distance < stats.chi2.ppf(0.9995, len(residual))
 
 
 def test_a_fit_in_a_wrong_basin_contradicts_noise_and_priors_and_is_tried_again():
@@ -458,13 +458,13 @@ def test_a_fit_in_a_wrong_basin_contradicts_noise_and_priors_and_is_tried_again(
     data = drawn(problem, 12, np.random.default_rng(1))
     lost = wrong = 0
     for joints, spots, truth in zip(data.joints, data.spots, data.truths, strict=True):
-        own = problem.moved(joints, spots)
-        best = Density(own).log_posterior(truth[None])[0] - 5
-        first, found = fit_likelihood(own, starts=0), fit_likelihood(own)
+        moved = problem.moved(joints, spots)
+        best = Density(moved).log_posterior(truth[None])[0] - 5
+        first, result = fit_likelihood(moved, starts=0), fit_likelihood(moved)
         lost += first.log_posterior < best
-        wrong += found.log_posterior < best
+        wrong += result.log_posterior < best
         # Whoever is lost is told so.
         assert first.log_posterior >= best or first.p_value < CONTRADICTED
-        assert found.log_posterior >= best or found.p_value < CONTRADICTED
+        assert result.log_posterior >= best or result.p_value < CONTRADICTED
     assert lost >= 2
     assert wrong <= 1

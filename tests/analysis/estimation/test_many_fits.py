@@ -22,7 +22,7 @@ def problems():
     def again(problem):
         return problem.moved(problem.joints + rng.normal(size=problem.joints.shape) * 2e-4)
 
-    return [again(own) for own in (good, x_pattern, good, estimated, good, x_pattern, estimated)]
+    return [again(item) for item in (good, x_pattern, good, estimated, good, x_pattern, estimated)]
 
 
 def same(one: LikelihoodFit, other: LikelihoodFit) -> bool:
@@ -39,14 +39,14 @@ def same(one: LikelihoodFit, other: LikelihoodFit) -> bool:
 
 def test_fits_side_by_side_are_those_of_each_alone():
     with compiled_at_once():
-        own = problems()
-        together = fits_of(own, seed=3)
-        assert [fit.problem is problem for fit, problem in zip(together, own, strict=True)] == [True] * 7
-        for fit, problem in zip(together, own, strict=True):
+        values = problems()
+        together = fits_of(values, seed=3)
+        assert [fit.problem is problem for fit, problem in zip(together, values, strict=True)] == [True] * 7
+        for fit, problem in zip(together, values, strict=True):
             assert same(fit, fit_likelihood(problem, seed=3))
         assert together[1].other_basins or together[5].other_basins or not together[0].other_basins
         # Whatever is beside it: another order gives the same.
-        assert all(same(*pair) for pair in zip(fits_of(own[::-1], seed=3)[::-1], together, strict=True))
+        assert all(same(*pair) for pair in zip(fits_of(values[::-1], seed=3)[::-1], together, strict=True))
 
 
 def test_those_of_one_shape_go_together(monkeypatch: pytest.MonkeyPatch):

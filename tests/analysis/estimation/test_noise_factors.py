@@ -22,12 +22,12 @@ RUNS = 40
 def two_lengths(joint_deg, spot_mm, **changes):
     """Forty shots, at a near and at a far target: beams of 0.4 to 5 m."""
     targets = {"near": {"guess_mm": list(NEAR)}, "far": {"guess_mm": list(FAR)}}
-    own = header(target=None, targets=targets, joint_deg=joint_deg, spot_mm=spot_mm, **changes)
+    made_header = header(target=None, targets=targets, joint_deg=joint_deg, spot_mm=spot_mm, **changes)
     postures = [
-        varied_postures(header(target=place), irb1600(), place, 20, 5 + i)
-        for i, place in enumerate((NEAR, FAR))
+        varied_postures(header(target=position), irb1600(), position, 20, 5 + i)
+        for i, position in enumerate((NEAR, FAR))
     ]
-    return plan_of(own, np.concatenate(postures), ("near",) * 20 + ("far",) * 20)
+    return plan_of(made_header, np.concatenate(postures), ("near",) * 20 + ("far",) * 20)
 
 
 @pytest.fixture(scope="module")
@@ -39,17 +39,17 @@ def runs():
     problem = Problem.from_plan(two_lengths(WRIST, SPOT, noise={"scale": "separate"}))
     fits, common, oracle = [], [], []
     for run in zip(joints, spots, strict=True):
-        own = problem.moved(*run)
-        fits.append(fit_likelihood(own, starts=0))
-        density = Density(own)
+        moved = problem.moved(*run)
+        fits.append(fit_likelihood(moved, starts=0))
+        density = Density(moved)
         common.append(fit_rows(density, fits[-1].x[None]).x[0, -2:])
-        found = optimize.minimize(
+        result = optimize.minimize(
             lambda noise, density=density: -density.log_posterior(np.append(x, noise)[None])[0],
             TRUE,
             method="Nelder-Mead",
             options={"xatol": 1e-4},
         )
-        oracle.append(found.x)
+        oracle.append(result.x)
     assert all(fit.converged for fit in fits)
     return problem.moved(joints[0], spots[0]), fits, np.array(common), np.array(oracle)
 
@@ -118,11 +118,11 @@ def test_it_is_the_mode_of_the_marginal(runs):
     rest = np.flatnonzero(~problem.parameters.group("noise"))
 
     def marginal(noise):
-        known, own = problem.with_noise_of(np.append(x[rest], noise))
-        found = fit_rows(Density(known), own[None])
-        full = np.append(found.x[0], noise)[None]
+        known, values = problem.with_noise_of(np.append(x[rest], noise))
+        result = fit_rows(Density(known), values[None])
+        full = np.append(result.x[0], noise)[None]
         # The curvature by Fisher's information, as the formula has it.
-        information = Density(known).slopes(found.x).information[0]
+        information = Density(known).slopes(result.x).information[0]
         return Density(problem).log_posterior(full)[0] - np.linalg.slogdet(information)[1] / 2
 
     centre = marginal(x[-2:])
@@ -145,9 +145,9 @@ def test_the_quadratic_of_a_quadratic_is_itself(count):
     pairs = [units[i] + units[j] for i in range(count) for j in range(i)]
     points = _STEP * np.array([np.zeros(count), *units, *-units, *pairs, *(-pair for pair in pairs)])
     values = 3.0 + points @ slope - np.einsum("pi,ij,pj->p", points, curvature, points) / 2
-    found = _quadratic(values, count)
-    np.testing.assert_allclose(found[0], slope, atol=1e-9)
-    np.testing.assert_allclose(found[1], curvature, atol=1e-8)
+    result = _quadratic(values, count)
+    np.testing.assert_allclose(result[0], slope, atol=1e-9)
+    np.testing.assert_allclose(result[1], curvature, atol=1e-8)
 
 
 def test_noise_is_not_blamed_for_offsets():
@@ -170,9 +170,9 @@ def numbers_of(value, name):
     if isinstance(value, dict):
         if value.get("name") == name:
             return [value]
-        return [found for each in value.values() for found in numbers_of(each, name)]
+        return [result for each in value.values() for result in numbers_of(each, name)]
     if isinstance(value, list | tuple):
-        return [found for each in value for found in numbers_of(each, name)]
+        return [result for each in value for result in numbers_of(each, name)]
     return []
 
 
@@ -180,8 +180,8 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
     """A spot noise of a hundredth of what the joints do: nothing is claimed of it anywhere in the answer."""
     plan = good_plan(12, joint_deg=0.02, spot_mm=0.002, noise={"scale": "separate"})
     _, run = simulated(plan, TABLE_2, seed=3)
-    found = analyse(run, ess=400, robust="huber")
-    result, draws = found.result, found.draws
+    results = analyse(run, ess=400, robust="huber")
+    result, draws = results.result, results.draws
     rows = {row.name: row for row in result.parameters}
     spot, joint = rows["noise.spot"], rows["noise.joint"]
     assert spot.status == "unidentifiable"
@@ -195,11 +195,11 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
     posterior = {row.name: row for row in result.posterior.parameters}
     assert posterior["noise.spot"].source == "prior"
     assert posterior["noise.joint"].source == "data"
-    assert "noise.spot" in [own.name for own in draws.prior_only]
-    for found in numbers_of(to_json(result), "noise.spot"):
-        if found.get("source") != "prior":
+    assert "noise.spot" in [item.name for item in draws.prior_only]
+    for results in numbers_of(to_json(result), "noise.spot"):
+        if results.get("source") != "prior":
             for key in ("estimate", "std", "interval95"):
-                assert found.get(key) is None
+                assert results.get(key) is None
 
 
 def test_a_plan_that_tells_both_tells_both():

@@ -109,15 +109,15 @@ def test_the_gradient_of_the_loss_is_zero_there(pushed):
     plain = PlainPosterior(problem.joints, problem.spots, (900.0, 0.0, 0.0), 0.01, 0.05)
 
     def value(z):
-        miss, s = plain._parts(z)
-        quad = (miss * np.linalg.solve(s, miss[:, :, None])[:, :, 0]).sum(axis=1)
+        residual, s = plain._parts(z)
+        quad = (residual * np.linalg.solve(s, residual[:, :, None])[:, :, 0]).sum(axis=1)
         return rho(np.sqrt(quad), loss).sum() + (z**2).sum() / 2
 
     def gradient(x):
         parameters = problem.parameters
         z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
-        own = np.array([np.imag(value(z + 1e-30j * e)) / 1e-30 for e in np.eye(len(z))])
-        return np.linalg.norm(np.linalg.cholesky(fit.covariance).T @ own)
+        values = np.array([np.imag(value(z + 1e-30j * e)) / 1e-30 for e in np.eye(len(z))])
+        return np.linalg.norm(np.linalg.cholesky(fit.covariance).T @ values)
 
     assert gradient(robust.x) < 1e-3
     # Negative control: the likelihood's mode is not that of this loss.
@@ -131,8 +131,8 @@ def test_student_lets_go_of_what_is_far_and_huber_does_not(calm):
     for loss in LOSSES:
         at = []
         for sigmas in (30, 60):
-            own = knocked(problem, 4, sigmas)
-            at.append(fit_robust(own, fit_likelihood(own, starts=0), loss).weights[4] * sigmas)
+            values = knocked(problem, 4, sigmas)
+            at.append(fit_robust(values, fit_likelihood(values, starts=0), loss).weights[4] * sigmas)
         moves[loss] = at[1] / at[0]
     assert moves["huber"] == pytest.approx(1.0, abs=0.05)
     assert moves["student"] == pytest.approx(0.5, abs=0.05)
@@ -148,9 +148,9 @@ def test_the_scale_by_the_median_hardly_feels_one_outlier(loss):
     _, problem = simulated_problem(good_plan(12, noise={"scale": "estimated"}), TABLE_2, seed=3)
     far = knocked(problem, 4, 300)
     scales = []
-    for own in (problem, far):
-        fit = fit_likelihood(own, starts=0)
-        robust = fit_robust(own, fit, loss)
+    for item in (problem, far):
+        fit = fit_likelihood(item, starts=0)
+        robust = fit_robust(item, fit, loss)
         assert robust.converged
         scales.append((robust.scale, 1 / np.sqrt(fit.weight)))
     assert scales[1][0] / scales[0][0] < 1.7
@@ -164,16 +164,16 @@ def test_clean_runs_have_no_outliers(loss):
 
     7 shots have 6 numbers more than unknowns. More than 8 alarms of 1 % in 150 runs have a chance of 1e-4.
     """
-    count, chance = 150, 0.01
+    count, level = 150, 0.01
     _, _, joints, spots = many_runs(good_plan(7), TABLE_2, count, seed=1)
     problem = Problem.from_plan(good_plan(7, noise={"scale": "estimated"}))
     alarms = naive = 0
     for run in zip(joints, spots, strict=True):
-        own = problem.moved(*run)
-        robust = fit_robust(own, fit_likelihood(own, starts=0), loss)
-        alarms += len(outlying(robust.whitened, 2, chance, 6)) > 0
-        naive += len(outlying(robust.whitened * np.sqrt(14 / 6), 2, chance)) > 0
-    most = stats.binom.isf(1e-4, count, chance)
+        moved = problem.moved(*run)
+        robust = fit_robust(moved, fit_likelihood(moved, starts=0), loss)
+        alarms += len(outlying(robust.whitened, 2, level, 6)) > 0
+        naive += len(outlying(robust.whitened * np.sqrt(14 / 6), 2, level)) > 0
+    most = stats.binom.isf(1e-4, count, level)
     assert alarms <= most
     # Negative control: the median as it is, with a limit that takes the scale for known.
     assert naive > most
@@ -205,9 +205,9 @@ def test_the_sandwich_covers_under_heavy_tails(loss):
     quantile = stats.t.ppf(0.975, 80 - 8)
     error, std, narrow = [], [], []
     for run in zip(joints, spots, strict=True):
-        own = problem.moved(*run)
-        fit = fit_likelihood(own, starts=0)
-        robust = fit_robust(own, fit, loss)
+        moved = problem.moved(*run)
+        fit = fit_likelihood(moved, starts=0)
+        robust = fit_robust(moved, fit, loss)
         assert robust.converged
         assert robust.covariance is not None
         z = ((robust.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
@@ -226,8 +226,10 @@ def test_the_sandwich_covers_under_heavy_tails(loss):
 def two_targets(**changes):
     """Twelve shots of one target, and one alone of another."""
     plan = good_plan(13, **changes)
-    own = header(targets={"psd": {"guess_mm": [900, 0, 0]}, "lone": {"guess_mm": [900, 0, 0]}}, **changes)
-    return plan_of(own, plan.postures, ["psd"] * 12 + ["lone"])
+    made_header = header(
+        targets={"psd": {"guess_mm": [900, 0, 0]}, "lone": {"guess_mm": [900, 0, 0]}}, **changes
+    )
+    return plan_of(made_header, plan.postures, ["psd"] * 12 + ["lone"])
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -240,8 +242,8 @@ def test_a_shot_that_decides_something_alone_leaves_no_uncertainty(loss):
     assert robust.covariance is None
     # Negative control: without the lone shot there is a covariance.
     only = run_of(good_plan(12).header, run.shots[:12])
-    own = Problem.from_run(only)
-    assert fit_robust(own, fit_likelihood(own, starts=0), loss).covariance is not None
+    values = Problem.from_run(only)
+    assert fit_robust(values, fit_likelihood(values, starts=0), loss).covariance is not None
 
 
 # --- in the answer ----------------------------------------------------------------------------------
@@ -249,26 +251,26 @@ def test_a_shot_that_decides_something_alone_leaves_no_uncertainty(loss):
 
 def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     _, run = simulated(good_plan(4), TABLE_2, seed=3)
-    told = analyse(run, ess=400, robust="huber").result.robust
-    assert "no uncertainty: a measurement has leverage 1" in robust_message(told)
-    assert {row.std for row in told.parameters} == {None}
-    assert {row.interval95 for row in told.parameters} == {None}
+    answer = analyse(run, ess=400, robust="huber").result.robust
+    assert "no uncertainty: a measurement has leverage 1" in robust_message(answer)
+    assert {row.std for row in answer.parameters} == {None}
+    assert {row.interval95 for row in answer.parameters} == {None}
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
-    told = analyse(run, ess=400, robust="huber").result.robust
-    assert "no uncertainty" not in robust_message(told)
-    assert min(row.std for row in told.parameters) > 0
+    answer = analyse(run, ess=400, robust="huber").result.robust
+    assert "no uncertainty" not in robust_message(answer)
+    assert min(row.std for row in answer.parameters) > 0
 
 
 @pytest.mark.parametrize("loss", LOSSES)
 def test_what_cannot_be_told_has_no_number(loss):
     """Joint 1 freed turns with the target: the robust fit has a value of it, which must not be told."""
     _, run = simulated(good_plan(10, held=[]), TABLE_2, seed=2)
-    told = {row.name: row for row in analyse(run, ess=400, robust=loss).result.robust.parameters}
-    row = told["delta1"]
+    answer = {row.name: row for row in analyse(run, ess=400, robust=loss).result.robust.parameters}
+    row = answer["delta1"]
     assert (row.estimate, row.std, row.interval95) == (None, None, None)
     for name in ("delta4", "delta5"):
-        assert told[name].std > 0
-        assert told[name].interval95[0] < told[name].estimate < told[name].interval95[1]
+        assert answer[name].std > 0
+        assert answer[name].interval95[0] < answer[name].estimate < answer[name].interval95[1]
 
 
 def test_the_answer_names_the_outlier_by_its_number_in_the_file():

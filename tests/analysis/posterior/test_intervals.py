@@ -26,9 +26,9 @@ HALF = float(stats.norm.ppf(0.975))
 
 def short_pattern(**changes):
     """Seven shots of the Y-Pattern over 0.4 of the reach: weak."""
-    place = np.array([900.0, 150.0, 0.0])
-    own = header(target=place, **changes)
-    return plan_of(own, pattern(own, irb1600(), place, "y", 7, span=0.4))
+    position = np.array([900.0, 150.0, 0.0])
+    made_header = header(target=position, **changes)
+    return plan_of(made_header, pattern(made_header, irb1600(), position, "y", 7, span=0.4))
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +40,16 @@ def weak():
 @pytest.fixture(scope="module")
 def two_targets():
     places = {"a": (900.0, 0.0, 0.0), "b": (800.0, 300.0, 100.0)}
-    own = header(target=None, targets={name: {"guess_mm": list(place)} for name, place in places.items()})
+    made_header = header(
+        target=None, targets={name: {"guess_mm": list(position)} for name, position in places.items()}
+    )
     postures = [
-        varied_postures(header(target=place), irb1600(), place, 8, 5 + i)
-        for i, place in enumerate(places.values())
+        varied_postures(header(target=position), irb1600(), position, 8, 5 + i)
+        for i, position in enumerate(places.values())
     ]
-    return simulated(plan_of(own, np.concatenate(postures), ["a"] * 8 + ["b"] * 8), TABLE_2, seed=3)[1]
+    return simulated(plan_of(made_header, np.concatenate(postures), ["a"] * 8 + ["b"] * 8), TABLE_2, seed=3)[
+        1
+    ]
 
 
 # --- intervals --------------------------------------------------------------------------------------
@@ -54,20 +58,20 @@ def two_targets():
 def test_weak_parameters_are_told_by_all_three_ways(weak):
     run, result = weak
     statuses = {row.name: row.status for row in result.parameters}
-    told = {row.name: row for row in result.intervals}
-    assert [name for name in told if statuses[name] == "weak"] == [
+    answer = {row.name: row for row in result.intervals}
+    assert [name for name in answer if statuses[name] == "weak"] == [
         name for name, status in statuses.items() if status == "weak" and "." not in name
     ]
     assert any(status == "weak" for status in statuses.values())
     problem = Problem.from_run(run)
     fit = fit_likelihood(problem)
-    for name, row in told.items():
+    for name, row in answer.items():
         i = problem.parameters.index(name)
         ends = np.degrees(profile_intervals(problem, fit, np.array([i]), HALF)[0])
-        own = next(each for each in result.parameters if each.name == name)
+        values = next(each for each in result.parameters if each.name == name)
         drawn = next(each for each in result.posterior.parameters if each.name == name)
         assert row.unit == "deg"
-        assert row.linear == own.interval95
+        assert row.linear == values.interval95
         assert row.profile == pytest.approx(tuple(ends))
         assert row.posterior == (drawn.q2_5, drawn.q97_5)
         width = row.linear[1] - row.linear[0]
@@ -167,8 +171,8 @@ def test_without_a_fit_there_is_nothing(monkeypatch):
             real(*args, **kwargs), converged=False, reason="cut short"
         ),
     )
-    found = analyse(run, robust="huber")
-    result, draws = found.result, found.draws
+    results = analyse(run, robust="huber")
+    result, draws = results.result, results.draws
     assert draws is None
     assert (result.intervals, result.robust) == ((), None)
 
@@ -181,13 +185,13 @@ def test_a_robust_fit_is_there_when_asked_for():
     assert analyse(run, ess=400).result.robust is None
     for loss in ("huber", "student"):
         result = analyse(run, ess=400, robust=loss).result
-        told, rows = result.robust, {row.name: row for row in result.parameters}
-        assert told.loss == loss
-        assert told.converged
-        assert len(told.weights) == 12
-        assert told.outliers == ()
+        answer, rows = result.robust, {row.name: row for row in result.parameters}
+        assert answer.loss == loss
+        assert answer.converged
+        assert len(answer.weights) == 12
+        assert answer.outliers == ()
         quantile = stats.t.ppf(0.975, 24 - 8)
-        for row in told.parameters:
+        for row in answer.parameters:
             assert row.unit == rows[row.name].unit
             assert abs(row.estimate - rows[row.name].estimate) < rows[row.name].std
             half = (row.interval95[1] - row.interval95[0]) / 2
@@ -215,13 +219,13 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
 
 def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
     calm = analyse(two_targets, ess=400).result
-    told = analyse(two_targets, ess=400, held_out=["b"]).result
+    answer = analyse(two_targets, ess=400, held_out=["b"]).result
     assert calm.hold_out is None
-    assert told.hold_out.targets == ("b",)
-    assert (told.hold_out.shots, told.hold_out.shots_fitted) == (8, 8)
-    assert told.hold_out.p_value > 1e-3
-    assert told.findings == calm.findings
-    assert told.parameters == calm.parameters
+    assert answer.hold_out.targets == ("b",)
+    assert (answer.hold_out.shots, answer.hold_out.shots_fitted) == (8, 8)
+    assert answer.hold_out.p_value > 1e-3
+    assert answer.findings == calm.findings
+    assert answer.parameters == calm.parameters
 
 
 def test_offsets_that_do_not_carry_over_are_noted(two_targets):
@@ -240,11 +244,11 @@ def test_offsets_that_do_not_carry_over_are_noted(two_targets):
 
 
 def test_a_name_that_is_not_there_is_said_before_the_long_part(two_targets, refused):
-    told = []
-    error = refused(analyse, two_targets, held_out=["c"], progress=lambda stage, share: told.append(stage))
+    message = []
+    error = refused(analyse, two_targets, held_out=["c"], progress=lambda stage, share: message.append(stage))
     assert error.found == "c"
     assert str(two_targets.path) in str(error)
-    assert set(told) <= {"fit"}
+    assert set(message) <= {"fit"}
 
 
 # --- the same answer twice --------------------------------------------------------------------------

@@ -45,7 +45,7 @@ def test_the_posterior_of_the_x_pattern_is_marked_as_the_priors():
     assert rows["delta2"].source == "prior"
     assert rows["delta4"].source == "data"
     assert "delta2" not in draws.names
-    (lost,) = (own for own in draws.prior_only if own.name == "delta2")
+    (lost,) = (item for item in draws.prior_only if item.name == "delta2")
     assert (lost.unit, lost.mean, lost.std) == ("deg", 0.0, pytest.approx(5.0))
     drawn = lost.draws(np.random.default_rng(1), (4, 1000))
     assert drawn.std() == pytest.approx(5.0, rel=4 / np.sqrt(2 * drawn.size))

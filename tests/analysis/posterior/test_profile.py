@@ -29,9 +29,9 @@ def linear(problem, fit, which):
 @pytest.fixture(scope="module")
 def weak():
     """Seven shots of the Y-Pattern over 0.4 of the reach: weak, and the misses are far from linear."""
-    place = np.array([900.0, 150.0, 0.0])
-    own = header(target=place)
-    return fitted(plan_of(own, pattern(own, irb1600(), place, "y", 7, span=0.4)), seed=3)
+    position = np.array([900.0, 150.0, 0.0])
+    made_header = header(target=position)
+    return fitted(plan_of(made_header, pattern(made_header, irb1600(), position, "y", 7, span=0.4)), seed=3)
 
 
 class PlainProfile:
@@ -54,9 +54,9 @@ class PlainProfile:
         if refit:
 
             def full(rest):
-                own = start.copy()
-                own[self.rest] = rest
-                return own
+                point = start.copy()
+                point[self.rest] = rest
+                return point
 
             cost = optimize.least_squares(
                 lambda rest: self.plain.residuals(full(rest)).real,
@@ -73,8 +73,8 @@ class PlainProfile:
     def end(self, sign, refit=True):
         centre, std = self.fit.z[self.place], self.fit.std[self.place]
         near, far = centre + 0.05 * sign * (std if refit else 1e-3 * std), centre + 6 * sign * std
-        found = optimize.brentq(lambda z: self.root(z, refit) - sign * HALF, near, far, rtol=1e-6)
-        return found * self.scale
+        result = optimize.brentq(lambda z: self.root(z, refit) - sign * HALF, near, far, rtol=1e-6)
+        return result * self.scale
 
 
 @pytest.mark.parametrize("name", [pytest.param("delta2", marks=pytest.mark.long), "delta4"])

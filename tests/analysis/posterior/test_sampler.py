@@ -35,8 +35,8 @@ def test_the_proposal_is_a_multivariate_t():
     proposal = IndependenceProposal(location, factor, 7.0)
     points = rng.normal(size=(5, 3)) * 3
     exact = stats.multivariate_t(location, factor @ factor.T, df=7).logpdf(points)
-    own = proposal.log_density(points)
-    np.testing.assert_allclose(own - own[0], exact - exact[0], atol=1e-12)
+    values = proposal.log_density(points)
+    np.testing.assert_allclose(values - values[0], exact - exact[0], atol=1e-12)
     # The whitened squared radius over the dimension is F(3, 7): 20 000 draws by Kolmogorov and Smirnov.
     drawn = proposal.draw(20_000, rng)
     inner = np.linalg.solve(factor, (drawn - location).T)
@@ -168,9 +168,9 @@ def agrees(sampled, means, quantiles, k=4.5):
     """Expectations and quantiles within k MCSE: `means` (function, value), `quantiles` (j, p, value)."""
     chains = sampled.values.reshape(-1, *sampled.values.shape[2:])
     for function, value in means:
-        own = function(chains)
-        error = float(array_stats.mcse(own, method="mean"))
-        assert abs(own.mean() - value) < k * error, (own.mean(), value, error)
+        values = function(chains)
+        error = float(array_stats.mcse(values, method="mean"))
+        assert abs(values.mean() - value) < k * error, (values.mean(), value, error)
     for j, p, value in quantiles:
         below = (chains[..., j] <= value).astype(float)
         error = np.sqrt(p * (1 - p) / float(array_stats.ess(below, method="mean")))
@@ -401,10 +401,10 @@ def test_the_budget_is_kept(monkeypatch):
 def test_the_effective_size_is_honest():
     """The variance of means and of squares over 200 seeds is what the ESS says, within 4 of their errors."""
     size, seeds = 8, 200
-    found = [sample_density(normal, t_at_zero(size, 8.0), seed=s, ess=1000) for s in range(seeds)]
+    result = [sample_density(normal, t_at_zero(size, 8.0), seed=s, ess=1000) for s in range(seeds)]
     for power, variance in ((1, 1.0), (2, 2.0)):
-        means = np.array([(f.values**power).mean(axis=(0, 1, 2)) for f in found]) - (power == 2)
-        told = np.array(
+        means = np.array([(f.values**power).mean(axis=(0, 1, 2)) for f in result]) - (power == 2)
+        message = np.array(
             [
                 [
                     float(
@@ -414,11 +414,11 @@ def test_the_effective_size_is_honest():
                     )
                     for j in range(size)
                 ]
-                for f in found[:20]
+                for f in result[:20]
             ]
         ).mean()
         # Coordinates are nearly independent: the mean of size * seeds squares.
-        ratio = (means**2).mean() / (variance / told)
+        ratio = (means**2).mean() / (variance / message)
         assert abs(ratio - 1) < 4 * np.sqrt(2 / (size * seeds)) + 0.05, (power, ratio)
 
 

@@ -91,8 +91,8 @@ def test_what_opens_files_is_confined_and_nothing_else(folder: Path, tmp_path: P
     assert used() == []
     (tmp_path / "new").unlink()
     with confined(folder):
-        told = "this path is not below the app's folder"
-        assert used() == [(name, told) for name in ("read", "robot", "write", "folder")]
+        message = "this path is not below the app's folder"
+        assert used() == [(name, message) for name in ("read", "robot", "write", "folder")]
         assert read_bytes(folder / "in.yaml") == b"inside"
         write_whole(folder / "made", "text")
         load_robot("ur5e", folder)
@@ -123,7 +123,7 @@ def test_a_history_is_within(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "words"),
     [
         ({"psds": {"psd": psd("/dev/ttyNONE", calibration="../out.yaml")}}, "not below"),
         ({"psds": {"psd": psd("in.yaml")}}, "no serial port"),
@@ -137,14 +137,14 @@ def test_a_history_is_within(folder: Path) -> None:
     ],
 )
 def test_sensors_are_within(
-    folder: Path, changed: dict[str, object], said: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, changed: dict[str, object], words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("serial")
     pytest.importorskip("cv2")
     file = sensors(folder, **changed)
     if "camera" in changed:  # the amplifier answers
         monkeypatch.setattr("zerobeam.experiments.sensors.attached.Amplifier", _Amplifier)
-    with confined(folder), pytest.raises(BadInput, match=said):
+    with confined(folder), pytest.raises(BadInput, match=words):
         read_sensors(file, good_plan(3))
 
 

@@ -133,9 +133,9 @@ def test_what_a_header_cannot_say(header_file, refused, old, new, what, line):
 
 def test_separate_noise_factors_need_a_spot_noise(header_file, refused):
     """Of none at all no factor can be told; joints alone may be estimated."""
-    stated = change(LASER, "spot_mm: 0.05", "spot_mm: 0.05\n  scale: separate")
-    assert read_header(header_file(stated)).noise.scale == "separate"
-    error = refused(read_header, header_file(stated.replace("spot_mm: 0.05", "spot_mm: 0")))
+    content = change(LASER, "spot_mm: 0.05", "spot_mm: 0.05\n  scale: separate")
+    assert read_header(header_file(content)).noise.scale == "separate"
+    error = refused(read_header, header_file(content.replace("spot_mm: 0.05", "spot_mm: 0")))
     assert "no spot noise" in error.what
     assert error.line == 10
     assert "above 0" in error.allowed

@@ -112,27 +112,27 @@ def at_every_call() -> Iterator[Callable[[Callable[[], None]], None]]:
 def test_a_new_journal_never_has_its_name_without_its_whole_header(
     path: Path, at_every_call: Callable[[Callable[[], None]], None]
 ) -> None:
-    seen: list[bytes | None] = []
+    observed: list[bytes | None] = []
 
     def look() -> None:
         content = path.read_bytes() if path.exists() else None
-        if not seen or seen[-1] != content:
-            seen.append(content)
+        if not observed or observed[-1] != content:
+            observed.append(content)
 
     at_every_call(look)
     journal = RunJournal(path, HEADER)
     sys.setprofile(None)
     journal.close()
-    assert seen == [None, path.read_bytes()]
+    assert observed == [None, path.read_bytes()]
     # The control: a file that is opened under its name, then written.
-    seen.clear()
+    observed.clear()
     path.unlink()
     at_every_call(look)
     with open(path, "xb") as file:
         file.write(b"{}")
         file.flush()
     sys.setprofile(None)
-    assert seen == [None, b"", b"{}"]
+    assert observed == [None, b"", b"{}"]
 
 
 def test_nothing_is_overwritten_and_nothing_unsound_is_begun(
@@ -167,11 +167,11 @@ def test_a_journal_takes_only_what_can_be_read_again(path: Path, refused: Refuse
 
 
 @pytest.mark.parametrize(
-    ("failure", "told"),
+    ("failure", "message"),
     [(OSError(errno.ENOSPC, "No space left on device"), RigFault), (KeyboardInterrupt(), KeyboardInterrupt)],
 )
 def test_a_shot_that_does_not_reach_the_disk_is_taken_back(
-    path: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException, told: type[BaseException]
+    path: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException, message: type[BaseException]
 ) -> None:
     def failing(_: int) -> None:
         raise failure
@@ -181,7 +181,7 @@ def test_a_shot_that_does_not_reach_the_disk_is_taken_back(
         before = path.read_bytes()
         with monkeypatch.context() as patch:
             patch.setattr(os, "fsync", failing)
-            with pytest.raises(told):
+            with pytest.raises(message):
                 journal.append(SHOTS[1])
         assert journal.shots == (SHOTS[0],)
         assert path.read_bytes() == before
@@ -280,7 +280,7 @@ def test_the_same_shot_is_not_recorded_again(path: Path, whole: bytes, refused: 
 
 
 @pytest.mark.parametrize(
-    ("changes", "key", "found", "allowed"),
+    ("changes", "key", "result", "allowed"),
     [
         ({"robot": "irb1601"}, "robot", '"irb1600"', '"irb1601"'),
         ({"noise": {"joint_deg": 0.02, "spot_mm": 0.05}}, "noise.joint_deg", "0.01", "0.02"),
@@ -292,13 +292,13 @@ def test_the_same_shot_is_not_recorded_again(path: Path, whole: bytes, refused: 
     ],
 )
 def test_another_header_is_refused_by_its_first_key_that_differs(
-    path: Path, whole: bytes, refused: Refused, changes: dict[str, Any], key: str, found: str, allowed: str
+    path: Path, whole: bytes, refused: Refused, changes: dict[str, Any], key: str, result: str, allowed: str
 ) -> None:
     torn = whole[:-9]  # which would be taken out
     path.write_bytes(torn)
     error = refused(RunJournal.resumed, path, Header.model_validate({**CONTENT, **changes}))
     assert error.what == f"the recording was begun with another header: {key} differs"
-    assert (error.found, error.allowed, error.line) == (found, allowed, 1)
+    assert (error.found, error.allowed, error.line) == (result, allowed, 1)
     assert "--resume" in str(error.remedy)
     assert path.read_bytes() == torn
 
@@ -337,9 +337,9 @@ def test_what_cannot_be_read_is_not_gone_on_with(
 
 
 def test_there_must_be_a_file_to_go_on_with(tmp_path: Path, path: Path, refused: Refused) -> None:
-    for place, found in ((path, "no file of this name"), (tmp_path, "not a file")):
-        error = refused(RunJournal.resumed, place, HEADER)
-        assert error.found == found
+    for position, result in ((path, "no file of this name"), (tmp_path, "not a file")):
+        error = refused(RunJournal.resumed, position, HEADER)
+        assert error.found == result
         assert "without --resume" in str(error.remedy)
     assert list(tmp_path.iterdir()) == []
 

@@ -54,7 +54,8 @@ j: 12:30:00
 def test_places_have_the_lines_of_their_keys(tmp_path):
     document = read_yaml(yaml(tmp_path, "# comment\na: 1\nb:\n  c:\n    - 1\n    -\n      d: 2\n"))
     assert [
-        document.line(place) for place in [("a",), ("b",), ("b", "c"), ("b", "c", 0), ("b", "c", 1, "d")]
+        document.line(position)
+        for position in [("a",), ("b",), ("b", "c"), ("b", "c", 0), ("b", "c", 1, "d")]
     ] == [2, 3, 4, 5, 7]
     assert document.line(("b", "c", 1, "missing")) == 7
     assert document.line(("b", "c", 1, "missing")) == document.line(("b", "c", 1))
@@ -122,8 +123,8 @@ def test_only_regular_files_are_opened(tmp_path, refused):
     link.symlink_to("/dev/zero")
     with socket.socket(socket.AF_UNIX) as end:
         end.bind(str(plug))
-        found = [refused(read_text, path).found for path in (pipe, link, plug, Path("/dev/null"))]
-    assert found == ["a pipe", "a device", "a socket", "a device"]
+        result = [refused(read_text, path).found for path in (pipe, link, plug, Path("/dev/null"))]
+    assert result == ["a pipe", "a device", "a socket", "a device"]
 
 
 def test_a_file_is_read_up_to_the_size_for_its_kind(tmp_path, refused):

@@ -319,9 +319,9 @@ def test_what_was_written_is_read_again_to_the_last_digit(tmp_path):
     ],
 )
 def test_the_line_of_a_shot_is_json_without_blanks(changes):
-    own = Shot.model_validate(shot(7, **changes))
-    stated = {key: value for key, value in own if value is not None}
-    assert shot_text(own) == json.dumps(stated, ensure_ascii=False, separators=(",", ":")) + "\n"
+    values = Shot.model_validate(shot(7, **changes))
+    content = {key: value for key, value in values if value is not None}
+    assert shot_text(values) == json.dumps(content, ensure_ascii=False, separators=(",", ":")) + "\n"
 
 
 def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused):

@@ -28,7 +28,7 @@ class Outer(FileModel):
 
 
 def judge(refused, data):
-    return refused(validate, Outer, data, file=Path("f"), line=lambda place: 10 + len(place))
+    return refused(validate, Outer, data, file=Path("f"), line=lambda position: 10 + len(position))
 
 
 def test_an_unknown_key_tells_the_allowed_ones_of_its_place(refused):
@@ -44,7 +44,7 @@ def test_an_unknown_key_tells_the_allowed_ones_of_its_place(refused):
 
 
 @pytest.mark.parametrize(
-    ("inner", "what", "found"),
+    ("inner", "what", "result"),
     [
         ({}, "the key 'length_mm' is missing in inner", "no keys at all"),
         ({"length_mm": "1"}, "inner.length_mm is not a number", '"1"'),
@@ -55,10 +55,10 @@ def test_an_unknown_key_tells_the_allowed_ones_of_its_place(refused):
         ([1.0], "inner is not keys and values", "[1.0]"),
     ],
 )
-def test_wrong_values_are_told_in_words(refused, inner, what, found):
+def test_wrong_values_are_told_in_words(refused, inner, what, result):
     error = judge(refused, {"name": "x", "inner": inner})
     assert what in error.what
-    assert found is None or error.found == found
+    assert result is None or error.found == result
     assert "pydantic" not in str(error)
 
 
@@ -72,7 +72,7 @@ class Numbers(FileModel):
 
 
 @pytest.mark.parametrize(
-    ("stated", "what", "found", "allowed"),
+    ("content", "what", "result", "allowed"),
     [
         ({"a_mm": 1e30}, "a_mm is out of range", "1e+30 mm", "-1e+06 to 1e+06 mm"),
         ({"turn_deg": -1e6}, "turn_deg is out of range", "-1e+06 deg", "-100000 to 100000 deg"),
@@ -84,11 +84,11 @@ class Numbers(FileModel):
         ({"sigma_mm": [1, 1e-13]}, "a number is too small", "1e-13", "at least 1e-12"),
     ],
 )
-def test_numbers_that_nothing_physical_has_are_refused(refused, stated, what, found, allowed):
-    error = refused(validate, Numbers, stated, file=Path("f"), line=lambda place: 10 + len(place))
-    assert (error.what, error.found) == (what, found)
+def test_numbers_that_nothing_physical_has_are_refused(refused, content, what, result, allowed):
+    error = refused(validate, Numbers, content, file=Path("f"), line=lambda position: 10 + len(position))
+    assert (error.what, error.found) == (what, result)
     assert allowed is None or error.allowed == allowed
-    whole = not isinstance(next(iter(stated.values())), list | dict)
+    whole = not isinstance(next(iter(content.values())), list | dict)
     assert error.line == 10 + (1 if whole else 2)
 
 

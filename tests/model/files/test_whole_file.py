@@ -20,8 +20,8 @@ def test_pieces_are_written_as_they_come(tmp_path: Path) -> None:
 
     def pieces() -> Iterator[str]:
         yield "δ"
-        (aside,) = tmp_path.iterdir()
-        assert aside.name.startswith(".a.txt.")
+        (part,) = tmp_path.iterdir()
+        assert part.name.startswith(".a.txt.")
         yield "2"
 
     write_whole(file, pieces())

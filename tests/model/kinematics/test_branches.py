@@ -43,10 +43,10 @@ def test_the_elbow_of_an_irb6700_changes_where_its_forearm_is_in_line() -> None:
     ],
 )
 def test_confdata(joints: list[float], expected: tuple[int, ...]) -> None:
-    own = branch("irb120", joints)
-    assert abb_configuration(own, np.array(joints)) == expected
-    assert is_abb_configuration(expected, own, np.array(joints))
-    assert not is_abb_configuration((*expected[:3], (expected[3] + 1) % 8), own, np.array(joints))
+    configuration = branch("irb120", joints)
+    assert abb_configuration(configuration, np.array(joints)) == expected
+    assert is_abb_configuration(expected, configuration, np.array(joints))
+    assert not is_abb_configuration((*expected[:3], (expected[3] + 1) % 8), configuration, np.array(joints))
 
 
 def test_status_and_turn_of_a_kuka() -> None:
@@ -70,10 +70,10 @@ def test_config_of_a_fanuc() -> None:
     down = np.array([0.0, 0, 0, 0, -90, 0])
     assert fanuc_configuration(branch("lrmate_200id", down.tolist()), down) == ("N U T", (0, 0, 0))
     flipped = np.array([0.0, 0, 0, 179, 90, 181])
-    own = branch("lrmate_200id", flipped.tolist())
-    assert fanuc_configuration(own, flipped) == ("F U T", (0, 0, 1))
-    assert is_fanuc_configuration("F U T", (0, 0, 1), own, flipped)
-    assert not is_fanuc_configuration("F U T", (0, 0, 0), own, flipped)
+    configuration = branch("lrmate_200id", flipped.tolist())
+    assert fanuc_configuration(configuration, flipped) == ("F U T", (0, 0, 1))
+    assert is_fanuc_configuration("F U T", (0, 0, 1), configuration, flipped)
+    assert not is_fanuc_configuration("F U T", (0, 0, 0), configuration, flipped)
 
 
 def test_a_mounting_changes_no_configuration() -> None:

@@ -18,14 +18,14 @@ def test_solutions_have_the_pose(name: str, most: int) -> None:
         if is_singular(robot, joints):
             continue
         pose = robot.fk(joints, "rad")
-        found = solver.solutions(pose)
+        result = solver.solutions(pose)
         np.testing.assert_allclose(
-            robot.fk(found, "rad"), np.broadcast_to(pose, (len(found), 4, 4)), atol=1e-5
+            robot.fk(result, "rad"), np.broadcast_to(pose, (len(result), 4, 4)), atol=1e-5
         )
-        assert sum(solver.same(row, joints) for row in found) == 1
-        assert len(found) <= most
-        assert (found >= robot.lower - 1e-6).all()
-        assert (found <= robot.upper + 1e-6).all()
+        assert sum(solver.same(row, joints) for row in result) == 1
+        assert len(result) <= most
+        assert (result >= robot.lower - 1e-6).all()
+        assert (result <= robot.upper + 1e-6).all()
 
 
 def test_an_arm_with_a_spherical_wrist_has_eight_postures_where_limits_allow() -> None:

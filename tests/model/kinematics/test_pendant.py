@@ -154,7 +154,7 @@ def test_the_conventions_of_a_urdf_stand_beside_its_chain(tmp_path: Path) -> Non
         + "</robot>"
     )
     (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
-    stated = {
+    content = {
         "robot": {
             "urdf": "arm.urdf", "base": "l0", "tip": "l3", "mounting": {"below_base_mm": 120.0},
             "pendant": {"joint3": "ground"}, "limits": {"joint3_pendant_deg": [-90.0, 100.0]},
@@ -163,16 +163,16 @@ def test_the_conventions_of_a_urdf_stand_beside_its_chain(tmp_path: Path) -> Non
         "tool": {"kind": "laser", "point_mm": [0.0, 0.0, 50.0], "direction": [1.0, 0.0, 0.0]},
         "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
     }  # fmt: skip
-    header = Header.model_validate(stated)
+    header = Header.model_validate(content)
     robot = load_robot(header.robot, tmp_path)
     assert (robot.conventions.below_base, robot.conventions.encoder3) == (120.0, "link")
     assert [limit[2] for limit in pendant_of(robot).limits] == pytest.approx([-90, 100])
     assert np.degrees(robot.upper[2]) == pytest.approx(np.degrees(3.5))
     # They are written with the header, and go along to another folder.
-    assert header_content(header, "zerobeam/plan/1")["robot"] == stated["robot"]
+    assert header_content(header, "zerobeam/plan/1")["robot"] == content["robot"]
     (tmp_path / "deeper").mkdir()
     moved = rebased(header.robot, tmp_path, tmp_path / "deeper")
     assert load_robot(moved, tmp_path / "deeper").conventions == robot.conventions
-    stated["robot"]["pendant"] = {"joint3": "link"}  # type: ignore[index]
+    content["robot"]["pendant"] = {"joint3": "link"}  # type: ignore[index]
     with pytest.raises(ValidationError, match="joint3_pendant_deg is for a pendant"):
-        Header.model_validate(stated)
+        Header.model_validate(content)

@@ -56,11 +56,11 @@ def changed(tmp_path: Path, change: dict[str, str]) -> Path:
 
 @pytest.mark.parametrize("what", CHANGES)
 def test_numbers_in_another_unit_are_said(what: str, tmp_path: Path) -> None:
-    change, said = CHANGES[what]
-    with pytest.warns(DoubtfulRobot) as found:
+    change, words = CHANGES[what]
+    with pytest.warns(DoubtfulRobot) as result:
         load_robot(changed(tmp_path, change))
-    sentences = [str(each.message) for each in found]
-    assert any(said in sentence for sentence in sentences), sentences
+    sentences = [str(each.message) for each in result]
+    assert any(words in sentence for sentence in sentences), sentences
     assert all(sentence.startswith("robot ur5e: ") for sentence in sentences)
 
 

@@ -238,9 +238,9 @@ def test_a_rotation_by_cosine_and_sine(axis):
     axis, angle = np.array(axis), ca.SX.sym("angle")
     rotation = axis_rotation(axis, ca.cos(angle), ca.sin(angle))
     for value in (0.0, 0.3, -2.9):
-        (found,) = numbers([angle], [rotation], value)
-        np.testing.assert_allclose(found, Rotation.from_rotvec(value * axis).as_matrix(), atol=1e-15)
-        np.testing.assert_allclose(found, turn(axis, value).real, atol=1e-15)
+        (result,) = numbers([angle], [rotation], value)
+        np.testing.assert_allclose(result, Rotation.from_rotvec(value * axis).as_matrix(), atol=1e-15)
+        np.testing.assert_allclose(result, turn(axis, value).real, atol=1e-15)
 
 
 def test_what_is_recorded_of_a_turn(own):
@@ -274,12 +274,12 @@ def test_a_point_as_seen_from_the_flange_and_the_joints(own):
     robot, n = own.robot, own.robot.n
     rng = np.random.default_rng(3)
     theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
-    seen, stations = robot.in_flange(robot.turns(theta), point)
+    observed, stations = robot.in_flange(robot.turns(theta), point)
     for _ in range(3):
         q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
         flange = own.pose(q).real
-        found, *at = numbers([theta, point], [seen, *stations], q, p)
-        np.testing.assert_allclose(found, flange[:3, :3].T @ (p - flange[:3, 3]), atol=1e-9)
+        result, *at = numbers([theta, point], [observed, *stations], q, p)
+        np.testing.assert_allclose(result, flange[:3, :3].T @ (p - flange[:3, 3]), atol=1e-9)
         assert len(at) == n
         # From joint 1, behind what is fixed before it: whatever the joints.
         first = robot.joints[0].fixed
@@ -312,13 +312,13 @@ def test_the_geometric_jacobian_against_complex_steps(own, size):
             return vectors.T @ flange[:3, :3].T @ (z[n:] - flange[:3, 3])
 
         expected = by_complex_step(components, np.append(q, p))
-        found = np.hstack(numbers([theta, point], [by_joints, by_point], q, p))
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+        result = np.hstack(numbers([theta, point], [by_joints, by_point], q, p))
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-8)
         for column in range(n + 3):
-            turned = found.copy()
+            turned = result.copy()
             turned[:, column] *= -1
             assert np.abs(turned - expected).max() > 1e-3
-        assert np.abs(found[:, n:] - vectors.T).max() > 1e-3
+        assert np.abs(result[:, n:] - vectors.T).max() > 1e-3
 
 
 # --- forward kinematics for people --------------------------------------------------------------------
@@ -331,34 +331,34 @@ def display(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", DESIGNED)
 def test_fk_is_the_product_of_the_matrices_for_any_batch(name, tmp_path):
-    own = plain_arm(name, tmp_path)
+    actual = plain_arm(name, tmp_path)
     rng = np.random.default_rng(3)
-    q = np.array([own.random(rng) for _ in range(6)])
-    expected = np.array([own.pose(row).real for row in q])
+    q = np.array([actual.random(rng) for _ in range(6)])
+    expected = np.array([actual.pose(row).real for row in q])
     for batch in ((), (6,), (3, 2), (2, 3, 1)):
         count = int(np.prod(batch))
-        poses = own.robot.fk(display(own.robot, q[:count]).reshape(*batch, -1))
+        poses = actual.robot.fk(display(actual.robot, q[:count]).reshape(*batch, -1))
         assert poses.shape == (*batch, 4, 4)
         np.testing.assert_allclose(poses.reshape(-1, 4, 4), expected[:count], atol=1e-9)
-    np.testing.assert_allclose(own.robot.fk(q, unit="rad"), expected, atol=1e-9)
-    assert own.robot.fk(np.zeros((0, own.robot.n))).shape == (0, 4, 4)
+    np.testing.assert_allclose(actual.robot.fk(q, unit="rad"), expected, atol=1e-9)
+    assert actual.robot.fk(np.zeros((0, actual.robot.n))).shape == (0, 4, 4)
 
 
 @pytest.mark.parametrize("name", DESIGNED)
 def test_the_jacobian_is_the_derivative_of_the_pose(name, tmp_path):
-    own = plain_arm(name, tmp_path)
+    actual = plain_arm(name, tmp_path)
     rng = np.random.default_rng(4)
-    q = np.array([own.random(rng) for _ in range(4)])
-    jacobians = own.robot.jacobian(display(own.robot, q).reshape(2, 2, -1))
-    assert jacobians.shape == (2, 2, 6, own.robot.n)
-    np.testing.assert_array_equal(jacobians[1, 0], own.robot.jacobian(display(own.robot, q[2])))
-    np.testing.assert_allclose(jacobians.reshape(4, 6, -1), own.robot.jacobian(q, unit="rad"), atol=1e-9)
+    q = np.array([actual.random(rng) for _ in range(4)])
+    jacobians = actual.robot.jacobian(display(actual.robot, q).reshape(2, 2, -1))
+    assert jacobians.shape == (2, 2, 6, actual.robot.n)
+    np.testing.assert_array_equal(jacobians[1, 0], actual.robot.jacobian(display(actual.robot, q[2])))
+    np.testing.assert_allclose(jacobians.reshape(4, 6, -1), actual.robot.jacobian(q, unit="rad"), atol=1e-9)
     for row, jacobian in zip(q, jacobians.reshape(4, 6, -1), strict=True):
-        pose = own.pose(row).real
-        for j in range(own.robot.n):
-            step = np.zeros(own.robot.n, dtype=complex)
+        pose = actual.pose(row).real
+        for j in range(actual.robot.n):
+            step = np.zeros(actual.robot.n, dtype=complex)
             step[j] = 1e-30j
-            by_joint = own.pose(row + step).imag / 1e-30
+            by_joint = actual.pose(row + step).imag / 1e-30
             turned = by_joint[:3, :3] @ pose[:3, :3].T  # skew: the rotation per unit of the joint
             rotation = [turned[2, 1], turned[0, 2], turned[1, 0]]
             np.testing.assert_allclose(turned, -turned.T, atol=1e-9)

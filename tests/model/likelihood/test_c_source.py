@@ -51,8 +51,8 @@ ROUNDED_ONCE = {*TWO, "NEG", "SQ", "TWICE", "INV", "SQRT"}  # by IEEE 754 the sa
 
 
 def test_every_operation_is_tried_below():
-    stated = {getattr(ca, f"OP_{name}") for name in (*TWO, *ONE)}
-    assert stated == {*c_source._BINARY, *c_source._UNARY, *c_source._TURNED} - {ca.OP_ASSIGN}
+    content = {getattr(ca, f"OP_{name}") for name in (*TWO, *ONE)}
+    assert content == {*c_source._BINARY, *c_source._UNARY, *c_source._TURNED} - {ca.OP_ASSIGN}
 
 
 @needs_compiler
@@ -207,8 +207,8 @@ def weighted_inputs(functions, rows):
     _, _, delta, _, tool = draws(functions, rng, rows)
     turns, weights = functions.robot.recorded_turns(joints), rng.uniform(size=(SHOTS, 1))
     targets = rng.uniform(-1500, 1500, (rows, 2, 3))
-    stated = np.append(np.full(n, 3e-8), 2.5e-3)
-    variances = np.exp(rng.normal(size=(rows, n + 1))) * stated
+    content = np.append(np.full(n, 3e-8), 2.5e-3)
+    variances = np.exp(rng.normal(size=(rows, n + 1))) * content
 
     def chosen(some=slice(None), index=INDEX):
         return [
@@ -219,7 +219,7 @@ def weighted_inputs(functions, rows):
             columns(targets[some].reshape(len(targets[some]), -1), Offsets.of(3 * index))[0],
             per_outer(tool[some], SHOTS),
             per_outer(variances[some], SHOTS),
-            constant(stated, SHOTS),
+            constant(content, SHOTS),
         ]
 
     return chosen
@@ -242,8 +242,8 @@ def test_sums_over_shots_by_both_paths(tmp_path, name, which):
             np.testing.assert_allclose(one, two, rtol=1e-12, atol=1e-12 * np.abs(two).max())
         for row in range(rows):
             alone = compiled.sums(inputs(slice(row, row + 1)), 1, SHOTS)
-            for part, own in zip(results, alone, strict=True):
-                np.testing.assert_array_equal(part[row], own[0])
+            for part, actual in zip(results, alone, strict=True):
+                np.testing.assert_array_equal(part[row], actual[0])
         # Control: with the targets mixed up it is another sum.
         other = compiled.sums(inputs(index=1 - INDEX), rows, SHOTS)
         assert np.abs(other[0] / results[0] - 1).min() > 1e-3
@@ -277,8 +277,8 @@ def test_rows_by_both_paths(tmp_path, name):
                 np.testing.assert_allclose(one, two, rtol=1e-12, atol=1e-12 * np.abs(two).max())
             for row in range(rows):
                 alone = compiled(*(each[row : row + 1] for each in inputs))
-                for part, own in zip(results, alone, strict=True):
-                    np.testing.assert_array_equal(part[row], own[0])
+                for part, other in zip(results, alone, strict=True):
+                    np.testing.assert_array_equal(part[row], other[0])
 
 
 @needs_compiler

@@ -11,9 +11,9 @@ from zerobeam.model.likelihood.geometry import Geometry
 
 
 def geometry_of(robot, **stated):
-    own = {"robot": "x", "tool": {"kind": "probe", "point_mm": [0, 0, 0]}}
-    own["noise"] = {"joint_deg": 0.01, "spot_mm": 0.05}
-    return Geometry.from_header(Header.model_validate({**own, "geometry": stated}), robot)
+    values = {"robot": "x", "tool": {"kind": "probe", "point_mm": [0, 0, 0]}}
+    values["noise"] = {"joint_deg": 0.01, "spot_mm": 0.05}
+    return Geometry.from_header(Header.model_validate({**values, "geometry": stated}), robot)
 
 
 @pytest.fixture
@@ -39,18 +39,18 @@ def plain_torques(robot, q, masses, up):
 @pytest.mark.parametrize("up", [[0, 0, 2], [1, -0.5, 0.3]])
 def test_torques_are_those_of_a_plain_sum_over_the_largest(irb1600, masses, up):
     geometry = geometry_of(irb1600, masses_kg=masses, up=up)
-    own = [1.0] * 6 if masses is None else masses
+    values = [1.0] * 6 if masses is None else masses
     rng = np.random.default_rng(4)
     many = rng.uniform(irb1600.lower, irb1600.upper, (3000, 6))
-    found = geometry.recorded(irb1600, many)[:, 12:]
+    result = geometry.recorded(irb1600, many)[:, 12:]
     bending = list(geometry.gravity.joints)
     for row in range(3):
-        expected = plain_torques(irb1600, many[row], own, up)
+        expected = plain_torques(irb1600, many[row], values, up)
         largest = np.where(geometry.gravity.largest > 0, geometry.gravity.largest, 1.0)
-        np.testing.assert_allclose(found[row], expected / largest, atol=1e-9)
+        np.testing.assert_allclose(result[row], expected / largest, atol=1e-9)
     # tau_max of other draws: the largest of many is nearly that of as many others.
-    assert (np.abs(found[:, bending]).max(axis=0) > 0.85).all()
-    assert (np.abs(found[:, bending]).max(axis=0) < 1.15).all()
+    assert (np.abs(result[:, bending]).max(axis=0) > 0.85).all()
+    assert (np.abs(result[:, bending]).max(axis=0) < 1.15).all()
 
 
 def test_gravity_turns_no_joint_whose_axis_is_vertical(irb1600):

@@ -180,7 +180,7 @@ def test_hoisting_changes_no_number(compile, walkers):
     (hoisted,) = Kernel(bent(), compile=compile, hoisted=("w", "v")).sums(inputs, walkers, 4)
     (plain,) = Kernel(bent(), compile=compile).sums(inputs, walkers, 4)
     np.testing.assert_array_equal(hoisted, plain)
-    w, s, v = (given.values for given in inputs)
+    w, s, v = (actual.values for actual in inputs)
     for i in range(walkers):
         first = (np.sin(w[i, 0]) * s[:, 0] + np.sqrt(v) * s[:, 1]).sum()
         np.testing.assert_allclose(
@@ -251,7 +251,7 @@ def test_no_walkers_and_no_shots(compile):
 
 @pytest.mark.parametrize("compile", PATHS)
 @pytest.mark.parametrize(
-    ("shapes", "told"),
+    ("shapes", "message"),
     [
         (((2,),), "takes 2 inputs, got 1"),
         (((2,), (3,), (1,)), "takes 2 inputs, got 3"),
@@ -265,9 +265,9 @@ def test_no_walkers_and_no_shots(compile):
         (((), (3,)), "a has 1 values, takes 2"),
     ],
 )
-def test_shapes_that_do_not_fit_are_refused(compile, shapes, told):
+def test_shapes_that_do_not_fit_are_refused(compile, shapes, message):
     made = Kernel(small(), compile=compile)
-    with pytest.raises(ValueError, match=told) as caught:
+    with pytest.raises(ValueError, match=message) as caught:
         made(*(np.ones(shape) for shape in shapes))
     assert "small" in str(caught.value)
 
@@ -439,8 +439,8 @@ def warned(function):
 
 def test_without_a_compiler_it_says_so_once_and_goes_on(empty_cache, tmp_path, compilers):
     compilers(tmp_path)
-    made, told = warned(small())
-    ((category, text, filename),) = told
+    made, message = warned(small())
+    ((category, text, filename),) = message
     assert category is KernelWarning
     assert "no C compiler" in text
     assert "slower" in text
@@ -471,8 +471,8 @@ def test_a_compiler_that_fails_is_told_and_leaves_nothing_running_wrong(
 ):
     cc = script(tmp_path / "cc", f'case "$*" in *-dM*) echo "#define ONE 1"; exit 0;; esac\n{acts}\n')
     compilers(tmp_path, cc)
-    made, told = warned(small())
-    ((category, text, _),) = told
+    made, message = warned(small())
+    ((category, text, _),) = message
     assert category is KernelWarning
     assert "could not be compiled" in text
     assert not made.compiled
@@ -483,16 +483,16 @@ def test_a_compiler_that_fails_is_told_and_leaves_nothing_running_wrong(
 def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("ZEROBEAM_CACHE", str(tmp_path / "file" / "cache"))
-    made, told = warned(small())
-    assert [category for category, _, _ in told] == [KernelWarning]
+    made, message = warned(small())
+    assert [category for category, _, _ in message] == [KernelWarning]
     assert not made.compiled
 
 
 @needs_compiler
 def test_what_has_no_c_is_told_and_computed_all_the_same(empty_cache):
     a = ca.SX.sym("a", 2)
-    made, told = warned(ca.Function("bow", [a], [ca.atan(a)], ["a"], ["v"]))
-    ((category, text, _),) = told
+    made, message = warned(ca.Function("bow", [a], [ca.atan(a)], ["a"], ["v"]))
+    ((category, text, _),) = message
     assert category is KernelWarning
     assert "bow has the operation" in text
     assert not made.compiled
@@ -518,12 +518,12 @@ def test_a_compiler_that_does_not_know_the_processor_goes_without(empty_cache, t
     tools = os.environ["PATH"]  # the compiler's own helpers
     cc = script(tmp_path / "cc", f'case "$*" in *-march*) exit 1;; esac\nexec {path} "$@"\n')
     compilers(tools, cc)
-    found, flags, macros = kernel._compiler()
-    assert found == str(cc)
+    result, flags, macros = kernel._compiler()
+    assert result == str(cc)
     assert not any("march" in flag for flag in flags)
     assert "__VERSION__" in macros
-    made, told = warned(small())
-    assert (made.compiled, told) == (True, [])
+    made, message = warned(small())
+    assert (made.compiled, message) == (True, [])
     assert made(np.ones(2), np.ones(3))[0] == 6
 
 
@@ -538,8 +538,8 @@ def test_a_compiler_that_hangs_is_ended_with_its_children(
     cc = script(tmp_path / "cc", f"{answers}(echo begun; exec sleep 1000) > {tmp_path / 'pipe'} &\nwait\n")
     compilers(os.environ["PATH"], cc)
     monkeypatch.setattr(compiling, "LONGEST_S", 1.0)
-    made, told = warned(small())
-    ((category, text, filename),) = told
+    made, message = warned(small())
+    ((category, text, filename),) = message
     assert category is KernelWarning
     assert filename == __file__
     assert ("no C compiler" in text) if at_once else ("timed out after 1.0 seconds" in text)
@@ -586,12 +586,12 @@ def test_a_cache_that_others_can_write_is_not_used(empty_cache, monkeypatch, how
         another = os.getuid() + 1
         monkeypatch.setattr(os, "getuid", lambda: another)
         monkeypatch.setattr(compiling, "_make_private", lambda folder: None)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as message:
         warnings.simplefilter("always")
         both = [Kernel(small(), compile=True), Kernel(small("other"), compile=True)]
     assert libraries(empty_cache) == [name]
     assert (empty_cache / name).read_bytes() == b"planted"
-    ((category, text, filename),) = [(each.category, str(each.message), each.filename) for each in told]
+    ((category, text, filename),) = [(each.category, str(each.message), each.filename) for each in message]
     assert (category, filename) == (KernelWarning, __file__)
     assert f"chmod 700 {empty_cache}" in text
     if how == "writable":
@@ -615,10 +615,10 @@ def test_threads_share_the_virtual_machine():
     made = Kernel(bent(), compile=False)
     rng = np.random.default_rng(8)
     sizes = [made.function.numel_in(k) for k in range(made.function.n_in())]
-    given = [[rng.normal(size=(2000, size)) for size in sizes] for _ in range(4)]
-    expected = [made(*inputs) for inputs in given]
+    actual = [[rng.normal(size=(2000, size)) for size in sizes] for _ in range(4)]
+    expected = [made(*inputs) for inputs in actual]
     with ThreadPoolExecutor(4) as pool:
         for _ in range(20):
-            for found, alone in zip(pool.map(lambda inputs: made(*inputs), given), expected, strict=True):
-                for one, two in zip(found, alone, strict=True):
+            for result, alone in zip(pool.map(lambda inputs: made(*inputs), actual), expected, strict=True):
+                for one, two in zip(result, alone, strict=True):
                     np.testing.assert_array_equal(one, two)

@@ -45,8 +45,8 @@ def flange(robot, geometry, values, q):
     names = [f"{of}.{axis}" for of, axis in geometry.names]
     arm = np.zeros(robot.n + len(names))
     for name, value in values.items():
-        own = float(np.radians(value)) if name.split(".")[1] not in ("a", "d") else value
-        arm[robot.n + names.index(name)] = own
+        actual = float(np.radians(value)) if name.split(".")[1] not in ("a", "d") else value
+        arm[robot.n + names.index(name)] = actual
     posture = Posture(robot, geometry)
     rotation_, translation = posture.pose
     function = ca.Function("pose", [posture.q, posture.arm], [ca.horzcat(rotation_, translation)])
@@ -62,8 +62,8 @@ def postures(n, count=4):
 
 def change(rows, row, column, step):
     return [
-        tuple(value + step * (k == column) for k, value in enumerate(own)) if i == row else own
-        for i, own in enumerate(rows)
+        tuple(value + step * (k == column) for k, value in enumerate(values)) if i == row else values
+        for i, values in enumerate(rows)
     ]
 
 
@@ -85,8 +85,8 @@ def test_a_row_that_is_changed_is_the_parameter_of_its_link(tmp_path, convention
         step = 7.0 if axis in ("a", "d") else 12.0
         other = robot_of(change(ROWS, row, column, step), convention, tmp_path)
         for q in postures(robot.n):
-            found = flange(robot, geometry, {f"{of}.{axis}": step}, q)
-            np.testing.assert_allclose(found, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
+            result = flange(robot, geometry, {f"{of}.{axis}": step}, q)
+            np.testing.assert_allclose(result, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
             opposite = flange(robot, geometry, {f"{of}.{axis}": -step}, q)  # negative control: the sign
             assert np.abs(opposite - other.fk(q, "rad")[:3]).max() > 0.01
         checked.add((link, axis))
@@ -97,12 +97,12 @@ def test_a_row_that_is_changed_is_the_parameter_of_its_link(tmp_path, convention
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 def test_a_link_between_nearly_parallel_axes_has_beta_in_place_of_d(tmp_path, convention):
     robot = robot_of(ROWS, convention, tmp_path)
-    own = {link.number: link.axes for link in Geometry.of_links(robot, 0.3, 0.1).links}
+    values = {link.number: link.axes for link in Geometry.of_links(robot, 0.3, 0.1).links}
     twists = [row[1] for row in ROWS]
     if convention == "modified":
         twists = [*twists[1:], 0]
     for number, twist in enumerate(twists, start=1):
-        assert own[number] == ("a", "alpha", "beta" if abs(twist) < 5 else "d")
+        assert values[number] == ("a", "alpha", "beta" if abs(twist) < 5 else "d")
 
 
 def test_the_link_of_the_built_in_panda(tmp_path):
@@ -115,8 +115,8 @@ def test_the_link_of_the_built_in_panda(tmp_path):
     at = Joint("j4", "revolute", longer, joints[3].axis, -3, 3)
     # The twist of row 4 is about the same x axis, so that the order of the two does not matter.
     other = Robot("panda", (*joints[:3], at, *joints[4:]), panda.flange)
-    found = flange(panda, geometry, {"link3.a": 1.0}, q)
-    np.testing.assert_allclose(found, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
+    result = flange(panda, geometry, {"link3.a": 1.0}, q)
+    np.testing.assert_allclose(result, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
 
 
 # --- prismatic joints -------------------------------------------------------------------------------
@@ -134,8 +134,8 @@ def mixed(kinds, rows):
 def test_links_beside_a_prismatic_joint():
     """4 r + 2 p: of a slide counts its direction alone, and behind it theta, where d is the offset."""
     rows = [(100, 90, 50, 0), (80, 60, 20, 10), (60, -90, 30, 0), (40, 70, 10, 5)]
-    own = {link.number: link.axes for link in Geometry.of_links(mixed("rprr", rows), 0.3, 0.1).links}
-    assert own == {
+    values = {link.number: link.axes for link in Geometry.of_links(mixed("rprr", rows), 0.3, 0.1).links}
+    assert values == {
         1: ("alpha",),
         2: ("a", "theta", "alpha"),
         3: ("a", "alpha", "d"),
@@ -162,8 +162,8 @@ def columns(robot, geometry, q):
     """(9, g) of the flange's place and two of its axes by the geometry parameters at zero."""
     posture = Posture(robot, geometry)
     rotation_, translation = posture.pose
-    seen = ca.vertcat(translation, 500 * rotation_[:, 0], 500 * rotation_[:, 2])
-    jacobian = ca.jacobian(seen, posture.arm)
+    observed = ca.vertcat(translation, 500 * rotation_[:, 0], 500 * rotation_[:, 2])
+    jacobian = ca.jacobian(observed, posture.arm)
     arm = np.zeros(robot.n + len(geometry.names))
     return np.array(ca.Function("columns", [posture.q, posture.arm], [ca.densify(jacobian)])(q, arm))
 
@@ -178,7 +178,9 @@ def aligned(found, expected, names):
         of, axis = names[start]
         if axis in ("a", "alpha", "beta") and found[:, start] @ expected[:, start] < 0:
             same = [
-                k for k, (other, own) in enumerate(names) if other == of and own in ("a", "alpha", "beta")
+                k
+                for k, (other, values) in enumerate(names)
+                if other == of and values in ("a", "alpha", "beta")
             ]
             found[:, same] *= -1
     return found
@@ -196,8 +198,8 @@ def test_the_parameters_depend_on_the_axes_alone_not_on_the_frames(tmp_path):
             np.testing.assert_allclose(other.fk(q, "rad"), robot.fk(q, "rad"), rtol=0, atol=1e-9)
             expected = columns(robot, geometry, q)
             n = robot.n
-            found = aligned(columns(other, again, q)[:, n:], expected[:, n:], geometry.names)
-            np.testing.assert_allclose(found, expected[:, n:], rtol=0, atol=1e-7)
+            result = aligned(columns(other, again, q)[:, n:], expected[:, n:], geometry.names)
+            np.testing.assert_allclose(result, expected[:, n:], rtol=0, atol=1e-7)
 
 
 def test_between_parallel_axes_other_frames_give_the_same_arms(tmp_path):

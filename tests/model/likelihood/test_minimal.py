@@ -35,25 +35,25 @@ def robot_of(seed, kinds):
 def problem_of(robot, tool, distances=True):
     """Measurements that hit at parameters x near the nominal ones, links deviating too."""
     rng = np.random.default_rng(11)
-    stated = {"robot": "x", "tool": tool, "geometry": {"gravity": False, "harmonics": False}}
-    stated["noise"] = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
+    content = {"robot": "x", "tool": tool, "geometry": {"gravity": False, "harmonics": False}}
+    content["noise"] = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
     if distances:
-        stated["distances"] = [{"between": ["t0", "t1"], "mm": 500, "sigma_mm": 0.01}]
+        content["distances"] = [{"between": ["t0", "t1"], "mm": 500, "sigma_mm": 0.01}]
     names = [f"t{k}" for k in range(TARGETS)]
-    seen = [name for name in names for _ in range(8 * SHOTS)]
-    start = rng.uniform(0.5 * robot.lower, 0.5 * robot.upper, (len(seen), robot.n))
-    problem = Problem.build(Header.model_validate(stated), robot, start, seen)
+    observed = [name for name in names for _ in range(8 * SHOTS)]
+    start = rng.uniform(0.5 * robot.lower, 0.5 * robot.upper, (len(observed), robot.n))
+    problem = Problem.build(Header.model_validate(content), robot, start, observed)
     x = problem.parameters.prior_mean.copy()
-    own = np.flatnonzero(problem.parameters.group("geometry"))
-    x[own] = rng.normal(size=len(own)) * problem.parameters.prior_std[own]
+    columns = np.flatnonzero(problem.parameters.group("geometry"))
+    x[columns] = rng.normal(size=len(columns)) * problem.parameters.prior_std[columns]
     origin, along = problem.beams(x)
     for k in range(TARGETS):
         i = k * 8 * SHOTS
         x[problem.parameters.block("target", k)] = origin[i] + 700 * along[i]
-    found = aim(problem, x, np.ones(robot.n))
-    rows = [np.flatnonzero(found.hit & (problem.target_index == k))[:SHOTS] for k in range(TARGETS)]
-    assert all(len(own) == SHOTS for own in rows)
-    return found.problem.select(np.concatenate(rows)), x
+    result = aim(problem, x, np.ones(robot.n))
+    rows = [np.flatnonzero(result.hit & (problem.target_index == k))[:SHOTS] for k in range(TARGETS)]
+    assert all(len(columns) == SHOTS for columns in rows)
+    return result.problem.select(np.concatenate(rows)), x
 
 
 def singular_values(problem, x, free):
@@ -80,10 +80,10 @@ def test_nothing_is_left_open_and_each_gauge_that_is_held_is_one(seed, kinds, to
     assert nulls(problem, x, parameters.free) == expected
     held = {item.name: item.held_by for item in parameters.items if item.held}
     last = {f"link{n}.{axis}": "free tool" for axis in ("a", "alpha", "d")}
-    own = {"delta1": "base frame", "link1.d": "first link", **last}
+    values = {"delta1": "base frame", "link1.d": "first link", **last}
     if not expected:
-        own[f"delta{n}"] = "tool rotation"
-    assert held == own
+        values[f"delta{n}"] = "tool rotation"
+    assert held == values
     for name in held:
         free = parameters.free.copy()
         free[parameters.index(name)] = True

@@ -49,17 +49,17 @@ def test_offsets_then_targets_then_the_tool(irb1600):
     assert parameters.names == (*offsets, *targets, *TILTS)
     assert len(parameters) == 16
     for name, group in (("offset", slice(0, 6)), ("target", slice(6, 12)), ("tool", slice(12, 16))):
-        wanted = np.zeros(16, dtype=bool)
-        wanted[group] = True
-        np.testing.assert_array_equal(parameters.group(name), wanted)
+        expected = np.zeros(16, dtype=bool)
+        expected[group] = True
+        np.testing.assert_array_equal(parameters.group(name), expected)
     assert parameters.index("b.y") == 10
     assert build(irb1600, {**PROBE, "calibrated": False}).names[9:] == ("tool.x", "tool.y", "tool.z")
     assert build(irb1600, LASER).names[6:] == ("psd.x", "psd.y", "psd.z")
 
 
 def test_targets_stand_in_the_order_of_the_shots(irb1600):
-    stated = {"a": {"guess_mm": [1, 2, 3]}, "z": {"guess_mm": [7, 8, 9]}}
-    parameters = build(irb1600, LASER, ("z", "a"), targets=stated)
+    content = {"a": {"guess_mm": [1, 2, 3]}, "z": {"guess_mm": [7, 8, 9]}}
+    parameters = build(irb1600, LASER, ("z", "a"), targets=content)
     assert parameters.names[6:] == ("z.x", "z.y", "z.z", "a.x", "a.y", "a.z")
     np.testing.assert_array_equal(parameters.prior_mean[6:], [7, 8, 9, 1, 2, 3])
 
@@ -83,8 +83,8 @@ def test_blocks_cover_the_parameters_in_their_order(irb1600):
 
 
 def test_the_geometry_is_a_block_between_offsets_and_targets(irb1600):
-    stated = {"geometry": {}}
-    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE, **stated)
+    content = {"geometry": {}}
+    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE, **content)
     block = parameters.block("geometry")
     assert block.start == 6
     assert parameters.block("target").start == block.stop
@@ -120,8 +120,8 @@ def test_a_shot_depends_on_its_own_target_alone(irb1600):
     np.testing.assert_array_equal(parameters.of_shot(1), [*range(6), 9, 10, 11, *range(12, 18)])
     np.testing.assert_array_equal(parameters.of_shot(0, noise=False), [*range(9), *range(12, 16)])
     for group in IN_RESIDUAL:
-        own = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
-        assert {parameters.items[i].group for i in own} == ({group} - {"geometry"})
+        values = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
+        assert {parameters.items[i].group for i in values} == ({group} - {"geometry"})
     with pytest.raises(ValueError, match="noise"):
         parameters.in_shot("noise")
 
@@ -187,8 +187,8 @@ def test_a_probe_is_expected_where_it_is_stated_to_be(irb1600):
     parameters = build(irb1600, {**PROBE, "calibrated": False})
     np.testing.assert_array_equal(parameters.prior_mean[9:], [1, 2, 100])
     np.testing.assert_array_equal(parameters.prior_std[9:], [50, 50, 50])
-    own = build(irb1600, {**PROBE, "calibrated": False, "sigma": {"shift_mm": 5}})
-    np.testing.assert_array_equal(own.prior_std[9:], [5, 5, 5])
+    actual = build(irb1600, {**PROBE, "calibrated": False, "sigma": {"shift_mm": 5}})
+    np.testing.assert_array_equal(actual.prior_std[9:], [5, 5, 5])
 
 
 def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb1600):
@@ -201,7 +201,7 @@ def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb
 
 
 @pytest.mark.parametrize(
-    ("tool", "wanted"),
+    ("tool", "expected"),
     [
         (LASER, ["delta1"]),
         ({**LASER, "calibrated": False}, ["delta1", "delta6"]),
@@ -209,17 +209,17 @@ def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb
         ({**PROBE, "calibrated": False}, ["delta1"]),
     ],
 )
-def test_what_the_method_holds(irb1600, tool, wanted):
+def test_what_the_method_holds(irb1600, tool, expected):
     """The last joint only against an uncalibrated laser."""
     parameters = build(irb1600, tool)
-    assert held(parameters) == wanted
-    np.testing.assert_array_equal(parameters.free, [name not in wanted for name in parameters.names])
+    assert held(parameters) == expected
+    np.testing.assert_array_equal(parameters.free, [name not in expected for name in parameters.names])
     reasons = {item.name: item.held_by for item in parameters.items}
     assert reasons["delta1"] == "base frame"
     assert "section 3.3" in reason(Held("base frame"))
-    if "delta6" in wanted:
+    if "delta6" in expected:
         assert reasons["delta6"] == "tool rotation"
-    assert all((reasons[name] is not None) == (name in wanted) for name in parameters.names)
+    assert all((reasons[name] is not None) == (name in expected) for name in parameters.names)
 
 
 def test_the_last_joint_is_that_of_the_arm(scara):
@@ -305,3 +305,51 @@ def test_what_people_read_of_a_noise_factor(irb1600):
     # E f^2 = e^2, with the variance e^8 - e^4 of f^2.
     second = np.sqrt((np.exp(8) - np.exp(4)) / len(draws))
     assert abs((draws**2).mean() - (mean**2 + std**2)) < 5 * second
+
+
+# --- the stated noise -------------------------------------------------------------------------------
+
+
+def noise_header(**noise):
+    tool = {"kind": "probe", "point_mm": [0, 0, 0]}
+    return Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise})
+
+
+def test_one_figure_for_all_joints_in_radians(irb1600):
+    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, spot_mm=0.05), irb1600)
+    np.testing.assert_allclose(noise.joint, np.full(6, 0.01 * np.pi / 180), rtol=1e-15)
+    assert noise.spot == 0.05
+    assert not noise.estimated
+    np.testing.assert_allclose(noise.variances, [*[(0.01 * np.pi / 180) ** 2] * 6, 0.0025], rtol=1e-14)
+
+
+def test_a_prismatic_joint_has_its_figure_in_mm(scara):
+    rad = np.pi / 180
+    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, joint_mm=0.02, spot_mm=0), scara)
+    np.testing.assert_allclose(noise.joint, [0.01 * rad, 0.01 * rad, 0.02, 0.01 * rad], rtol=1e-15)
+    noise = NoiseModel.from_header(noise_header(joint_deg=[0.01, 0.03, 0.02, 0.04], spot_mm=0), scara)
+    np.testing.assert_allclose(noise.joint, [0.01 * rad, 0.03 * rad, 0.02, 0.04 * rad], rtol=1e-15)
+
+
+def test_an_estimated_scale(irb1600):
+    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, spot_mm=0.05, scale="estimated"), irb1600)
+    assert (noise.estimated, noise.separate) == (True, False)
+
+
+def test_separate_factors(irb1600):
+    """The stated figures stay: the factors are parameters."""
+    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, spot_mm=0.05, scale="separate"), irb1600)
+    assert (noise.estimated, noise.separate) == (False, True)
+    known = NoiseModel.from_header(noise_header(joint_deg=0.01, spot_mm=0.05), irb1600)
+    assert (known.estimated, known.separate) == (False, False)
+    np.testing.assert_array_equal(noise.variances, known.variances)
+
+
+def test_what_does_not_suit_the_robot_is_refused(irb1600, scara, refused):
+    error = refused(NoiseModel.from_header, noise_header(joint_deg=[0.01] * 5, spot_mm=0), irb1600)
+    assert "wrong number" in error.what
+    assert error.found == "5 values"
+    assert "6 numbers" in error.allowed
+    error = refused(NoiseModel.from_header, noise_header(joint_deg=0.01, spot_mm=0), scara)
+    assert "noise.joint_mm is missing" in error.what
+    assert "joint_mm" in error.remedy

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, SEEN, TOOLS, Made, header
@@ -10,8 +8,6 @@ from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.kinematics.robot import Robot
-from zerobeam.model.likelihood import kernel
-from zerobeam.model.likelihood.constraint import ShotFunctions
 from zerobeam.model.likelihood.problem import Distance, Problem
 
 
@@ -114,11 +110,11 @@ def test_some_of_the_shots(made):
     assert some.parameters.names == problem.parameters.names
     assert some.shot_numbers == (6, 0, 1)
     np.testing.assert_array_equal(some.target_index, [1, 0, 1])
-    miss, own = problem.linearise(made.x)
-    for wanted, got in zip((miss, own), some.linearise(made.x), strict=True):
-        np.testing.assert_array_equal(got, wanted[rows])
-    for wanted, got in zip((miss, own), problem.linearise(made.x, rows=rows), strict=True):
-        np.testing.assert_array_equal(got, wanted[rows])
+    residual, jacobian = problem.linearise(made.x)
+    for expected, got in zip((residual, jacobian), some.linearise(made.x), strict=True):
+        np.testing.assert_array_equal(got, expected[rows])
+    for expected, got in zip((residual, jacobian), problem.linearise(made.x, rows=rows), strict=True):
+        np.testing.assert_array_equal(got, expected[rows])
     alone = problem.select(np.array([1, 4, 6, 7])).whiten(made.x)
     np.testing.assert_array_equal(alone.jacobian[:-1, 6:9], 0)
     assert np.abs(alone.jacobian[-1, 6:9]).max() > 0  # only the distance sees target a
@@ -128,23 +124,23 @@ def test_some_of_the_shots(made):
 
 
 def test_misses_and_jacobians_shot_by_shot(made):
-    miss, own = made.problem.linearise(made.x)
+    residual, jacobian = made.problem.linearise(made.x)
     for i in range(made.problem.shots):
-        np.testing.assert_allclose(miss[i], made.miss(made.x, i).real, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(residual[i], made.miss(made.x, i).real, rtol=0, atol=1e-9)
         derivative = by_complex_steps(lambda x, i=i: made.miss(x, i), made.x)
-        np.testing.assert_allclose(own[i], derivative[:, made.problem.columns[i]], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(jacobian[i], derivative[:, made.problem.columns[i]], rtol=0, atol=1e-9)
         # The other target has no part in it.
         others = np.delete(derivative, made.problem.columns[i], axis=1)
         assert others.shape[1] == 3
         np.testing.assert_array_equal(others, 0)
     there, _ = made.problem.linearise(made.x, made.problem.joints + 0.02)
     np.testing.assert_array_equal(there, made.problem.moved(made.problem.joints + 0.02).linearise(made.x)[0])
-    assert np.abs(there - miss).max() > 1
+    assert np.abs(there - residual).max() > 1
 
 
 def test_the_factors_are_those_of_the_covariance_of_joint_and_spot_noise(made):
-    _, own = made.problem.linearise(made.x)
-    for i, factor in enumerate(made.problem.factors(made.x, own)):
+    _, jacobian = made.problem.linearise(made.x)
+    for i, factor in enumerate(made.problem.factors(made.x, jacobian)):
         np.testing.assert_allclose(factor @ factor.T, made.covariance(made.x, i).real, rtol=1e-9, atol=1e-12)
         np.testing.assert_array_equal(factor, np.tril(factor))
 
@@ -192,24 +188,8 @@ def test_a_noise_that_leaves_a_direction_free_is_refused(arms, refused):
     error = refused(problem.whiten, x)
     assert "without any noise" in error.what
     assert "spot_mm" in error.remedy
-    stated = Problem.build(header(PROBE), short, np.zeros((3, 2)), ["a"] * 3)
-    assert np.isfinite(stated.whiten(x).residual).all()
-
-
-def test_many_shots_are_compiled_and_the_numbers_stay(made, monkeypatch):
-    functions = ShotFunctions(made.problem.robot, made.problem.tool)
-    problem = replace(made.problem, functions=functions)
-    monkeypatch.setattr(kernel, "_LOOK_AFTER", 50)
-    monkeypatch.setattr(kernel, "_COMPILE_AFTER", 100)  # of 8 shots, and 24 beams
-    parts = problem.split(made.walkers(3))
-    delta, tool = parts.arm, parts.tool
-    plain = [*problem.linearise(made.x), problem.nearest_targets(delta, tool)]
-    assert not any(each.compiled for each in functions._kernels.values())
-    for _ in range(20):
-        compiled = [*problem.linearise(made.x), problem.nearest_targets(delta, tool)]
-    assert {name for (name, _), each in functions._kernels.items() if each.compiled} >= {"linear", "beam"}
-    for first, second in zip(compiled, plain, strict=True):
-        np.testing.assert_allclose(first, second, rtol=1e-12, atol=1e-12)
+    content = Problem.build(header(PROBE), short, np.zeros((3, 2)), ["a"] * 3)
+    assert np.isfinite(content.whiten(x).residual).all()
 
 
 def test_separate_noise_factors_are_in_the_weights_and_in_no_miss(arms):
@@ -221,12 +201,12 @@ def test_separate_noise_factors_are_in_the_weights_and_in_no_miss(arms):
     np.testing.assert_allclose(problem.variances(walkers), [made.variances(x) for x in walkers], rtol=1e-12)
     np.testing.assert_allclose(problem.variances(made.x), made.variances(made.x), rtol=1e-12)
     assert problem.split(made.x).tool.shape == (4,)  # the tool's, and not the noise's
-    miss, own = problem.linearise(made.x)
-    for i, factor in enumerate(problem.factors(made.x, own)):
+    residual, jacobian = problem.linearise(made.x)
+    for i, factor in enumerate(problem.factors(made.x, jacobian)):
         np.testing.assert_allclose(factor @ factor.T, made.covariance(made.x, i).real, rtol=1e-9, atol=1e-12)
     louder = made.x.copy()
     louder[-2:] += np.log(3)
-    np.testing.assert_array_equal(problem.linearise(louder)[0], miss)
+    np.testing.assert_array_equal(problem.linearise(louder)[0], residual)
     white, other = problem.whiten(made.x), problem.whiten(louder)
     np.testing.assert_allclose(3 * other.residual[:-1], white.residual[:-1], rtol=1e-9, atol=1e-9)
     assert other.residual[-1] == white.residual[-1]  # a distance has a std of its own
@@ -254,17 +234,17 @@ def test_the_same_problem_with_its_noise_as_known(arms):
 def test_each_shot_may_have_parameters_of_its_own(made):
     """Row i of x for shot i: what each alone gives."""
     problem, walkers = made.problem, made.walkers(8)
-    miss, own = problem.linearise(walkers)
+    residual, jacobian = problem.linearise(walkers)
     origin, direction = problem.beams(walkers)
     some = problem.linearise(walkers, rows=np.array([6, 2]))
     for i, x in enumerate(walkers):
-        for part, alone in zip((miss, own), problem.linearise(x), strict=True):
+        for part, alone in zip((residual, jacobian), problem.linearise(x), strict=True):
             np.testing.assert_array_equal(part[i], alone[i])
         for part, alone in zip((origin, direction), problem.beams(x), strict=True):
             np.testing.assert_array_equal(part[i], alone[i])
-    for part, whole in zip(some, (miss, own), strict=True):
+    for part, whole in zip(some, (residual, jacobian), strict=True):
         np.testing.assert_array_equal(part, whole[[6, 2]])
-    assert np.abs(miss - problem.linearise(made.x)[0]).max() > 0.1
+    assert np.abs(residual - problem.linearise(made.x)[0]).max() > 0.1
 
 
 # --- distances --------------------------------------------------------------------------------------
@@ -293,8 +273,8 @@ def test_distances_of_many_parameter_vectors(made):
     walkers = made.walkers(3)
     residual, jacobian = made.problem.distance_rows(walkers)
     assert residual.shape == (3, 1)
-    for x, own, by_x in zip(walkers, residual, jacobian, strict=True):
-        np.testing.assert_allclose(own, made.distances(x), rtol=1e-12)
+    for x, other, by_x in zip(walkers, residual, jacobian, strict=True):
+        np.testing.assert_allclose(other, made.distances(x), rtol=1e-12)
         np.testing.assert_allclose(by_x, by_complex_steps(made.distances, x), rtol=0, atol=1e-12)
     none = Made(made.arm, header(tool_of(made.problem))).problem
     assert [part.shape for part in none.distance_rows(walkers)] == [(3, 0), (3, 0, len(made.x))]
@@ -408,10 +388,10 @@ def test_of_a_probe_the_mean_of_the_tips(mast):
 def test_what_is_supposed_before_any_shot(mast):
     """A guess where one is stated, even far off; else the nearest point; no offsets, the nominal tool."""
     joints = [[100, 0, 30], [100, 0, 30], [100, 90, 50], [100, 90, 50], [7, 0, 0]]
-    seen = ["a", "b", "a", "b", "c"]
+    observed = ["a", "b", "a", "b", "c"]
     tool = {"kind": "laser", "point_mm": [0, 0, 0], "direction": [1, 0, 0], "calibrated": False}
     targets = {"b": {"guess_mm": [1, 2, 3]}, "c": {"sigma_mm": 5}}
-    problem = Problem.build(header(tool, targets=targets), mast, np.array(joints) / mast.display, seen)
+    problem = Problem.build(header(tool, targets=targets), mast, np.array(joints) / mast.display, observed)
     np.testing.assert_array_equal(problem.guessed, [False, True, False])
     supposed = problem.nominal()
     expected = [0, 0, 0, 50, -30, 100, 1, 2, 3, 0, 0, 7, 0, 0, 0, 0]
@@ -419,5 +399,5 @@ def test_what_is_supposed_before_any_shot(mast):
     np.testing.assert_array_equal(supposed[6:9], [1, 2, 3])  # to the last digit
     supposed[:] = 0  # a copy: the priors do not move
     np.testing.assert_array_equal(problem.parameters.prior_mean[6:9], [1, 2, 3])
-    probe = Problem.build(header(OPEN_PROBE), mast, np.array(joints) / mast.display, seen)
+    probe = Problem.build(header(OPEN_PROBE), mast, np.array(joints) / mast.display, observed)
     np.testing.assert_array_equal(probe.nominal()[-3:], [10, 20, 100])

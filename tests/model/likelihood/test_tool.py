@@ -50,9 +50,9 @@ def test_a_probe_from_a_header():
         tool.beam(ca.SX.zeros(3))
 
 
-@pytest.mark.parametrize("stated", [{"kind": "laser", "direction": [1, 0, 0]}, {"kind": "probe"}])
-def test_of_a_calibrated_tool_nothing_is_unknown(stated):
-    tool = Tool.from_header(header(**stated, point_mm=[3, 0, 65]))
+@pytest.mark.parametrize("content", [{"kind": "laser", "direction": [1, 0, 0]}, {"kind": "probe"}])
+def test_of_a_calibrated_tool_nothing_is_unknown(content):
+    tool = Tool.from_header(header(**content, point_mm=[3, 0, 65]))
     assert tool.calibrated
     assert tool.free_axes == ()
     if tool.kind == "laser":
@@ -116,8 +116,8 @@ def test_askew_beams_take_the_axis_that_they_are_nearest_to(direction, axis):
         np.testing.assert_allclose(square.T @ square, np.eye(3), atol=1e-14)
         # b1 has no part along the second axis across: it is the first, made square to u.
         first, second = {0: (1, 2), 1: (2, 0), 2: (0, 1)}[axis]
-        wanted = unit(np.eye(3)[first] - u[first] * u)
-        np.testing.assert_allclose(basis[:, 0], wanted, atol=1e-14)
+        expected = unit(np.eye(3)[first] - u[first] * u)
+        np.testing.assert_allclose(basis[:, 0], expected, atol=1e-14)
         assert basis[second, 1] > 0.5
 
 

@@ -75,22 +75,6 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     assert all(font.startswith("IBMPlexSans") for font in fonts)
 
 
-@pytest.mark.parametrize(
-    ("name", "heading"),
-    [
-        ("outlier", "Robust fit"),
-        ("held_out", "Held-out targets"),
-        ("uncalibrated", "Intervals by three methods"),
-    ],
-)
-def test_what_was_asked_for_besides_has_a_section(name: str, heading: str) -> None:
-    def titles(of: str) -> list[str]:
-        return [str(entry["/Title"]) for entry in of_example(of).outline if not isinstance(entry, list)]
-
-    assert heading in titles(name)
-    assert heading not in titles("good")
-
-
 def test_the_same_result_gives_the_same_bytes() -> None:
     shown, figures = report_page(good()), drawn(good())
     assert pdf(shown, figures) == pdf(shown, figures)
@@ -111,10 +95,6 @@ def test_an_unconverged_posterior_is_a_sentence() -> None:
     assert "No posterior is shown: the posterior has not converged" in text
     assert "Posterior of the offsets: each alone" not in text
     assert "Posterior of the offsets: each alone" in text_of_example("good")
-
-
-def test_lack_of_fit_is_said() -> None:
-    assert "Lack of fit: residuals are 2.5 times the stated noise" in text_of_example("misfit")
 
 
 def test_typst_markup_in_names_is_text() -> None:

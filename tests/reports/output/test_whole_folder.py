@@ -1,4 +1,4 @@
-"""What a killed process leaves beside a folder is swept; what is being written, or is not ours, stays."""
+"""Folders are written whole or not at all; what a killed process leaves is swept; what is not ours stays."""
 
 from __future__ import annotations
 
@@ -117,6 +117,72 @@ def test_a_link_is_not_followed(tmp_path: Path) -> None:
     os.utime(tmp_path / "mine", (0, 0))
     write_folder(tmp_path / "out", KIND, fill)
     assert (tmp_path / "mine" / "thesis.tex").read_text() == "mine"
+
+
+def test_it_is_as_any_new_folder_and_missing_parents_are_made(tmp_path: Path) -> None:
+    (tmp_path / "plain").mkdir()
+    write_folder(tmp_path / "a" / "b" / "out", KIND, fill)
+    assert (tmp_path / "a" / "b" / "out").stat().st_mode == (tmp_path / "plain").stat().st_mode
+    write_folder(tmp_path / "plain", KIND, fill)  # an empty one is used
+    assert names(tmp_path / "plain") == {"note.json"}
+
+
+def test_what_is_not_ours_is_refused_and_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    for name, file, content in (
+        ("other", "thesis.tex", "mine"),
+        ("alike", "note.json", '{"schema": "someone/else/1"}'),
+        ("broken", "note.json", "{"),
+    ):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / file).write_text(content)
+    write_folder(tmp_path / "ours", KIND, fill)
+    (tmp_path / "ours" / "notes.txt").write_text("mine")
+    for name, message in (
+        ("file", "is a file"),
+        ("file/out", "cannot be written"),
+        ("other", "thesis.tex"),
+        ("alike", "not written by zerobeam"),
+        ("broken", "not written by zerobeam"),
+        ("ours", "notes.txt"),
+    ):
+        with pytest.raises(BadInput, match=message):
+            write_folder(tmp_path / name, KIND, fill)
+    assert (tmp_path / "file").read_text() == (tmp_path / "ours" / "notes.txt").read_text() == "mine"
+    assert names(tmp_path) == {"file", "other", "alike", "broken", "ours"}
+
+
+def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_folder(tmp_path / "out", KIND, fill)
+
+    def fail(self: Path, target: Path) -> Path:
+        if self.name.startswith(".zerobeam-new"):
+            raise OSError(28, "No space left on device")
+        return rename(self, target)
+
+    rename = Path.rename
+    monkeypatch.setattr(Path, "rename", fail)
+    with pytest.raises(BadInput, match="No space left"):
+        write_folder(tmp_path / "out", KIND, lambda folder: (folder / "note.json").write_text("new"))
+    assert (tmp_path / "out" / "note.json").read_text() == '{"schema": "a/note"}'
+    assert names(tmp_path) == {"out"}
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_may_not_be_written_to_is_bad_input(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_folder(tmp_path / "out", KIND, fill)
+
+
+def test_an_interruption_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(whole_folder, "_swap", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_folder(tmp_path / "a" / "out", KIND, fill)
+    assert names(tmp_path) == set()
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])

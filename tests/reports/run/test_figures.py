@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, unconverged, x_pattern
+from study_text import words
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.status import UnsoundResult
@@ -17,10 +18,6 @@ from zerobeam.reports.run.posterior_summary import posterior_picture
 from zerobeam.reports.run.residuals import drawn_of
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
-
-
-def words(svg: str) -> str:
-    return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import pytest
 from example_results import geometry, good, misfit, x_pattern
+from pages import paragraphs, strings, table
 from study_text import texts_of
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.run.geometry import geometry_lines, geometry_section, ladder_picture, ladder_table
 from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth
 from zerobeam.reports.run.report import report_page
-from zerobeam.reports.style.blocks import Paragraph, Section, Table
+from zerobeam.reports.style.blocks import Section
+from zerobeam.reports.style.palette import light
 from zerobeam.words.wording import label
 
 
@@ -25,25 +25,6 @@ def section(result: Result) -> Section:
     found = geometry_section(result)
     assert found is not None
     return found
-
-
-def said(own: Section) -> str:
-    return " ".join(block.text for block in own.all if isinstance(block, Paragraph))
-
-
-def table(own: Section, caption: str) -> Table:
-    (found,) = [block for block in own.all if isinstance(block, Table) and block.caption.startswith(caption)]
-    return found
-
-
-def everything(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, list | tuple):
-        for item in value:
-            yield from everything(item)
-    elif dataclasses.is_dataclass(value):
-        yield from everything(list(vars(value).values()))
 
 
 # ── the first page ────────────────────────────────────────────────────────────────────────────
@@ -55,7 +36,7 @@ def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
         u, considered = (float(text.rstrip("°")) for text in row[-2:])
         assert considered > u > 0
-    assert "State geometry in the header to estimate it." in said(offsets_section(good()))
+    assert "State geometry in the header to estimate it." in paragraphs(offsets_section(good()))
 
 
 def test_an_unidentifiable_offset_has_no_worth_either() -> None:
@@ -67,7 +48,7 @@ def test_a_misfit_says_nothing_of_what_u_is_worth() -> None:
     """The model is refuted: a number for an arm within tolerances would be a sign of success."""
     assert offsets_worth(misfit()) is None
     assert [column.text for column in offsets_table(misfit()).columns][-1] == "status"
-    assert "if the arm deviates" not in " ".join(everything(report_page(misfit())))
+    assert "if the arm deviates" not in " ".join(strings(report_page(misfit())))
 
 
 def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None:
@@ -80,7 +61,7 @@ def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None
         expected = "—" if share is None else f"{100 * share:.0f}\u00a0%"
         assert shown.cells[-1].text == expected
         assert share is None or 0 <= share <= 1
-    text = said(offsets_section(geometry()))
+    text = paragraphs(offsets_section(geometry()))
     assert "With half the tolerances" in text
     assert "State `geometry`" not in text
 
@@ -88,7 +69,7 @@ def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None
 def test_the_first_page_lists_no_link() -> None:
     page = report_page(geometry())
     (first,) = [own for own in page.sections if own.title == "Offsets"]
-    assert not re.search(r"link \d", " ".join(everything(first)))
+    assert not re.search(r"link \d", " ".join(strings(first)))
 
 
 # ── the section ───────────────────────────────────────────────────────────────────────────────
@@ -110,7 +91,7 @@ def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None
     assert [row.cells[0].text for row in shown.rows] == determined
     free = sum(not row.held for row in rows)
     assert f"Geometry: {len(determined)} of {free} parameters determined" in geometry_lines(geometry())[-1]
-    text = said(section(geometry()))
+    text = paragraphs(section(geometry()))
     (listed,) = re.findall(r"Prior only, without an estimate: (\d+) geometry parameters?", text)
     assert int(listed) == len(lost)
     # What only the prior says has no number.
@@ -149,8 +130,6 @@ def test_a_ladder_of_a_misfit_is_not_in_the_colour_of_success() -> None:
     kept = ladder_picture(geometry())
     assert picture is not None
     assert kept is not None
-    from zerobeam.reports.style.palette import light
-
     assert light("identified") in kept.svg
     assert light("identified") not in picture.svg
     assert geometry_lines(refuted) == []
@@ -159,10 +138,10 @@ def test_a_ladder_of_a_misfit_is_not_in_the_colour_of_success() -> None:
 @pytest.mark.parametrize("made", [good, geometry])
 def test_the_budget_calls_the_geometry_exact_only_where_it_is(made: Any) -> None:
     (own,) = [own for own in report_page(made()).sections if own.title == "Uncertainty budget"]
-    assert ("the robot’s geometry" in said(own)) == (made is good)
+    assert ("the robot’s geometry" in paragraphs(own)) == (made is good)
 
 
 def test_what_only_the_tolerances_tell_is_not_called_determined() -> None:
     (own,) = [own for own in report_page(geometry()).sections if own.title == "What cannot be determined"]
-    assert re.search(r"\d+ of \d+ geometry parameters are known by their tolerances only", said(own))
-    assert "every parameter that was not held is determined" not in said(own)
+    assert re.search(r"\d+ of \d+ geometry parameters are known by their tolerances only", paragraphs(own))
+    assert "every parameter that was not held is determined" not in paragraphs(own)

@@ -11,13 +11,14 @@ from cells import PROBE, irb1600
 from example_results import good, misfit
 from made_fit import by_hand
 from numpy import diag, radians
-from study_text import texts_of
+from pages import paragraphs, table
+from study_text import texts_of, words
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.workspace import class_of, workspace_picture, workspace_section
-from zerobeam.reports.style.blocks import Paragraph, Section, Table
+from zerobeam.reports.style.blocks import Paragraph, Table
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 
@@ -36,19 +37,6 @@ def result() -> Result:
 @pytest.fixture(scope="module")
 def withheld() -> Result:
     return answered({1: "unidentifiable"})
-
-
-def words(svg: str) -> str:
-    return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
-
-
-def texts(section: Section) -> str:
-    return " ".join(block.text for block in section.all if isinstance(block, Paragraph))
-
-
-def table(section: Section) -> list[list[str]]:
-    (found,) = (block for block in section.blocks if isinstance(block, Table))
-    return texts_of(found)
 
 
 def test_the_figure_has_both_planes_units_and_the_base(result: Result) -> None:
@@ -162,7 +150,7 @@ def level_of(result: Result, region: str, key: str, level: str) -> float:
 def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
     section = workspace_section(result)
     assert [block.kind for block in section.lead] == ["text", "figure"]
-    rows = table(section)
+    rows = texts_of(table(section))
     columns = [(region, level) for region in ("workspace", "near_shots") for level in ("median", "worst")]
     keys = ("before_mm", "before_std_mm", "after95_mm", "after_rms_mm")
     for row, key in zip(rows, keys, strict=True):
@@ -172,7 +160,7 @@ def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
             # Before: to the last digit of its std's two; the others to two significant digits.
             std = level_of(result, region, "before_std_mm", level) if key == "before_mm" else value
             assert float(cell.removesuffix("\u00a0mm")) == pytest.approx(value, abs=0.05 * std)
-    said = texts(section)
+    said = paragraphs(section)
     assert rows[2][1] in said
     assert rows[2][2] in said
     for level in ("median", "worst"):
