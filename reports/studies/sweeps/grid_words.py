@@ -119,7 +119,7 @@ def is_varied(study: GridStudy, setting: str) -> bool:
 
 
 def tolerance(study: GridStudy, one: CaseParameter) -> float | None:
-    """The largest u of a parameter that counts as identified, in its unit; None where the cases differ in it."""
+    """The largest u that counts as identified, in the parameter's unit; None where the cases differ in it."""
     if is_varied(study, "tolerance") or one.unit not in ("deg", "mm"):
         return None
     limits = study.settings.tolerance

@@ -1,4 +1,4 @@
-"""Common parts of the figures of a study over settings: marks of either fit, gaps in words, scales, legend."""
+"""Parts of the figures of a study over settings: marks of either fit, gaps in words, scales, legend."""
 
 from __future__ import annotations
 
