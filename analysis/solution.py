@@ -250,7 +250,7 @@ class Solution:
         """A row for each parameter, in their order."""
         return ParameterTable(self._row(i, item) for i, item in enumerate(self.problem.parameters.items))
 
-    @property
+    @cached_property
     def offsets(self) -> ParameterTable:
         """The rows of the joint offsets."""
         return ParameterTable(row for row in self.parameters if row.group == "offset")

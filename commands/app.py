@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..model.errors import BadInput, missing_extra
-from .console import out
+from .console import say
 
 
 def app(
@@ -29,12 +29,11 @@ def app(
     """Look at robots and plans in the browser, offline. Ctrl-C ends it."""
     if any(find_spec(needed) is None for needed in ("starlette", "uvicorn")):
         raise missing_extra("the app", "app")
-    from ..app.server.opening import leading_to
-    from ..app.server.serve import serve
+    from ..app.server.serve import leading_to, serve
 
-    def told(address: str) -> None:
-        out.print(f"The app: {address}", soft_wrap=True, markup=False, highlight=False)
-        out.print("Who has this address, with its token, may do all that the app does. Ctrl-C ends it.")
+    def announce(address: str) -> None:
+        say(f"The app: {address}")
+        say("Who has this address, with its token, may do all that the app does. Ctrl-C ends it.")
         if not browser:
             return
         import threading
@@ -43,8 +42,8 @@ def app(
         try:
             opened = leading_to(folder, address)
         except (OSError, BadInput) as error:
-            out.print(f"The browser is not opened: {error}", soft_wrap=True, markup=False, highlight=False)
+            say(f"The browser is not opened: {error}")
             return
         threading.Thread(target=webbrowser.open, args=(opened,), daemon=True).start()
 
-    serve(folder, host, port, told)
+    serve(folder, host, port, announce)

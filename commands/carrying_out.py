@@ -13,7 +13,7 @@ import typer
 
 from ..interruption import answered
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json
+from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, say
 from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
@@ -149,30 +149,30 @@ def run(
     planned = read_plan(plan)
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
-        seen: Callable[[RunEvent], None] = led_view(err)
+        view: Callable[[RunEvent], None] = led_view(err)
 
-        def told(event: RunEvent) -> None:
-            seen(event)
+        def report(event: RunEvent) -> None:
+            view(event)
             if json_lines:
                 try:
                     sys.stdout.write(json_text(event_json(event)) + "\n")
                     sys.stdout.flush()
                 except OutputLost:
-                    said = f"note: the events are no longer read; the run goes on, into {file}"
-                    err.print(said, markup=False, soft_wrap=True)
+                    message = f"note: the events are no longer read; the run goes on, into {file}"
+                    say(message, to=err)
 
         def confirm(text: str) -> bool:
             if yes:
                 return True
-            told(ConfirmationAsked(text))
+            report(ConfirmationAsked(text))
             return typer.confirm(text, err=True)
 
-        reached: Controller | None = None
+        controller: Controller | None = None
         if rig is RigName.ABB:
             # Plan, access, caution, then sensors: errors are reported before a port is opened.
             require_constraints(planned)
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, confirm)
-            reached = _controller(opened, planned, access, sensors, sensor_port, caution)
+            controller = _controller(opened, planned, access, sensors, sensor_port, caution)
         answers: Answers | None = None
         if rig is RigName.MANUAL:
             # Of a terminal, and of the app, which asks for the scene, a person reads the questions.
@@ -191,23 +191,23 @@ def run(
             closing=closing,
             force=force,
             scene=scene and json_lines,
-            controller=reached,
+            controller=controller,
             answers=answers,
         )
         if answers is None:
-            seen = opened.enter_context(live_view(err))
+            view = opened.enter_context(live_view(err))
         try:
-            answer = record(planned, file, request, told)
+            answer = record(planned, file, request, report)
         except KeyboardInterrupt:
             if file.exists():
                 kept = f"What is recorded stays in {file}: --resume goes on with it."
-                err.print(kept, markup=False, soft_wrap=True)
+                say(kept, to=err)
             raise
     if as_json:
         print_json(event_json(answer))
     elif not json_lines:
         print_carried(out, answer)
-        out.print(f"Run: {file}", soft_wrap=True, markup=False)
+        say(f"Run: {file}")
     raise typer.Exit(1 if answer.missing else EXIT_STATUS[answer.verdict])
 
 
@@ -273,12 +273,12 @@ def controller(
             devices = {}
             if amplifier is not None:
                 devices = stand_ins(opened, CellSensors(simulated.irc5), amplifier)
-            out.print(f"Robot Web Services: {simulated.url}", soft_wrap=True, markup=False)
-            out.print(f"EGM: to {client}, port {simulated.egm_port}", soft_wrap=True, markup=False)
-            out.print(f"PSD and camera: {bind}, port {simulated.sensor_port}", soft_wrap=True, markup=False)
+            say(f"Robot Web Services: {simulated.url}")
+            say(f"EGM: to {client}, port {simulated.egm_port}")
+            say(f"PSD and camera: {bind}, port {simulated.sensor_port}")
             for target, device in devices.items():
-                out.print(f"PSD amplifier of {target}: {device}", soft_wrap=True, markup=False)
-            out.print("Ctrl-C ends it.")
+                say(f"PSD amplifier of {target}: {device}")
+            say("Ctrl-C ends it.")
             threading.Event().wait()
         except KeyboardInterrupt:
             answered()
@@ -319,6 +319,6 @@ def _controller(
         remote = RemoteSensors(access.address, sensor_port)
         opened.callback(remote.close)
         return Controller(access, remote, caution)
-    own = read_sensors(sensors, plan)
-    opened.callback(own.close)
-    return Controller(access, own, caution, own.provenance())
+    attached = read_sensors(sensors, plan)
+    opened.callback(attached.close)
+    return Controller(access, attached, caution, attached.provenance())

@@ -46,8 +46,8 @@ class _Stream:
     def drop(self) -> None:
         """Forget what is not written yet: who should read it may never do so."""
         with suppress(OSError):  # of a stream without a descriptor, too
-            own, nowhere = self._stream.fileno(), os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, own)
+            descriptor, nowhere = self._stream.fileno(), os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, descriptor)
             os.close(nowhere)
 
     def _do(self, what: Callable[[], object]) -> None:
@@ -92,6 +92,11 @@ def guarded_streams() -> Iterator[Callable[[], OSError | None]]:
         sys.stdout, sys.stderr = before
 
 
+def say(text: object, to: Terminal = out) -> None:
+    """Print a text for a person, whose lines are not broken."""
+    to.print(plain(text), markup=False, soft_wrap=True)
+
+
 def print_json(answer: dict[str, Any]) -> None:
     sys.stdout.write(json_text(answer, indent=1) + "\n")
 
@@ -99,7 +104,7 @@ def print_json(answer: dict[str, Any]) -> None:
 def print_picture(picture: Path | None) -> None:
     """Say where the picture is, if one was asked for."""
     if picture is not None:
-        out.print(f"Picture: {picture}", soft_wrap=True, markup=False)
+        say(f"Picture: {picture}")
 
 
 def print_json_pieces(pieces: Iterable[str]) -> None:
@@ -152,16 +157,16 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
         return far
 
     if lines:
-        said = -1.0
+        printed = -1.0
 
-        def say(stage: str, share: float) -> None:
-            nonlocal said
-            if (now := whole(stage, share)) >= said + 0.01 or now >= 1.0 > said:
-                said = now
-                told = {"progress": round(now, 4), "stage": stage}
-                err.print(json.dumps(told), markup=False, soft_wrap=True, highlight=False)
+        def print_progress(stage: str, share: float) -> None:
+            nonlocal printed
+            if (now := whole(stage, share)) >= printed + 0.01 or now >= 1.0 > printed:
+                printed = now
+                line = {"progress": round(now, 4), "stage": stage}
+                say(json.dumps(line), to=err)
 
-        yield say
+        yield print_progress
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.progress import TimeRemainingColumn as Left

@@ -1,4 +1,4 @@
-"""The commands that check plans, and that analyse, report and compare runs."""
+"""The commands that check plans, and that analyse, report, compare and batch runs."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..model.errors import BadInput
-from .console import EXIT_STATUS, FAULT, out, print_json, print_picture, progress
-from .options import Json, Picture, PlanFile, RunFile, Seed
+from ..model.errors import BadInput, WorkersLost
+from .console import EXIT_STATUS, FAULT, err, out, print_json, print_picture, progress, say
+from .options import Json, Picture, PlanFile, RunFile, Scheduler, Seed, Workers, cluster_of
 
 if TYPE_CHECKING:
-    from ..analysis.analyse import Analysis
+    from ..analysis.analyse import Analysis, Sampling
     from ..analysis.estimation.robust import Loss
 
 
@@ -70,14 +70,14 @@ def demo(
     answers = []
     for case in cases:
         with progress(case.title, _ANALYSE) as tell:
-            found = _analysed(read_run(case.path), 0, 1000.0, tell)
-        write_report(folder / case.name, found.result, found.draws)
-        answers.append(found.result)
+            analysis = _analysed(read_run(case.path), 0, 1000.0, tell)
+        write_report(folder / case.name, analysis.result, analysis.draws)
+        answers.append(analysis.result)
     print_side_by_side(out, [case.title for case in cases], answers)
     for case, answer in zip(cases, answers, strict=True):
         out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
         print_verdict(out, answer.verdict, headline(answer, person))
-        out.print(f"Report: {folder / case.name / 'report.html'}", soft_wrap=True)
+        say(f"Report: {folder / case.name / 'report.html'}")
 
 
 def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
@@ -89,19 +89,19 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
-    found = check_plan(planned, turned)
+    checked = check_plan(planned, turned)
     if picture is not None:
         from ..reports.plan.plan_page import write_plan_page
 
-        write_plan_page(picture, turned, found)
+        write_plan_page(picture, turned, checked)
     if as_json:
         from ..words.result_json import check_json
 
-        print_json(check_json(found))
+        print_json(check_json(checked))
     else:
-        print_check(out, found)
+        print_check(out, checked)
         print_picture(picture)
-    raise typer.Exit(EXIT_STATUS[found.verdict])
+    raise typer.Exit(EXIT_STATUS[checked.verdict])
 
 
 def analyse(
@@ -119,12 +119,12 @@ def analyse(
 
     recorded = read_run(run)
     with progress("analyse", _ANALYSE) as tell:
-        found = _analysed(recorded, seed, ess, tell, robust, hold_out)
+        analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
     if as_json:
-        print_json(to_json(found.result))
+        print_json(to_json(analysis.result))
     else:
-        print_result(out, found.result)
-    raise typer.Exit(_status(found))
+        print_result(out, analysis.result)
+    raise typer.Exit(_status(analysis))
 
 
 def report(
@@ -145,16 +145,16 @@ def report(
     recorded = read_run(run)
     check_target(folder)
     with progress("report", _REPORT) as tell:
-        found = _analysed(recorded, seed, ess, tell, robust, hold_out)
+        analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
         tell("writing", 0.0)
-        paths = write_report(folder, found.result, found.draws)
+        paths = write_report(folder, analysis.result, analysis.draws)
         tell("writing", 1.0)
     if as_json:
-        print_json(to_json(found.result))
+        print_json(to_json(analysis.result))
     else:
-        print_result(out, found.result)
-        out.print(f"Report: {paths.html}", soft_wrap=True)
-    raise typer.Exit(_status(found))
+        print_result(out, analysis.result)
+        say(f"Report: {paths.html}")
+    raise typer.Exit(_status(analysis))
 
 
 def compare(
@@ -175,25 +175,25 @@ def compare(
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
     from ..reports.repeatability.comparison_folder import check_target, write_comparison
-    from ..reports.repeatability.comparison_json import comparison_json
     from ..reports.repeatability.comparison_page import print_comparison
+    from ..words.comparison_json import ComparisonDocument
 
     if folder is not None:
         check_target(folder)
     with progress("compare") as tell:
-        found = compare_runs(runs, seed=seed, progress=tell)
+        comparison = compare_runs(runs, seed=seed, progress=tell)
         if folder is not None:
             tell("writing", 1.0)
-            paths = write_comparison(folder, found)
+            paths = write_comparison(folder, comparison)
     if as_json:
-        print_json(comparison_json(found))
+        print_json(ComparisonDocument.of(comparison).to_json())
     else:
-        print_comparison(out, found)
+        print_comparison(out, comparison)
         if folder is not None:
-            out.print(f"Comparison: {paths.html}", soft_wrap=True, markup=False)
-    if found.failed:
+            say(f"Comparison: {paths.html}")
+    if comparison.failed:
         raise typer.Exit(FAULT)
-    raise typer.Exit(0 if found.verdict == "agrees" else 1)
+    raise typer.Exit(0 if comparison.verdict == "agrees" else 1)
 
 
 def schema(
@@ -210,7 +210,7 @@ def schema(
     from ..experiments.schema import SCHEMA_NAMES, json_schema
 
     if name is None:
-        out.print("\n".join(SCHEMA_NAMES))
+        say("\n".join(SCHEMA_NAMES))
         return
     if name not in SCHEMA_NAMES:
         raise BadInput("there is no schema of that name", found=name, allowed=", ".join(SCHEMA_NAMES))
@@ -231,5 +231,66 @@ def _analysed(
     return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=tell)
 
 
-def _status(found: Analysis) -> int:
-    return EXIT_STATUS[found.verdict] if found.converged else FAULT
+def _status(analysis: Analysis) -> int:
+    return EXIT_STATUS[analysis.verdict] if analysis.converged else FAULT
+
+
+_SAMPLING: dict[bool | None, Sampling] = {None: "where needed", True: "always", False: "never"}
+
+
+def batch(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Run files (.jsonl), or folders of them.", metavar="RUN...", show_default=False),
+    ],
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", show_default=False)],
+    pattern: Annotated[
+        str, typer.Option("--glob", help="Which files of a folder are runs.", metavar="PATTERN")
+    ] = "**/*.jsonl",
+    report: Annotated[bool, typer.Option("--report", help="Write the report of each run, too.")] = False,
+    posterior: Annotated[
+        bool | None,
+        typer.Option(
+            "--posterior/--no-posterior",
+            help="Sample the posterior of every run, or of none; by default where the curvature at the mode"
+            " does not describe it.",
+            show_default=False,
+        ),
+    ] = None,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write the tables as Parquet, too.")] = False,
+    as_json: Json = False,
+    seed: Seed = 0,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    ess: Annotated[
+        float,
+        typer.Option(min=100, max=1e5, help="Effective sample size of the posteriors, for every parameter."),
+    ] = 1000.0,
+) -> None:
+    """Solve many runs: results, reports if asked, tables, and one page over all."""
+    from ..experiments.batch import BatchDocument, BatchSettings, run_files
+    from ..reports.batch.batch_folder import require_parquet
+    from ..reports.batch.batch_page import print_batch
+    from ..reports.batch.carried_out import STORE, check_target
+    from ..reports.batch.carried_out import batch as carry_out
+
+    if parquet:
+        require_parquet()
+    check_target(folder)
+    files = run_files(runs, pattern, folder)
+    sampling = _SAMPLING[posterior]
+    settings = BatchSettings(seed=seed, ess=ess, sampling=sampling, report=report)
+    try:
+        with cluster_of(workers, scheduler), progress("batch") as tell:
+            done = carry_out(files, folder, settings, tell, parquet=parquet)
+    except (KeyboardInterrupt, WorkersLost):
+        if (folder / STORE).exists():
+            kept = f"The finished runs are kept in {folder}: the same command goes on with them."
+            say(kept, to=err)
+        raise
+    if as_json:
+        print_json(BatchDocument.of(done).to_json())
+    else:
+        print_batch(out, done)
+        say(f"Page: {folder / 'batch.html'}")
+    raise typer.Exit(0 if done.passed else 1)

@@ -64,7 +64,7 @@ Picture = Annotated[
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be imported, and write nothing.")]
 
 
-def asked_cluster(workers: int | None, scheduler: str | None) -> AbstractContextManager[Traffic | None]:
+def cluster_of(workers: int | None, scheduler: str | None) -> AbstractContextManager[Traffic | None]:
     """The cluster that --workers or --scheduler ask for; nothing without them."""
     if workers is not None and scheduler is not None:
         raise BadInput(

@@ -9,8 +9,8 @@ from typing import Annotated, NoReturn
 import typer
 
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, out, print_json, print_picture, progress
-from .options import Force, Json, Picture, RunFile, Scheduler, Seed, Workers, asked_cluster
+from .console import EXIT_STATUS, out, print_json, print_picture, progress, say
+from .options import Force, Json, Picture, RunFile, Scheduler, Seed, Workers, cluster_of
 
 
 class PlanKind(StrEnum):
@@ -128,11 +128,13 @@ def plan(
     from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 
-    stated = read_header(header)
-    refuse_existing(file, force=force, keep=[header, obstacles, robot_path(stated.robot, header.parent)])
+    shared_header = read_header(header)
+    refuse_existing(
+        file, force=force, keep=[header, obstacles, robot_path(shared_header.robot, header.parent)]
+    )
     request = PlanRequest(
         kind="x" if kind is PlanKind.X else "y" if kind is PlanKind.Y else "optimal",
-        header=stated,
+        header=shared_header,
         header_folder=header.parent,
         target=_numbers(target, 3, "--target"),
         shots=7 if shots is None else shots,
@@ -147,7 +149,7 @@ def plan(
         obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
         seed=seed,
     )
-    with asked_cluster(workers, scheduler), progress("plan", _PLAN) as tell:
+    with cluster_of(workers, scheduler), progress("plan", _PLAN) as tell:
         try:
             made = make_plan(request, file, tell, force=force)
         except BadInput as error:
@@ -164,7 +166,7 @@ def plan(
     else:
         print_proposal(out, made)
         if made.file is not None:
-            out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
+            say(f"Plan: {made.file}")
             print_picture(picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
@@ -199,12 +201,12 @@ def verify(
     from ..experiments.verification import acceptance_json, accepted
     from ..reports.terminal.acceptance import print_acceptance
 
-    found = accepted(run, new, _enough(tolerance))
+    acceptance = accepted(run, new, _enough(tolerance))
     if as_json:
-        print_json(acceptance_json(found))
+        print_json(acceptance_json(acceptance))
     else:
-        print_acceptance(out, found)
-    raise typer.Exit(0 if found.verdict == "pass" else 1)
+        print_acceptance(out, acceptance)
+    raise typer.Exit(0 if acceptance.verdict == "pass" else 1)
 
 
 def _plan_verify(
@@ -219,7 +221,7 @@ def _plan_verify(
         print_json(plan_json(made))
     else:
         print_verification(out, made.plan)
-        out.print(f"Plan: {file}", soft_wrap=True, markup=False)
+        say(f"Plan: {file}")
     raise typer.Exit(0 if made.plan.enough else 1)
 
 

@@ -18,17 +18,17 @@ from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
 from . import app as app_started
 from . import (
-    batches,
     carrying_out,
+    certificates,
     exporting,
+    history,
     importing,
     judging,
     planning,
     robots,
     studying,
 )
-from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
-from .history import certifying, keeping, reporting
+from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, plain, say
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EFBIG, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -51,10 +51,8 @@ class _Commands(TyperGroup):
             raise _Stopped from None
 
 
-keeping.histories.command("drift")(reporting.drift)
-keeping.histories.command("report")(reporting.report)
-for certified in (certifying.certify, certifying.key, certifying.verify):
-    keeping.histories.command(certified.__name__)(certified)
+for certified in (certificates.certify, certificates.key, certificates.verify):
+    history.histories.command(certified.__name__)(certified)
 _COMMANDS = {
     command.__name__: command
     for command in (
@@ -63,7 +61,7 @@ _COMMANDS = {
         judging.analyse,
         judging.report,
         judging.compare,
-        batches.batch,
+        judging.batch,
         planning.plan,
         planning.verify,
         robots.robot,
@@ -77,13 +75,13 @@ _GROUPS: dict[str, Callable[[], typer.Typer]] = {
     "import": importing.imports,
     "study": lambda: studying.studies,
     "export": exporting.exports,
-    "history": lambda: keeping.histories,
+    "history": lambda: history.histories,
 }
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
-        out.print(f"zerobeam {installed('zerobeam')}")
+def _print_version(wanted_version: bool) -> None:
+    if wanted_version:
+        say(f"zerobeam {installed('zerobeam')}")
         raise typer.Exit
 
 
@@ -96,7 +94,7 @@ def _zerobeam(
 
 
 @functools.cache
-def _program(asked: str | None = None) -> typer.Typer:
+def _program(name_typed: str | None = None) -> typer.Typer:
     """The program; with no other command than the one `asked` for, if there is one of that name.
 
     To make all of them ready takes Typer a tenth of a second.
@@ -110,12 +108,12 @@ def _program(asked: str | None = None) -> typer.Typer:
         rich_markup_mode="rich",
     )
     app.callback()(_zerobeam)
-    one = asked in _COMMANDS or asked in _GROUPS
+    one = name_typed in _COMMANDS or name_typed in _GROUPS
     for name, command in _COMMANDS.items():
-        if name == asked or not one:
+        if name == name_typed or not one:
             app.command()(command)
     for name, group in _GROUPS.items():
-        if name == asked or not one:
+        if name == name_typed or not one:
             app.add_typer(group(), name=name)
     return app
 
@@ -131,7 +129,7 @@ def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -
     """Print a note of our own. What libraries note of numbers says nothing to a person."""
     if not category.__module__.startswith(__package__.partition(".")[0]):
         return
-    err.print(f"note: {plain(message)}", markup=False, soft_wrap=True)
+    say(f"note: {message}", to=err)
 
 
 def carried_out() -> int:
@@ -147,7 +145,7 @@ def carried_out() -> int:
             return status
         if isinstance(error, BrokenPipeError):
             return UNREAD
-        err.print(f"error: the output cannot be written: {error.strerror}", markup=False, soft_wrap=True)
+        say(f"error: the output cannot be written: {error.strerror}", to=err)
         return FAULT
 
 
@@ -166,13 +164,13 @@ def _status() -> int:
         elif requested():
             raise  # other words for an interruption
         if isinstance(error, ZerobeamError):
-            err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
+            say(f"error: {error}", to=err)
             return error.exit_status
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            err.print(f"error: the output cannot be written: {error.strerror}", markup=False, soft_wrap=True)
+            say(f"error: the output cannot be written: {error.strerror}", to=err)
             return FAULT
         # Python's own status for this is 1, which is a verdict here.
         sys.stderr.write(plain(traceback.format_exc()))
-        err.print("error: this is a fault of zerobeam itself, please report it with the lines above")
+        say("error: this is a fault of zerobeam itself, please report it with the lines above", to=err)
         return FAULT
     return 0

@@ -11,8 +11,8 @@ import typer
 
 from ..model.arrays import Progress
 from ..model.errors import WorkersLost
-from .console import err, out, print_json, progress
-from .options import Camera, Json, Scheduler, Seed, Workers, asked_cluster
+from .console import err, out, print_json, progress, say
+from .options import Camera, Json, Scheduler, Seed, Workers, cluster_of
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
@@ -38,7 +38,7 @@ def study_coverage(
     """Coverage of the intervals: simulated runs with known offsets, solved again."""
     from ..experiments.studies.coverage import coverage_study
 
-    cluster = asked_cluster(workers, scheduler)
+    cluster = cluster_of(workers, scheduler)
     _study(folder, as_json, cluster, lambda tell, store: coverage_study(data_sets, seed, tell, store=store))
 
 
@@ -55,7 +55,7 @@ def study_cell(
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell import cell_study
 
-    cluster = asked_cluster(workers, scheduler)
+    cluster = cluster_of(workers, scheduler)
 
     def studied(tell: Progress, store: Path) -> StudyAnswer:
         return cell_study(runs, seed, tell, camera=camera, store=store)
@@ -75,7 +75,7 @@ def study_geometry(
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry import geometry_study
 
-    cluster = asked_cluster(workers, scheduler)
+    cluster = cluster_of(workers, scheduler)
     _study(folder, as_json, cluster, lambda tell, store: geometry_study(arms, seed, tell, store=store))
 
 
@@ -91,7 +91,7 @@ def study_drift(
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
     from ..experiments.studies.drift import drift_study
 
-    cluster = asked_cluster(workers, scheduler)
+    cluster = cluster_of(workers, scheduler)
     _study(folder, as_json, cluster, lambda tell, store: drift_study(arms, seed, tell, store=store))
 
 
@@ -106,7 +106,7 @@ def study_table2(
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
-    cluster = asked_cluster(workers, scheduler)
+    cluster = cluster_of(workers, scheduler)
     _study(folder, as_json, cluster, lambda tell, store: table2_study(seed, tell, store=store))
 
 
@@ -134,7 +134,7 @@ def _built_in(name: str, question: str) -> None:
     ) -> None:
         from ..experiments.studies.sweeps.study_file import built_in_study
 
-        _sweep(built_in_study(name), folder, runs, seed, as_json, asked_cluster(workers, scheduler))
+        _sweep(built_in_study(name), folder, runs, seed, as_json, cluster_of(workers, scheduler))
 
     studies.command(name, help=question)(study)
 
@@ -159,7 +159,7 @@ def study_file(
     scheduler: Scheduler = None,
 ) -> None:
     """A study of your own, from a file: the settings, and what changes from case to case."""
-    _sweep(file, folder, runs, seed, as_json, asked_cluster(workers, scheduler))
+    _sweep(file, folder, runs, seed, as_json, cluster_of(workers, scheduler))
 
 
 def _sweep(
@@ -196,13 +196,12 @@ def _study(
             paths = write_study(folder, answer)
     except (KeyboardInterrupt, WorkersLost):
         if store.exists():
-            text = f"The finished cases are kept in {store}: the same command goes on with them."
-            err.print(text, markup=False, soft_wrap=True)
+            say(f"The finished cases are kept in {store}: the same command goes on with them.", to=err)
         raise
     store.unlink(missing_ok=True)
     if as_json:
         print_json(to_json(answer))
     else:
         print_study(out, answer)
-        out.print(f"Study: {paths.html}", soft_wrap=True, markup=False)
+        say(f"Study: {paths.html}")
     raise typer.Exit(0 if answer.agrees else 1)

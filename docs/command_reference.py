@@ -10,7 +10,7 @@ from typing import Any
 
 import typer.main
 
-from zerobeam.commands.app import app
+from zerobeam.commands.program import app
 
 _KINDS = {bool: "", int: "whole number", float: "number", str: "text", Path: "path"}
 _INTRO = """\

@@ -1,4 +1,4 @@
-"""The published JSON Schemas of the files, made from the very models that read them."""
+"""The published JSON Schemas of files and answers, made from the very models that read and write them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
+from ..words.comparison_json import ComparisonDocument
+from .batch import BatchDocument
+from .history.documents import HistoryDocument
 from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
-_MODELS: dict[str, type[BaseModel]] = {
+# What people write, or importers.
+FILE_SCHEMAS: dict[str, type[BaseModel]] = {
     "run-header": Header,
     "run-shot": Shot,
     "plan": PlanFile,
@@ -28,10 +32,16 @@ _MODELS: dict[str, type[BaseModel]] = {
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
+}
+# What zerobeam writes.
+_ANSWERS: dict[str, type[BaseModel]] = {
     "result": ResultDocument,
     "check": CheckDocument,
+    "compare": ComparisonDocument,
+    "batch": BatchDocument,
+    "history": HistoryDocument,
 }
-SCHEMA_NAMES = tuple(_MODELS)
+SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 
 
 def json_schema(name: str) -> dict[str, Any]:
@@ -40,20 +50,21 @@ def json_schema(name: str) -> dict[str, Any]:
     It states what one value may be. What several mean together (limits of the robot, a laser's
     direction, unique measurement numbers) is checked on reading only.
     """
-    if name not in _MODELS:
+    model = FILE_SCHEMAS.get(name) or _ANSWERS.get(name)
+    if model is None:
         raise BadInput(
             "there is no schema of this name",
             found=name,
             allowed=", ".join(SCHEMA_NAMES),
             remedy=did_you_mean(name, SCHEMA_NAMES),
         )
-    schema = _MODELS[name].model_json_schema(by_alias=True)
+    schema = model.model_json_schema(by_alias=True)
+    identity = schema["properties"].get("schema", {})
     if name == "run-header":
-        schema["properties"]["schema"] = {
-            "const": RUN_SCHEMA,
-            "type": "string",
-            "description": "kind and version of the file",
-        }
-        schema["required"] = ["schema", *schema["required"]]
+        identity = {"const": RUN_SCHEMA}
+    if name == "run-header" or name in _ANSWERS:  # it is always there, also where the model has a default
+        about = {"type": "string", "description": "kind and version of the file"}
+        schema["properties"]["schema"] = {"const": identity["const"], **about}
+        schema["required"] = ["schema", *(key for key in schema["required"] if key != "schema")]
     title = name.replace("-", " ")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": f"zerobeam {title}"}

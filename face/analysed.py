@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,14 +14,15 @@ from ..analysis.analyse import Analysis
 from ..analysis.estimation.robust import Loss
 from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.arrays import Progress
-from ..model.errors import BadInput
+from ..model.errors import BadInput, missing_extra
 from ..model.files.run import Run
 from ..reports.output.html import card, text
+from ..reports.output.posterior_file import write_posterior
 from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, worth_column
 from ..reports.run.report import ReportPaths, report_notes, write_report
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
-from ..words.findings import headline
+from ..words.findings import headline, likelihood_message, posterior_message
 from ..words.numbers import unit_of
 from ..words.result_json import to_json
 from ..words.verdict import VERDICT_WORDS
@@ -30,6 +33,10 @@ from .pictures import Figure, SceneView
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+class UnconvergedPosterior(UserWarning):
+    """The sampler did not converge: its draws are no posterior."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -89,10 +96,31 @@ class Analysed(Analysis):
         ------
         BadInput
             The fit did not converge, so that there are no draws; or xarray is not installed.
-        """
-        from .tree import posterior_tree
 
-        return posterior_tree(self.result, self.draws)
+        Warns
+        -----
+        UnconvergedPosterior
+            The draws may not be used.
+        """
+        try:
+            import xarray as xr
+        except ImportError:
+            raise missing_extra("a posterior as a DataTree", "notebook", needed="xarray") from None
+        if self.draws is None:
+            raise BadInput(
+                "there are no draws of the posterior",
+                found=likelihood_message(self.result.likelihood) or posterior_message(self.result.posterior),
+                allowed="a fit that converged, with a parameter that is identifiable",
+            )
+        if not self.draws.converged:
+            warnings.warn(posterior_message(self.result.posterior), UnconvergedPosterior, stacklevel=2)
+        with tempfile.TemporaryDirectory(prefix="zerobeam-") as folder:
+            file = Path(folder) / "posterior.nc"
+            write_posterior(file, self.result, self.draws)
+            group = xr.load_dataset(file, group="posterior", engine="h5netcdf")
+        tree = xr.DataTree(children={"posterior": xr.DataTree(group)})
+        tree.attrs.update(group.attrs)
+        return tree
 
     @property
     def plot(self) -> Plots:
@@ -186,7 +214,6 @@ class Plots:
             no offset.
         """
         from ..reports.run.posterior_summary import posterior_picture
-        from ..words.findings import posterior_message
 
         result = self.solution.result
         picture = posterior_picture(result, self.solution.draws)

@@ -13,9 +13,9 @@ from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.html import card, text
 from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
-from ..reports.repeatability.comparison_json import comparison_json
 from ..reports.repeatability.comparison_page import comparison_page
 from ..reports.style.blocks import Page, Table
+from ..words.comparison_json import ComparisonDocument
 from .arguments import require_number
 
 
@@ -65,7 +65,7 @@ class ComparedRuns(Comparison):
 
     def to_json(self) -> dict[str, Any]:
         """The content of `compare.json` (docs/files.md) as plain dicts, lists, numbers and text."""
-        return comparison_json(self)
+        return ComparisonDocument.of(self).to_json()
 
     def __repr__(self) -> str:
         return text(*self._shown())

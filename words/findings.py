@@ -38,7 +38,7 @@ _MOST_EXPLANATIONS = 3
 def headline(answer: Result | SoFar, name: Namer = str) -> str:
     """The verdict in one or two sentences, with the reason where it is not a pass; `name` writes names."""
     if isinstance(answer, SoFar):
-        if not answer.judged:
+        if not answer.converged:
             return "These measurements determine no offset yet."
         return _headline(answer.offsets, answer.null_space, answer.misfit, name)
     if not answer.likelihood.converged:

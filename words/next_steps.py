@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import shlex
 
-from ..analysis.answer.document import NextStep, NextSteps, ValueToEnter
+from ..analysis.answer.document import EnteredValue, NextStep, NextSteps
 from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.displacement import Displacement
@@ -39,10 +39,10 @@ def next_steps(result: Result) -> NextSteps:
     """What to do with an answer, whatever its verdict."""
     against = [_AGAINST[type(finding)] for finding in result.findings if type(finding) in _AGAINST]
     if against:
-        return NextSteps(enter=(), steps=(NextStep(text=against[0], commands=()),))
+        return NextSteps((), (NextStep(against[0]),))
     if result.verdict != "pass":
-        return NextSteps(enter=(), steps=_not_yet(result))
-    return NextSteps(enter=_values(result), steps=_steps(result))
+        return NextSteps((), _not_yet(result))
+    return NextSteps(_values(result), _steps(result))
 
 
 def _not_yet(result: Result) -> tuple[NextStep, ...]:
@@ -50,17 +50,14 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     if not result.likelihood.converged:
         return (
             NextStep(
-                text="Enter nothing: the fit did not converge. Look at the measurements, or record more"
-                " of them.",
-                commands=(),
+                "Enter nothing: the fit did not converge. Look at the measurements, or record more of them."
             ),
         )
     if result.misfit is not None:
         return (
             NextStep(
-                text="Enter nothing: the model does not describe the measurements. Look for the cause first"
-                " (joint columns, signs, units, a moved target, geometry), then measure again.",
-                commands=(),
+                "Enter nothing: the model does not describe the measurements. Look for the cause first (joint"
+                " columns, signs, units, a moved target, geometry), then measure again."
             ),
         )
     offsets = [row for row in result.parameters if row.group == "offset"]
@@ -70,10 +67,10 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     which = listed([label(name) for name in named]) if named else "the parameters together"
     steps = [
         NextStep(
-            text=f"Enter nothing yet: {which}"
+            f"Enter nothing yet: {which}"
             f" {be(named)} not determined well enough. Record more measurements, in"
             " postures that a plan chooses and a check approves:",
-            commands=(
+            (
                 "zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml",
                 "zerobeam check plan.yaml",
             ),
@@ -84,14 +81,14 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
         without = " ".join(f"--without {name}" for name in open_)
         steps.append(
             NextStep(
-                text="If the identified offsets are to be applied alone, at your decision:",
-                commands=(f"zerobeam {command} {_run(result)} {without} -o {file}",),
+                "If the identified offsets are to be applied alone, at your decision:",
+                (f"zerobeam {command} {_run(result)} {without} -o {file}",),
             )
         )
     return tuple(steps)
 
 
-def _values(result: Result) -> tuple[ValueToEnter, ...]:
+def _values(result: Result) -> tuple[EnteredValue, ...]:
     entries = []
     for row in result.parameters:
         if row.group != "offset" or row.status != "identified":
@@ -99,8 +96,7 @@ def _values(result: Result) -> tuple[ValueToEnter, ...]:
         assert row.estimate is not None
         assert row.std is not None
         value = numbers.estimate(row.estimate, row.std, row.unit)
-        spread = numbers.spread(2 * row.std, row.unit)
-        entries.append(ValueToEnter(name=row.name, value=value, expanded_u=spread))
+        entries.append(EnteredValue(row.name, value, numbers.spread(2 * row.std, row.unit)))
     return tuple(entries)
 
 
@@ -117,14 +113,14 @@ def _steps(result: Result) -> tuple[NextStep, ...]:
         )
     return (
         NextStep(
-            text="1. Write the file for this robot. It says how it is used.",
-            commands=(f"zerobeam {command} {run} -o {file}",),
+            "1. Write the file for this robot. It says how it is used.",
+            (f"zerobeam {command} {run} -o {file}",),
         ),
-        NextStep(text=gain, commands=()),
+        NextStep(gain),
         NextStep(
-            text="3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected"
-            " robot. The answer is pass, fail or inconclusive.",
-            commands=(f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
+            "3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
+            " The answer is pass, fail or inconclusive.",
+            (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
         ),
     )
 

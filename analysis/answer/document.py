@@ -10,6 +10,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -48,7 +49,6 @@ class Section(BaseModel):
         frozen=True,
         allow_inf_nan=False,
         defer_build=True,
-        use_attribute_docstrings=True,
     )
 
     @classmethod
@@ -408,7 +408,8 @@ class ExplanationDocument(Section):
     sentence: str
 
 
-class ValueToEnter(Section):
+@dataclass(frozen=True)
+class EnteredValue:
     """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
 
     name: str
@@ -416,17 +417,19 @@ class ValueToEnter(Section):
     expanded_u: str
 
 
-class NextStep(Section):
+@dataclass(frozen=True)
+class NextStep:
     """A sentence, and the commands that do what it says."""
 
     text: str
-    commands: tuple[str, ...]
+    commands: tuple[str, ...] = ()
 
 
-class NextSteps(Section):
+@dataclass(frozen=True)
+class NextSteps:
     """`enter` is empty where nothing may be entered; the first of the `steps` then says why."""
 
-    enter: tuple[ValueToEnter, ...]
+    enter: tuple[EnteredValue, ...]
     steps: tuple[NextStep, ...]
 
 

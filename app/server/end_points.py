@@ -1,9 +1,20 @@
-"""All end points that calculate. Jobs, files and the page itself are in `routes`."""
+"""All end points, and their description (OpenAPI 3.1) for programs that ask them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import Any, Literal
+
+from pydantic import BaseModel, TypeAdapter
+
+from ...model.files.plan_file import PlanFile
 from .answers import history, imports, plans, posteriors, recordings, refits, results, robots
-from .end_point import EndPoint
+from .folder import FolderFile
+from .job_commands import AskedJob, AskedLine
+from .jobs import JobBrief, JobWhole
+from .requests import EndPoint, ErrorAnswer
 
 END_POINTS: list[EndPoint] = [
     *imports.END_POINTS,
@@ -15,3 +26,106 @@ END_POINTS: list[EndPoint] = [
     *posteriors.END_POINTS,
     *history.END_POINTS,
 ]
+
+
+_ID = {"name": "id", "in": "path", "required": True, "schema": {"type": "string"}}
+_FILE = {"name": "file", "in": "query", "required": True, "schema": {"type": "string"}}
+_CHANGES = {"name": "X-Zerobeam", "in": "header", "required": True, "schema": {"const": "1"}}
+_REF = "#/components/schemas/{model}"
+Schema = dict[str, Any]  # a part of an OpenAPI document
+
+
+@dataclass(frozen=True)
+class _Operation:
+    """What may be asked of a path: what is sent, what comes back (None: no JSON)."""
+
+    path: str
+    method: str
+    says: str
+    sent: type[BaseModel] | None = None
+    parameters: tuple[Schema, ...] = ()
+    returned: TypeAdapter[Any] | None = None
+
+
+_OTHERS = [
+    _Operation("/api/files", "get", "The files below the folder.", returned=TypeAdapter(list[FolderFile])),
+    _Operation("/api/file", "get", "A file, as it is.", parameters=(_FILE,)),
+    _Operation(
+        "/api/archive", "get", "A zip archive of the report that a result belongs to.", parameters=(_FILE,)
+    ),
+    _Operation("/api/file", "put", "Writes a new file: what is sent, as it is.", parameters=(_FILE,)),
+    _Operation("/api/jobs", "get", "The jobs, the newest first.", returned=TypeAdapter(list[JobBrief])),
+    _Operation("/api/jobs", "post", "Begins a job: its id.", AskedJob),
+    _Operation("/api/jobs/{id}", "get", "A job.", parameters=(_ID,), returned=TypeAdapter(JobWhole)),
+    _Operation(
+        "/api/jobs/{id}",
+        "delete",
+        "Asks a job to end, as Ctrl-C does.",
+        parameters=(_ID,),
+        returned=TypeAdapter(JobBrief),
+    ),
+    _Operation(
+        "/api/jobs/{id}/events",
+        "get",
+        "Server-sent events of a job: progress, log, run, end; from behind Last-Event-ID.",
+        parameters=(_ID,),
+    ),
+    _Operation(
+        "/api/jobs/{id}/line", "post", "Answers a job that asks.", AskedLine, (_ID,), TypeAdapter(JobBrief)
+    ),
+]
+
+
+@cache
+def description() -> Schema:
+    """The OpenAPI document, made of the models that read what is sent and write what comes back."""
+    queries = [tuple({**_FILE, "name": name} for name in point.query) for point in END_POINTS]
+    operations = [
+        _Operation(point.path, point.method.lower(), point.says, point.sent, query, point.returned)
+        for point, query in zip(END_POINTS, queries, strict=True)
+    ] + _OTHERS
+    sent = {each.sent for each in operations if each.sent is not None} | {PlanFile, ErrorAnswer}
+    adapters: list[tuple[str, Literal["validation"], TypeAdapter[Any]]] = [
+        (model.__name__, "validation", TypeAdapter[Any](model))
+        for model in sorted(sent, key=lambda model: model.__name__)
+    ]
+    adapters += [
+        (f"{each.method} {each.path}", "validation", each.returned)
+        for each in operations
+        if each.returned is not None
+    ]
+    whole: Any = TypeAdapter.json_schemas(adapters, by_alias=True, ref_template=_REF)
+    made, definitions = whole[0], whole[1].get("$defs", {})
+    for definition in definitions.values():
+        if "plan" in definition.get("properties", {}) and definition is not definitions["PlanFile"]:
+            definition["properties"]["plan"] = {"$ref": _REF.format(model="PlanFile")}
+    paths: dict[str, Schema] = {}
+    for each in operations:
+        content = made.get((f"{each.method} {each.path}", "validation"), {})
+        paths.setdefault(each.path, {})[each.method] = _described(each, content)
+    return {
+        "openapi": "3.1.0",
+        "info": {"title": "zerobeam app", "version": version("zerobeam")},
+        "paths": paths,
+        "components": {"schemas": definitions},
+    }
+
+
+def _described(operation: _Operation, content: Schema) -> Schema:
+    """An operation whose answer has the schema `content` (empty: none is stated)."""
+    kind = "text/event-stream" if operation.path.endswith("/events") else "application/json"
+    made = (operation.path, operation.method) in {("/api/jobs", "post"), ("/api/file", "put")}
+    answer = {"description": operation.says, "content": {kind: {"schema": content} if content else {}}}
+    refusal = {"description": "A refusal.", "content": _json_of(ErrorAnswer)}
+    described: Schema = {
+        "summary": operation.says,
+        "parameters": [*operation.parameters, *([_CHANGES] if operation.method != "get" else [])],
+        "responses": {"201" if made else "200": answer, "default": refusal},
+    }
+    if operation.sent is not None:
+        described["requestBody"] = {"required": True, "content": _json_of(operation.sent)}
+    return described
+
+
+def _json_of(model: type[BaseModel]) -> Schema:
+    return {"application/json": {"schema": {"$ref": _REF.format(model=model.__name__)}}}

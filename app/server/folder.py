@@ -8,16 +8,27 @@ import stat
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+
+from pydantic import Field
 
 from ...model.errors import BadInput
 from ...model.files.confinement import resolved
+from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import refuse_existing
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them
 _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
+
+
+class FolderFile(JsonDocument):
+    """A file below the folder of the app."""
+
+    path: str = Field(description="relative to the folder, with /")
+    kind: str = Field(description="run, plan, header, robot, result, cell, sensors, obstacles or other")
+    bytes: int
+    modified: str = Field(description="ISO 8601, UTC")
 
 
 class Folder:
@@ -68,30 +79,30 @@ class Folder:
         """A message in which the folder's own place is left out."""
         return text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), ".")
 
-    def files(self) -> list[dict[str, Any]]:
-        """The files below the folder, newest first: path, kind, bytes, modified (ISO 8601, UTC).
+    def files(self) -> list[FolderFile]:
+        """The files below the folder, newest first.
 
         Neither hidden files nor what symbolic links lead to, `MOST_FILES` at the most.
         """
-        found = []
+        rows = []
         for path, facts in self._regular():
             modified = datetime.fromtimestamp(facts.st_mtime, UTC).isoformat(timespec="seconds")
-            found.append((facts.st_mtime_ns, path, facts.st_size, modified))
-        found.sort(key=lambda row: (-row[0], row[1]))
+            rows.append((facts.st_mtime_ns, path, facts.st_size, modified))
+        rows.sort(key=lambda row: (-row[0], row[1]))
         return [
-            {"path": path, "kind": kind_of(self.root / path), "bytes": size, "modified": modified}
-            for _, path, size, modified in found[:MOST_FILES]
+            FolderFile(path=path, kind=kind_of(self.root / path), bytes=size, modified=modified)
+            for _, path, size, modified in rows[:MOST_FILES]
         ]
 
     def _regular(self) -> Iterator[tuple[str, os.stat_result]]:
-        seen = 0
+        count = 0
         for where, folders, names in os.walk(self.root):
             folders[:] = sorted(name for name in folders if not name.startswith("."))
             for name in sorted(names):
                 if name.startswith("."):
                     continue
-                seen += 1
-                if seen > MOST_SEEN:
+                count += 1
+                if count > MOST_SEEN:
                     return
                 path = Path(where) / name
                 try:

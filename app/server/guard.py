@@ -20,6 +20,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from .requests import ErrorAnswer, ErrorFacts
+
 LARGEST_BODY = 64 * 10**6  # bytes
 SHOWN = "/shown/"  # pages of the folder, by a ticket: a page in a sandbox sends no cookie with its links
 _ALONE = "frame-ancestors 'self'"
@@ -66,9 +68,9 @@ class Access:
             return not alone and name in {self.host.lower(), socket.gethostname().lower()}
         return address.is_loopback or not alone
 
-    def knows(self, given: str) -> bool:
+    def knows(self, token: str) -> bool:
         """Whether this is the token."""
-        return hmac.compare_digest(given.encode(), self.token.encode())
+        return hmac.compare_digest(token.encode(), self.token.encode())
 
     def ticket(self, page: str) -> str:
         """What lets a page of the app's folder be seen, and what its links lead to beside and below it: their
@@ -92,8 +94,8 @@ def _scope(page: str) -> str:
 
 def refusal(status: int, what: str, *, allowed: str | None = None, to_do: str | None = None) -> JSONResponse:
     """A refusal in the form of all errors."""
-    facts = {"what": what, "found": None, "allowed": allowed, "to_do": to_do, "key": None}
-    return JSONResponse({"error": facts}, status_code=status)
+    answer = ErrorAnswer(error=ErrorFacts(what=what, allowed=allowed, to_do=to_do))
+    return JSONResponse(answer.to_json(), status_code=status)
 
 
 class Guard:
@@ -108,12 +110,12 @@ class Guard:
             return
         if scope["type"] != "http":
             return
-        begun = False
+        answering = False
 
         async def guarded(message: Message) -> None:
-            nonlocal begun
+            nonlocal answering
             if message["type"] == "http.response.start":
-                begun = True
+                answering = True
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
                     headers.setdefault(name, value)
@@ -132,7 +134,7 @@ class Guard:
         try:
             await self.app(scope, _counted(receive), guarded)
         except TooLarge:
-            if begun:
+            if answering:
                 raise
             await _too_large()(scope, receive, guarded)
 
@@ -159,14 +161,17 @@ class Guard:
 
     def _enters(self, scope: Scope) -> bool:
         """Whether the page is opened by an address with the token: its browser gets the cookie."""
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        return scope["path"] == "/" and scope["method"] == "GET" and self.access.knows(given)
+        token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        return scope["path"] == "/" and scope["method"] == "GET" and self.access.knows(token)
 
     def _let_in(self, scope: Scope) -> Response | None:
         """None for who may go on: by the cookie, or a program by its header."""
         headers = Headers(scope=scope)
-        kind, _, stated = headers.get("authorization", "").partition(" ")
-        tokens = [*_values(headers.get("cookie", ""), _cookie(headers)), stated if kind == "Bearer" else ""]
+        kind, _, credential = headers.get("authorization", "").partition(" ")
+        tokens = [
+            *_values(headers.get("cookie", ""), _cookie(headers)),
+            credential if kind == "Bearer" else "",
+        ]
         if any(self.access.knows(token) for token in tokens):
             return None
         if scope["path"].startswith(SHOWN):  # the end point looks at the ticket

@@ -202,10 +202,10 @@ def _checked(
     folder: Folder, name: tuple[str, ...], files: int, options: Mapping[str, Kind], rest: Sequence[str]
 ) -> list[str]:
     called = " ".join(name)
-    stated, words = _parsed(called, options, rest, ended=name in _NAMED)
-    _require_once(called, options, stated)
-    stated = [(key, _value(folder, options[key], value)) for key, value in stated]
-    values = dict(stated)
+    options_typed, words = _parsed(called, options, rest, ended=name in _NAMED)
+    _require_once(called, options, options_typed)
+    options_typed = [(key, _value(folder, options[key], value)) for key, value in options_typed]
+    values = dict(options_typed)
     if (rig := values.get("--rig", RIGS[0])) not in RIGS:
         raise BadInput(
             "the app does not carry out this command",
@@ -214,7 +214,7 @@ def _checked(
             remedy="use the command line",
         )
     names, read = (words, []) if name in _NAMED else ([], words)
-    several = any(name[: len(own)] == own for own in _SEVERAL)
+    several = any(name[: len(prefix)] == prefix for prefix in _SEVERAL)
     if len(read) < files or (len(read) > files and not several) or len(names) > 1:
         raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
     if "--out" in options and "--out" not in values:
@@ -224,7 +224,7 @@ def _checked(
         raise BadInput(f"{called} needs a file in the app's folder", remedy=f"add {needed}")
     # A name of an import that is no file may stand for several.
     read = [folder.called(folder.file(word)) if name[0] == "import" else _file(folder, word) for word in read]
-    made = [*name, *(key if value is None else f"{key}={value}" for key, value in stated)]
+    made = [*name, *(key if value is None else f"{key}={value}" for key, value in options_typed)]
     if name == ("run",):
         made += ["--json-lines", "--scene"]
     elif name[0] != "import" and name[:2] != ("export", "plan"):
@@ -236,13 +236,13 @@ def _parsed(
     called: str, options: Mapping[str, Kind], rest: Sequence[str], *, ended: bool
 ) -> tuple[list[_Option], list[str]]:
     """The options of a command and its other words. `ended`: behind `--` no word is an option."""
-    stated: list[_Option] = []
+    options_typed: list[_Option] = []
     words: list[str] = []
     left = list(rest)
     while left:
         word = left.pop(0)
         if ended and word == "--":
-            return stated, words + left
+            return options_typed, words + left
         if not word.startswith("-"):
             words.append(word)
             continue
@@ -257,13 +257,13 @@ def _parsed(
             if not left:
                 raise BadInput(f"{key} takes a value")
             value = left.pop(0)
-        stated.append((key, None if kind == "flag" else value))
-    return stated, words
+        options_typed.append((key, None if kind == "flag" else value))
+    return options_typed, words
 
 
-def _require_once(called: str, options: Mapping[str, Kind], stated: Sequence[_Option]) -> None:
+def _require_once(called: str, options: Mapping[str, Kind], options_typed: Sequence[_Option]) -> None:
     """Of an option that stands twice one is carried out; that the other one was checked is worth nothing."""
-    keys = [key for key, _ in stated if options[key] != "values"]
+    keys = [key for key, _ in options_typed if options[key] != "values"]
     for key in keys:
         if keys.count(key) > 1:
             raise BadInput(f"{key} of {called} is stated twice", allowed=f"{key} once")

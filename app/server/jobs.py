@@ -12,14 +12,17 @@ import sys
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Sequence
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import Field
 
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.files.confinement import WITHIN
-from .begun import BegunRuns
+from ...model.files.json_document import JsonDocument
 from .folder import Folder
+from .started_runs import StartedRuns
 
 AT_ONCE = 2  # jobs under way; others wait
 MOST_JOBS = 50  # kept; the oldest that have ended are forgotten
@@ -39,14 +42,35 @@ PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in line
 _Told = tuple[int, str, Any]  # number, kind, data
 
 
+class JobBrief(JsonDocument):
+    """A job without its log and answer."""
+
+    id: str
+    command: list[str]
+    state: Literal["waiting", "running", "done", "stopped", "failed"]
+    share: float = Field(description="of the work that is done")
+    stage: str
+    passed_s: float | None = Field(description="since it began, seconds")
+    left_s: float | None = Field(description="until its end, seconds, where that can be estimated")
+    status: int | None = Field(description="exit status of the command")
+    asks: Literal["lines", "confirm"] | None = Field(description="`confirm`: it waits for yes or no")
+
+
+class JobWhole(JobBrief):
+    """A job."""
+
+    log: list[str] = Field(description="the last lines of standard error")
+    answer: Any = Field(description="the JSON that the command printed")
+
+
 class Job:
     """One command: `state` is waiting, running, done (it gave its answer), stopped or failed."""
 
     def __init__(self, number: int, command: Sequence[str]) -> None:
         self.number, self.command = number, list(command)
-        self.state = "waiting"
+        self.state: Literal["waiting", "running", "done", "stopped", "failed"] = "waiting"
         self.share, self.stage = 0.0, ""
-        self.begun: float | None = None
+        self.started_at: float | None = None
         self.took_s: float | None = None
         self.log: deque[str] = deque(maxlen=MOST_LOG)
         self.status: int | None = None
@@ -54,7 +78,7 @@ class Job:
         self.process: asyncio.subprocess.Process | None = None
         self.cancelled = False
         self.task: asyncio.Task[None] | None = None
-        self.asks: str | None = None  # "lines": it reads them; "confirm": a yes or no; None: nothing
+        self.asks: Literal["lines", "confirm"] | None = None
         self.left_from = 0.0  # the share that was done before it began
         self._kept: deque[_Told] = deque(maxlen=MOST_EVENTS)
         self._passing: deque[_Told] = deque(maxlen=MOST_PASSING)
@@ -67,40 +91,41 @@ class Job:
     def ended(self) -> bool:
         return self.state not in ("waiting", "running")
 
-    def brief(self) -> dict[str, Any]:
+    def brief(self) -> JobBrief:
         """Without log and answer."""
         passed = self.took_s
-        if passed is None and self.begun is not None:
-            passed = time.monotonic() - self.begun
+        if passed is None and self.started_at is not None:
+            passed = time.monotonic() - self.started_at
         left = None
         done = self.share - self.left_from
         if self.state == "running" and passed is not None and done > 0.02:
             left = round(passed * (1 - self.share) / done, 1)
-        return {
-            "id": str(self.number),
-            "command": self.command,
-            "state": self.state,
-            "share": round(self.share, 4),
-            "stage": self.stage,
-            "passed_s": None if passed is None else round(passed, 1),
-            "left_s": left,
-            "status": self.status,
-            "asks": self.asks,
-        }
+        return JobBrief(
+            id=str(self.number),
+            command=self.command,
+            state=self.state,
+            share=round(self.share, 4),
+            stage=self.stage,
+            passed_s=None if passed is None else round(passed, 1),
+            left_s=left,
+            status=self.status,
+            asks=self.asks,
+        )
 
-    def whole(self) -> dict[str, Any]:
-        return self.brief() | {"log": list(self.log), "answer": self.answer}
+    def whole(self) -> JobWhole:
+        """With log and answer."""
+        return JobWhole(**dict(self.brief()), log=list(self.log), answer=self.answer)
 
     async def tell(self, kind: str, data: Any) -> None:
         """Add an event, for all who follow."""
         name = data["event"] if kind == "run" else kind
         async with self._news:
             self._last += 1
-            told = (self._last, kind, data)
+            event = (self._last, kind, data)
             if name == _LAST:
-                self._picture = told
+                self._picture = event
             else:
-                (self._passing if name in _PASSING else self._kept).append(told)
+                (self._passing if name in _PASSING else self._kept).append(event)
             self._told_all = kind == "end"
             self._news.notify_all()
 
@@ -108,8 +133,8 @@ class Job:
         """What can be told again, from behind number `after`."""
         pictures = [] if self._picture is None else [self._picture]
         return sorted(
-            (told for told in (*self._kept, *self._passing, *pictures) if told[0] > after),
-            key=lambda told: told[0],
+            (entry for entry in (*self._kept, *self._passing, *pictures) if entry[0] > after),
+            key=lambda event: event[0],
         )
 
     async def events(self, after: int, every_s: float = 15.0) -> AsyncIterator[bytes]:
@@ -140,7 +165,7 @@ class Jobs:
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
-        self.begun = BegunRuns(folder)
+        self.runs = StartedRuns(folder)
         self._jobs: dict[str, Job] = {}
         # Who followed a job of a server that was killed must not be told of another one of the same number.
         self._number = int(time.time())
@@ -178,7 +203,7 @@ class Jobs:
             if text not in ("yes", "no"):
                 raise BadInput("this is no answer", found=text[:50], allowed="yes or no")
             job.asks = None
-            await job.tell("progress", job.brief())
+            await job.tell("progress", job.brief().to_json())
         process.stdin.write("".join(f"{line}\n" for line in text.splitlines()).encode())
         with contextlib.suppress(ConnectionError):
             await process.stdin.drain()
@@ -215,11 +240,11 @@ class Jobs:
         finally:
             if not job.ended:
                 job.state = "stopped" if job.cancelled else "failed"
-            job.took_s = None if job.begun is None else time.monotonic() - job.begun
-            await job.tell("end", job.whole())
+            job.took_s = None if job.started_at is None else time.monotonic() - job.started_at
+            await job.tell("end", job.whole().to_json())
 
     async def _run(self, job: Job, password: str | None) -> None:
-        job.state, job.begun = "running", time.monotonic()
+        job.state, job.started_at = "running", time.monotonic()
         measures = job.command[0] == "run"
         secret = {} if password is None else {PASSWORD: password}
         job.process = process = await asyncio.create_subprocess_exec(
@@ -254,44 +279,46 @@ class Jobs:
 
     async def _events(self, job: Job, stream: asyncio.StreamReader) -> None:
         """The events of a run, a line each; the last is its answer."""
-        begun, done, of = False, 0, 1
+        under_way, done, of = False, 0, 1
         async for line in stream:
             try:
-                told = json.loads(line)
+                event = json.loads(line)
             except ValueError:
                 continue
-            kind = told["event"]
+            kind = event["event"]
             if kind == "begin":
-                begun, done, of = True, len(told["recorded"]), told["postures"]
+                under_way, done, of = True, len(event["recorded"]), event["postures"]
                 job.left_from = done / of
-                if told["rig"] == "manual":
+                if event["rig"] == "manual":
                     job.asks = "lines"
-                await asyncio.to_thread(self.begun.begin, job.command)
+                await asyncio.to_thread(self.runs.begin, job.command)
             elif kind == "confirm":
                 job.asks = "confirm"
             elif kind == "end":
-                job.answer = told
-                left = set(range(of)) - set(told["shots"]) - {own["shot"] for own in told["refused"]}
-                if not left or told["why"] is not None:
-                    await asyncio.to_thread(self.begun.end, job.command)
+                job.answer = event
+                left = (
+                    set(range(of)) - set(event["shots"]) - {refusal["shot"] for refusal in event["refused"]}
+                )
+                if not left or event["why"] is not None:
+                    await asyncio.to_thread(self.runs.end, job.command)
             done += {"recorded": 1, "refused": 1, "withdrawn": -1}.get(kind, 0)
-            if begun:
+            if under_way:
                 job.share = min(1.0, done / of)
-            await job.tell("run", told)
+            await job.tell("run", event)
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
-                await job.tell("progress", job.brief())
+                await job.tell("progress", job.brief().to_json())
 
     async def _log(self, job: Job, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""
         async for raw in stream:
             line = self._folder.without(raw.decode("utf-8", "replace").rstrip("\n"))
-            told = _progress(line)
-            if told is None:
+            event = _progress(line)
+            if event is None:
                 job.log.append(line[:2000])
                 await job.tell("log", line[:2000])
             else:
-                job.share, job.stage = max(job.share, told[0]), told[1]
-                await job.tell("progress", job.brief())
+                job.share, job.stage = max(job.share, event[0]), event[1]
+                await job.tell("progress", job.brief().to_json())
 
 
 async def _answer(job: Job, stream: asyncio.StreamReader) -> None:
@@ -312,8 +339,8 @@ def _progress(line: str) -> tuple[float, str] | None:
     if not line.startswith('{"progress": '):
         return None
     try:
-        told = json.loads(line)
-        return float(told["progress"]), str(told["stage"])
+        event = json.loads(line)
+        return float(event["progress"]), str(event["stage"])
     except (ValueError, KeyError, TypeError):
         return None
 

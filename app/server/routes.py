@@ -7,7 +7,8 @@ import functools
 import inspect
 import json
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable
+import zipfile
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -28,15 +29,12 @@ from ...model.files.whole_file import write_whole
 from ...reports.output.html import TEMPLATES, sheet
 from ...reports.style import typeface
 from .answers.results import read_result, report_files
-from .archive import archive
-from .asked import asked, error_json, require_plain
-from .end_point import EndPoint
-from .end_points import END_POINTS
+from .end_points import END_POINTS, description
 from .folder import Folder
 from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import Job, Jobs
-from .openapi import description
+from .requests import EndPoint, as_model, error_answer, require_plain
 
 _PAGE = Path(__file__).parents[1] / "page"
 PATIENCE_S = 120.0  # for the body of a request
@@ -96,15 +94,15 @@ def page_files() -> dict[str, bytes]:
     Its own files, with the places of the page in one; of the reports the typeface, the style sheet and the
     scene that can be turned.
     """
-    own = {
+    files = {
         path.relative_to(_PAGE).as_posix(): path
         for path in _PAGE.rglob("*")
         if path.is_file() and path.suffix in _TYPES
     }
     fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
     scene = {name: TEMPLATES / name for name in ("scene.js", "scene.css")}
-    read = {name: path.read_bytes() for name, path in (own | fonts | scene).items()}
-    parts = b"".join(read.pop(f"places/{place}/place.html", b"") for place in _PLACES)
+    read = {name: path.read_bytes() for name, path in (files | fonts | scene).items()}
+    parts = b"".join(read.pop(f"places/{name}/place.html", b"") for name in _PLACES)
     index = read["index.html"].replace(b"<!-- places -->\n", parts)
     return read | {"index.html": index, "report.css": sheet().encode()}
 
@@ -133,14 +131,17 @@ class _Server:
         async def answered(request: Request) -> Response:
             async with self.places:
                 if point.sent is not None:
-                    return await self._calculated(request, point, asked(point.sent, await _content(request)))
-                texts = [request.query_params.get(name, "") for name in point.asked]
+                    return await self._calculated(
+                        request, point, as_model(point.sent, await _content(request))
+                    )
+                texts = [request.query_params.get(name, "") for name in point.query]
                 return await self._calculated(request, point, *texts)
 
         return answered
 
     async def files(self, request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(self.folder.files))
+        files = await asyncio.to_thread(self.folder.files)
+        return JSONResponse([file.to_json() for file in files])
 
     async def download(self, request: Request) -> Response:
         path = self.folder.file(request.query_params.get("file", ""))
@@ -151,7 +152,10 @@ class _Server:
         path = self.folder.file(request.query_params.get("file", ""))
         await asyncio.to_thread(read_result, path)
         start, name = path.parent, path.parent.name if path.parent != self.folder.root else "report"
-        files = [(own, f"{name}/{own.relative_to(start).as_posix()}") for own in report_files(path)]
+        files = [
+            (report_file, f"{name}/{report_file.relative_to(start).as_posix()}")
+            for report_file in report_files(path)
+        ]
         disposition = f"attachment; filename*=utf-8''{quote(name)}.zip"
         headers = {"content-disposition": disposition}
         return StreamingResponse(archive(files), media_type="application/zip", headers=headers)
@@ -179,26 +183,26 @@ class _Server:
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": _ALONE})
 
     async def jobs_told(self, request: Request) -> Response:
-        return JSONResponse([job.brief() for job in self.jobs.all()])
+        return JSONResponse([job.brief().to_json() for job in self.jobs.all()])
 
     async def begin_job(self, request: Request) -> Response:
-        wanted = asked(AskedJob, await _content(request))
-        command = await asyncio.to_thread(job_command, self.folder, wanted.command)
-        job = self.jobs.begin(command, wanted.password)
+        request_sent = as_model(AskedJob, await _content(request))
+        command = await asyncio.to_thread(job_command, self.folder, request_sent.command)
+        job = self.jobs.begin(command, request_sent.password)
         return JSONResponse({"id": str(job.number)}, status_code=201)
 
     async def job(self, request: Request) -> Response:
-        return JSONResponse(self._job(request).whole())
+        return JSONResponse(self._job(request).whole().to_json())
 
     async def end_job(self, request: Request) -> Response:
         job = self._job(request)
         self.jobs.cancel(job)
-        return JSONResponse(job.brief())
+        return JSONResponse(job.brief().to_json())
 
     async def job_line(self, request: Request) -> Response:
         job = self._job(request)
-        await self.jobs.answer(job, asked(AskedLine, await _content(request)).text)
-        return JSONResponse(job.brief())
+        await self.jobs.answer(job, as_model(AskedLine, await _content(request)).text)
+        return JSONResponse(job.brief().to_json())
 
     async def job_events(self, request: Request) -> Response:
         last = request.headers.get("last-event-id", "")
@@ -225,12 +229,12 @@ class _Server:
     async def refuse(self, request: Request, error: Exception) -> Response:
         assert isinstance(error, ZerobeamError)
         status = 400 if isinstance(error, BadInput) else 422
-        return JSONResponse(error_json(error, self.folder.without), status_code=status)
+        return JSONResponse(error_answer(error, self.folder.without).to_json(), status_code=status)
 
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return JSONResponse(await point.answer(self.folder, *of))
+                return JSONResponse(point.plain(await point.answer(self.folder, *of)))
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
@@ -241,7 +245,7 @@ class _Server:
     def _confined(self, point: EndPoint, *of: Any) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
         with confined(self.folder.root):
-            return point.answer(self.folder, *of)
+            return point.plain(point.answer(self.folder, *of))
 
 
 async def _body(request: Request, largest: int) -> bytes:
@@ -273,8 +277,8 @@ async def _content(request: Request) -> Any:
 
 async def _no_answer(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 400
-    said = {404: "there is nothing of this name", 405: "this cannot be done here"}
-    return refusal(status, said.get(status, "the request is not understood"))
+    sentences = {404: "there is nothing of this name", 405: "this cannot be done here"}
+    return refusal(status, sentences.get(status, "the request is not understood"))
 
 
 async def _gone(request: Request, error: Exception) -> Response:
@@ -286,3 +290,47 @@ async def _fault(request: Request, error: Exception) -> Response:
     return refusal(
         500, "this is a fault of zerobeam itself", to_do="please report it, with what the terminal says"
     )
+
+
+_PART = 2**18  # bytes read at once
+_PACKED = {".html", ".json", ".jsonl", ".svg", ".csv"}  # by what is worth it; the others are packed already
+
+
+def archive(files: Iterable[tuple[Path, str]]) -> Iterator[bytes]:
+    """The bytes of a zip archive of files, each with its name in it; one that has gone is left out."""
+    sink = _Sink()
+    with zipfile.ZipFile(sink, "w") as whole:  # type: ignore[call-overload]
+        for path, name in files:
+            try:
+                file = path.open("rb")
+            except OSError:
+                continue
+            packed = zipfile.ZIP_DEFLATED if path.suffix.lower() in _PACKED else zipfile.ZIP_STORED
+            with file:
+                entry = zipfile.ZipInfo.from_file(path, name, strict_timestamps=False)
+                entry.compress_type = packed
+                with whole.open(entry, "w", force_zip64=True) as inside:
+                    while part := file.read(_PART):
+                        inside.write(part)
+                        yield sink.taken()
+            yield sink.taken()
+    yield sink.taken()
+
+
+class _Sink:
+    """What a zip archive is written to: a stream that cannot go back."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def write(self, data: bytes) -> int:
+        self._parts.append(bytes(data))
+        return len(data)
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def taken(self) -> bytes:
+        """What was written since the last call."""
+        parts, self._parts = self._parts, []
+        return b"".join(parts)

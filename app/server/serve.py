@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import html
 import ipaddress
+import os
 import socket
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import h11
 import uvicorn
@@ -24,7 +28,7 @@ PATIENCE_S = 10.0  # for the head of a request
 _BESIDE_S = 30.0  # until a server of a notebook answers, or has ended
 
 
-def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) -> None:
+def serve(root: Path, host: str | None, port: int, announce: Callable[[str], None]) -> None:
     """Serve the app of a folder until the process is asked to end; then KeyboardInterrupt.
 
     `told` is given the address, with the token, as soon as it answers. `host` None: this machine alone.
@@ -33,7 +37,7 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
     access = Access() if host is None else Access(host)
     with listening(access.host, port) as open_socket:
         address = _address(access, open_socket)
-        _Server(_config(folder, access), lambda: told(address)).run([open_socket])
+        _Server(_config(folder, access), lambda: announce(address)).run([open_socket])
 
 
 def serve_beside(root: Path) -> str:
@@ -110,14 +114,14 @@ class _Impatient(H11Protocol):
 class _Server(uvicorn.Server):
     """Says when it answers."""
 
-    def __init__(self, config: uvicorn.Config, told: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
         super().__init__(config)
-        self._told = told
+        self._announce = announce
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started:
-            self._told()
+            self._announce()
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -144,3 +148,31 @@ def listening(host: str, port: int) -> socket.socket:
             remedy="another --port, or --port 0 for any that is free",
         ) from None
     return opened
+
+
+_LEADS_ON = """<!doctype html>
+<meta charset="utf-8">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>zerobeam</title>
+<p><a href="{address}">Open the app</a>, if it does not open by itself.</p>
+"""
+
+
+def leading_to(folder: Path, address: str) -> str:
+    """The address of a file that leads to `address`: this user alone can read it; it goes with the process.
+
+    It is in `.zerobeam` below the folder: browsers in a container of their own read no temporary folders. On
+    Windows and macOS a browser is not given its address by a command line, and `address` is returned. OSError
+    or BadInput where the file cannot be written.
+    """
+    if sys.platform in ("win32", "darwin"):
+        return address
+    file = Folder(folder).private(f"open-{urlsplit(address).port}.html")
+    file.parent.mkdir(exist_ok=True)
+    file.unlink(missing_ok=True)
+    with os.fdopen(
+        os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
+    ) as opened:
+        opened.write(_LEADS_ON.format(address=html.escape(address, quote=True)))
+    atexit.register(file.unlink, missing_ok=True)
+    return file.as_uri()

@@ -1,1 +1,1 @@
-"""The history of arms: a database of results and events, its schema, its migrations, what is asked of it."""
+"""The history of arms: a database of results and events, what is asked of it, drift, signatures."""

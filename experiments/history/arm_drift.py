@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...analysis.drift.drift import Drift, Jump, Undecided, drift
 from ...analysis.drift.forecast import HORIZON_YEARS, due_after
 from ...analysis.drift.instruments import change_at
 from ...analysis.drift.smoother import Observation, series_of
-from .store import Event, StoredResult
+from .content import Event, StoredResult
 
 YEAR = timedelta(days=365.25)
 NOT_SOON = f"not within {HORIZON_YEARS:g} years"
@@ -26,23 +27,18 @@ class LeftOut:
     reason: str
 
 
-@dataclass(frozen=True)
-class DatedJump:
-    """A jump between two results, the events that were logged in between, and the instruments before and
-    after (of the nearest results that determine the offset) where these differ: a bias looks like a jump."""
-
-    jump: Jump
-    after: datetime
-    before: datetime
-    events: tuple[Event, ...]
-    instruments: tuple[str, str] | None
+Change = TypeVar("Change", Jump, Undecided)
 
 
 @dataclass(frozen=True)
-class DatedChange:
-    """A change that may be a jump or drift; the other fields as those of `DatedJump`."""
+class DatedChange(Generic[Change]):
+    """A jump between two results, or a change that may be drift, and the events that were logged in between.
 
-    change: Undecided
+    `instruments` are those before and after (of the nearest results that determine the offset) where they
+    differ: a bias looks like a jump.
+    """
+
+    change: Change
     after: datetime
     before: datetime
     events: tuple[Event, ...]
@@ -62,8 +58,8 @@ class ArmDrift:
     used: tuple[StoredResult, ...]
     left_out: tuple[LeftOut, ...]
     drift: Drift | None
-    jumps: tuple[DatedJump, ...]
-    undecided: tuple[DatedChange, ...]
+    jumps: tuple[DatedChange[Jump], ...]
+    undecided: tuple[DatedChange[Undecided], ...]
     tolerance_mm: float
     due: datetime | None
     due_reason: str
@@ -83,60 +79,58 @@ def arm_drift(
     """
     used: list[StoredResult] = []
     left_out: list[LeftOut] = []
-    for own in results:
-        reason = _why_not(own)
+    for result in results:
+        reason = _why_not(result)
         if reason is None:
-            used.append(own)
+            used.append(result)
         else:
-            left_out.append(LeftOut(own, reason))
-    found, due, reason = None, None, "fewer than two results count"
-    jumps: tuple[DatedJump, ...] = ()
-    undecided: tuple[DatedChange, ...] = ()
+            left_out.append(LeftOut(result, reason))
+    model, due, reason = None, None, "fewer than two results count"
+    jumps: tuple[DatedChange[Jump], ...] = ()
+    undecided: tuple[DatedChange[Undecided], ...] = ()
     if len(used) >= 2:
-        units = {row["name"]: row["unit"] for own in used for row in own.offsets}
-        at = [own.measured_at for own in used]
+        units = {row.name: row.unit for result in used for row in result.offsets}
+        at = [result.measured_at for result in used]
         reset = [t for t in range(len(at) - 1) if _between(events, at[t], at[t + 1], "mastering")]
-        found = drift(series_of([_observation(own, used[0].measured_at) for own in used], units, reset))
-        instruments = [own.instrument for own in used]
+        model = drift(series_of([_observation(result, used[0].measured_at) for result in used], units, reset))
+        instruments = [result.instrument for result in used]
 
-        def beside(
-            after: int, offset: str
-        ) -> tuple[datetime, datetime, tuple[Event, ...], tuple[str, str] | None]:
-            assert found is not None
-            between = _between(events, at[after], at[after + 1])
-            return at[after], at[after + 1], between, change_at(found.series, instruments, after, offset)
+        def dated(change: Change) -> DatedChange[Change]:
+            assert model is not None
+            after, before = at[change.after], at[change.after + 1]
+            changed = change_at(model.series, instruments, change.after, change.offset)
+            return DatedChange(change, after, before, _between(events, after, before), changed)
 
-        jumps = tuple(DatedJump(own, *beside(own.after, own.offset)) for own in found.jumps)
-        undecided = tuple(DatedChange(own, *beside(own.after, own.offset)) for own in found.undecided)
-        due, reason = _due(found, used[-1], tolerance_mm)
+        jumps, undecided = tuple(map(dated, model.jumps)), tuple(map(dated, model.undecided))
+        due, reason = _due(model, used[-1], tolerance_mm)
     if used and (since := _since(events, used[-1].measured_at)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
-    return ArmDrift(*arm, tuple(used), tuple(left_out), found, jumps, undecided, tolerance_mm, due, reason)
+    return ArmDrift(*arm, tuple(used), tuple(left_out), model, jumps, undecided, tolerance_mm, due, reason)
 
 
-def _why_not(own: StoredResult) -> str | None:
-    if own.verdict == "misfit":
+def _why_not(result: StoredResult) -> str | None:
+    if result.verdict == "misfit":
         return "misfit: the model does not describe the measurements"
-    if own.without_prior is None:
+    if result.without_prior is None:
         return "it has no covariance of the offsets without prior: add it again, made by this version"
-    dof = own.without_prior["dof"]
+    dof = result.without_prior.dof
     if dof is not None and dof <= 2:
         return "its noise is estimated with two degrees of freedom or fewer"
     return None
 
 
-def _observation(own: StoredResult, first: datetime) -> Observation:
-    alone = own.without_prior
-    assert alone is not None
-    dof = alone["dof"]
+def _observation(result: StoredResult, first: datetime) -> Observation:
+    free = result.without_prior
+    assert free is not None
+    dof = free.dof
     # An estimated noise: the variance of Student's t.
     factor = 1.0 if dof is None else dof / (dof - 2)
-    by_geometry = np.array(alone["by_geometry"], float).reshape(len(alone["names"]), -1)
+    by_geometry = np.array(free.by_geometry, float).reshape(len(free.names), -1)
     return Observation(
-        at=(own.measured_at - first) / YEAR,
-        names=tuple(alone["names"]),
-        values=np.array(alone["values"], float),
-        covariance=factor * np.array(alone["covariance"], float),
+        at=(result.measured_at - first) / YEAR,
+        names=tuple(free.names),
+        values=np.array(free.values, float),
+        covariance=factor * np.array(free.covariance, float),
         shared=by_geometry @ by_geometry.T,
     )
 
@@ -144,32 +138,32 @@ def _observation(own: StoredResult, first: datetime) -> Observation:
 def _between(
     events: Sequence[Event], after: datetime, before: datetime, what: str | None = None
 ) -> tuple[Event, ...]:
-    return tuple(own for own in events if after <= own.at <= before and what in (None, own.what))
+    return tuple(event for event in events if after <= event.at <= before and what in (None, event.what))
 
 
 def _since(events: Sequence[Event], last: datetime) -> tuple[Event, ...]:
     """What may have changed the offsets after the last result."""
-    return tuple(own for own in events if own.at > last and own.what != "other")
+    return tuple(event for event in events if event.at > last and event.what != "other")
 
 
-def _due(found: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetime | None, str]:
+def _due(drift: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetime | None, str]:
     if last.sensitivity_mm2 is None:
         return None, "the last result claims no accuracy at the TCP"
-    names, matrix = [row["name"] for row in last.offsets], np.array(last.sensitivity_mm2, float)
-    unknown = [name for i, name in enumerate(names) if matrix[i, i] > 0 and name not in found.series.names]
+    names, matrix = [row.name for row in last.offsets], np.array(last.sensitivity_mm2, float)
+    unknown = [name for i, name in enumerate(names) if matrix[i, i] > 0 and name not in drift.series.names]
     if unknown:
         return None, f"the TCP depends on offsets that no result determines: {', '.join(unknown)}"
     lost = [
         name
-        for name, is_known in zip(found.series.names, found.series.determined[-1], strict=True)
+        for name, is_known in zip(drift.series.names, drift.series.determined[-1], strict=True)
         if not is_known
     ]
     if lost:
         return None, f"no result since the last mastering determines {', '.join(lost)}"
-    at = [names.index(name) for name in found.series.names if name in names]
-    if len(at) < len(found.series.names):
+    at = [names.index(name) for name in drift.series.names if name in names]
+    if len(at) < len(drift.series.names):
         return None, "the last result has other offsets than the results before"
-    years = due_after(found, matrix[np.ix_(at, at)], tolerance_mm)
+    years = due_after(drift, matrix[np.ix_(at, at)], tolerance_mm)
     if years is None:
         return None, NOT_SOON
     if years == 0:

@@ -9,17 +9,88 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from datetime import datetime
-from typing import Any, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
 from ...analysis.status import Status, Verdict, known
 from ...model.arrays import Matrix
 
+What = Literal["collision", "motor", "mastering", "other"]
 DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError)
 
-_OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
+
+@dataclass(frozen=True)
+class StoredOffset:
+    """An offset of a result, as the row of it in result.json: no number where the data determine none."""
+
+    name: str
+    unit: str
+    status: Status
+    held: bool
+    estimate: float | None
+    std: float | None
+    interval95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class StoredCovariance:
+    """`without_prior` of a result.json: the m offsets that the measurements alone determine, `covariance`
+    (m, m) by the noise, `by_geometry` (m, g) by each of the g freed parameters of the geometry."""
+
+    names: list[str]
+    units: list[str]
+    values: list[float]
+    covariance: list[list[float]]
+    geometry: list[str]
+    by_geometry: list[list[float]]
+    dof: int | float | None
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm, and what the history has of it."""
+
+    serial: str
+    model: str
+    vendor: str | None
+    results: int
+    first: datetime | None
+    last: datetime | None
+    verdict: Verdict | None
+
+
+@dataclass(frozen=True)
+class StoredResult:
+    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of its result.json."""
+
+    sha256: str
+    serial: str
+    model: str
+    measured_at: datetime
+    instrument: str
+    operator: str
+    run: str
+    shots: int
+    verdict: Verdict
+    made_by: str
+    document_sha256: str
+    offsets: list[StoredOffset]
+    without_prior: StoredCovariance | None
+    sensitivity_mm2: list[list[float]] | None
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened to an arm: `at` is UTC without a zone."""
+
+    serial: str
+    model: str
+    at: datetime
+    what: What
+    note: str
 
 
 def parsed(text: str) -> Any:
@@ -43,69 +114,77 @@ def checked_text(value: object) -> str:
     return value
 
 
-def checked_verdict(value: object) -> str:
+def checked_verdict(value: object) -> Verdict:
     """The same verdict."""
     if value not in get_args(Verdict):
         raise ValueError(f"verdict {value!r}")
-    return str(value)
+    return cast(Verdict, value)
 
 
 def checked_moment(value: object) -> datetime:
     """A time of the database: PostgreSQL has it as such, SQLite as text."""
-    found = value if isinstance(value, datetime) else datetime.fromisoformat(checked_text(value))
-    if found.tzinfo is not None:
-        raise ValueError(f"{found} has a zone")
-    return found
+    when = value if isinstance(value, datetime) else datetime.fromisoformat(checked_text(value))
+    if when.tzinfo is not None:
+        raise ValueError(f"{when} has a zone")
+    return when
 
 
-def checked_offset(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The row of an offset, without other keys."""
-    kept = {key: row[key] for key in _OFFSET}
-    name = checked_text(kept["name"])
-    checked_text(kept["unit"])
-    if kept["status"] not in get_args(Status) or not isinstance(kept["held"], bool):
-        raise ValueError(f"status {kept['status']!r} of {name}")
-    if kept["status"] == "unidentifiable" and (kept["estimate"], kept["std"]) != (None, None):
-        raise ValueError(f"{name} is unidentifiable, yet it has a number")
-    if known(kept["status"]) and not 0 < _number(kept["std"]) < math.inf:
-        raise ValueError(f"the std of {name} is not a number above 0")
-    interval = kept["interval95"]
+def checked_offset(row: Mapping[str, Any]) -> StoredOffset:
+    """The row of an offset."""
+    interval = row["interval95"]
     if interval is not None and len(interval) != 2:
-        raise ValueError(f"the interval of {name} has not two ends")
-    if known(kept["status"]) and (kept["estimate"] is None or interval is None):
-        raise ValueError(f"{name} is {kept['status']}, yet it lacks a number")
-    numbers = [own for own in (kept["estimate"], *(interval or ())) if own is not None]
-    if not all(math.isfinite(_number(own)) for own in numbers):
+        raise ValueError(f"the interval of {row['name']} has not two ends")
+    offset = StoredOffset(
+        name=checked_text(row["name"]),
+        unit=checked_text(row["unit"]),
+        status=row["status"],
+        held=row["held"],
+        estimate=row["estimate"],
+        std=row["std"],
+        interval95=None if interval is None else (interval[0], interval[1]),
+    )
+    name, status = offset.name, offset.status
+    if status not in get_args(Status) or not isinstance(offset.held, bool):
+        raise ValueError(f"status {status!r} of {name}")
+    if status == "unidentifiable" and (offset.estimate, offset.std) != (None, None):
+        raise ValueError(f"{name} is unidentifiable, yet it has a number")
+    if known(status) and not 0 < _number(offset.std) < math.inf:
+        raise ValueError(f"the std of {name} is not a number above 0")
+    if known(status) and (offset.estimate is None or interval is None):
+        raise ValueError(f"{name} is {status}, yet it lacks a number")
+    numbers = [number for number in (offset.estimate, *(interval or ())) if number is not None]
+    if not all(math.isfinite(_number(number)) for number in numbers):
         raise ValueError(f"a number of {name} is not finite")
-    return kept
+    return offset
 
 
 def checked_without_prior(
-    own: Mapping[str, Any] | None, offsets: Sequence[Mapping[str, Any]]
-) -> dict[str, Any] | None:
+    content: Mapping[str, Any] | None, offsets: Sequence[StoredOffset]
+) -> StoredCovariance | None:
     """The same, if its shapes are right and all of it is determined."""
-    if own is None:
+    if content is None:
         return None
-    size, shared = len(own["names"]), len(own["geometry"])
-    allowed = {row["name"] for row in offsets if known(row["status"])}
-    sizes = {size, len(own["values"]), len(own["units"]), len(set(own["names"]))}
-    if not size or len(sizes) > 1 or not set(own["names"]) <= allowed:
+    free = StoredCovariance(**{field.name: content[field.name] for field in fields(StoredCovariance)})
+    size, shared = len(free.names), len(free.geometry)
+    allowed = {offset.name for offset in offsets if known(offset.status)}
+    sizes = {size, len(free.values), len(free.units), len(set(free.names))}
+    if not size or len(sizes) > 1 or not set(free.names) <= allowed:
         raise ValueError("without_prior names what is not determined, or not all of it has a value")
-    covariance = _numbers(own["covariance"], (size, size), "without_prior.covariance")
+    covariance = _numbers(free.covariance, (size, size), "without_prior.covariance")
     if not np.linalg.eigvalsh(covariance + covariance.T).min() > 0:
         raise ValueError("without_prior.covariance is none of these offsets")
-    _numbers(own["values"], (size,), "without_prior.values")
-    _numbers(own["by_geometry"] or [[]] * size, (size, shared), "without_prior.by_geometry")
-    if own["dof"] is not None and not 0 <= _number(own["dof"]) < math.inf:
+    _numbers(free.values, (size,), "without_prior.values")
+    _numbers(free.by_geometry or [[]] * size, (size, shared), "without_prior.by_geometry")
+    if free.dof is not None and not 0 <= _number(free.dof) < math.inf:
         raise ValueError("without_prior.dof is no number of degrees of freedom")
-    return dict(own)
+    return free
 
 
-def checked_sensitivity(own: Any, offsets: Sequence[Mapping[str, Any]]) -> list[list[float]] | None:
+def checked_sensitivity(matrix: Any, offsets: Sequence[StoredOffset]) -> list[list[float]] | None:
     """The same, if it is a number for each two of the offsets."""
-    if own is not None:
-        _numbers(own, (len(offsets), len(offsets)), "accuracy.sensitivity_mm2")
-    return own  # type: ignore[no-any-return]
+    if matrix is not None:
+        _numbers(matrix, (len(offsets), len(offsets)), "accuracy.sensitivity_mm2")
+    return matrix  # type: ignore[no-any-return]
 
 
 def _number(value: object) -> float:
@@ -115,7 +194,7 @@ def _number(value: object) -> float:
 
 
 def _numbers(rows: Any, shape: tuple[int, ...], what: str) -> Matrix:
-    found = np.array(rows)
-    if found.shape != shape or found.dtype.kind not in "if" or not np.isfinite(found).all():
+    numbers = np.array(rows)
+    if numbers.shape != shape or numbers.dtype.kind not in "if" or not np.isfinite(numbers).all():
         raise ValueError(f"{what} has not a finite number for each offset")
-    return np.asarray(found, float)
+    return np.asarray(numbers, float)

@@ -1,4 +1,6 @@
-"""A history's database: an SQLite file or PostgreSQL, opened, migrated, copied.
+"""A history's database: an SQLite file or PostgreSQL, its tables, opened and copied.
+
+Keys are natural, so that a copy into another database needs no numbering. Times are UTC without a zone.
 
 A transaction that writes takes SQLite's lock when it begins, so that two writers wait for each other and
 neither fails halfway; readers see the state at their beginning (write-ahead log). A process that is killed
@@ -15,25 +17,84 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import platformdirs
 import sqlalchemy as sa
+from sqlalchemy import Column, DateTime, ForeignKey, ForeignKeyConstraint, String, Text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, NotWritten, missing_extra
 from ...model.files.confinement import require_within
-from . import tables
-
-if TYPE_CHECKING:
-    from alembic.config import Config
 
 VARIABLE = "ZEROBEAM_HISTORY"
+# The tables below. Another schema gets another number, and `_bring_up` a step that makes it of this one.
+REVISION = "0001"
 _BUSY_S = 60  # how long a writer waits for another
 _ROWS = 500  # that are copied at once
-_MIGRATIONS = Path(__file__).parent / "migrations"
-_LOCK = 0x7A65726F  # PostgreSQL: of the session that migrates
+_LOCK = 0x7A65726F  # PostgreSQL: of the session that makes the tables
+
+metadata = sa.MetaData()
+
+arm = sa.Table(
+    "arm",
+    metadata,
+    Column("serial", Text, primary_key=True),
+    Column("model", Text, primary_key=True),  # the name of the robot
+    Column("vendor", Text),
+)
+
+# `sha256` is of the run: a run has one result. JSON in text: `offsets` the rows of the result's parameters,
+# `without_prior` and `sensitivity_mm2` as in the result (docs/files.md), null where it has none.
+result = sa.Table(
+    "result",
+    metadata,
+    Column("sha256", String(64), primary_key=True),
+    Column("serial", Text, nullable=False),
+    Column("model", Text, nullable=False),
+    Column("measured_at", DateTime, nullable=False),
+    Column("added_at", DateTime, nullable=False),
+    Column("instrument", Text, nullable=False),
+    Column("operator", Text, nullable=False),
+    Column("run", Text, nullable=False),
+    Column("shots", sa.Integer, nullable=False),
+    Column("verdict", String(16), nullable=False),
+    Column("offsets", Text, nullable=False),
+    Column("without_prior", Text),
+    Column("sensitivity_mm2", Text),
+    Column("made_by", Text, nullable=False),  # the version of zerobeam
+    Column("document_sha256", String(64), nullable=False),
+    ForeignKeyConstraint(["serial", "model"], ["arm.serial", "arm.model"]),
+    sa.Index("result_of_arm", "serial", "model", "measured_at"),
+)
+
+# The whole result.json, compressed (zlib): apart, so that no query of many results reads them.
+document = sa.Table(
+    "document",
+    metadata,
+    Column("sha256", String(64), ForeignKey("result.sha256"), primary_key=True),
+    Column("content", sa.LargeBinary, nullable=False),
+)
+
+event = sa.Table(
+    "event",
+    metadata,
+    Column("serial", Text, primary_key=True),
+    Column("model", Text, primary_key=True),
+    Column("at", DateTime, primary_key=True),
+    Column("what", String(16), primary_key=True),
+    Column("note", Text, primary_key=True),
+    ForeignKeyConstraint(["serial", "model"], ["arm.serial", "arm.model"]),
+)
+
+# The revision, in the table in which Alembic kept it while it made the tables: histories of then are of now.
+_revision = sa.Table(
+    "alembic_version",
+    sa.MetaData(),
+    Column("version_num", String(32), nullable=False),
+    sa.PrimaryKeyConstraint("version_num", name="alembic_version_pkc"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +107,17 @@ class Database:
     @contextmanager
     def reading(self) -> Iterator[sa.Connection]:
         """A transaction that reads."""
-        with self._told(), self.engine.connect() as connection:
+        with self._errors(), self.engine.connect() as connection:
             yield connection
 
     @contextmanager
     def writing(self) -> Iterator[sa.Connection]:
         """A transaction that writes: whole, or not at all."""
-        with self._told(), self.engine.execution_options(writes=True).begin() as connection:
+        with self._errors(), self.engine.execution_options(writes=True).begin() as connection:
             yield connection
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _errors(self) -> Iterator[None]:
         try:
             yield
         except DBAPIError as error:
@@ -66,16 +127,16 @@ class Database:
         """The error of the database as a message."""
         cause = getattr(error, "orig", None)
         reason = str(cause or error).strip().splitlines()
-        found = f"{self.name}: {reason[0] if reason else type(error).__name__}"
+        where = f"{self.name}: {reason[0] if reason else type(error).__name__}"
         if _is_of_the_disk(cause):
             return NotWritten(
                 "the history cannot be written",
-                found=found,
+                found=where,
                 remedy="make room on the disk, or make the file and its folder writable",
             )
         return BadInput(
             "the history cannot be used",
-            found=found,
+            found=where,
             allowed="an SQLite file, or postgresql://user@host/database",
             remedy=f"state the database by --db or {VARIABLE}",
         )
@@ -89,13 +150,13 @@ def _is_of_the_disk(error: BaseException | None) -> bool:
 
 
 def open_history(url: str | None = None, *, create: bool = False) -> Database:
-    """The history at `url` (or ZEROBEAM_HISTORY, or the SQLite file of this user), its schema up to date.
+    """The history at `url` (or ZEROBEAM_HISTORY, or the SQLite file of this user).
 
-    With `create` a history that is not there is made; one of an earlier version is always migrated. Raises
-    BadInput where there is none, where it is of a newer schema, or no database of ours.
+    With `create` a history that is not there is made. Raises BadInput where there is none, where it is of a
+    newer schema, or no database of ours.
     """
     made = _engine(url or os.environ.get(VARIABLE) or str(default_file()), create)
-    with made._told():
+    with made._errors():
         _bring_up(made, create)
     return made
 
@@ -124,7 +185,7 @@ def back_up(source: Database, file: Path, *, force: bool = False) -> int:
         raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
     try:
         target = _engine(beside, True, journal="DELETE")
-        with target._told():
+        with target._errors():
             _bring_up(target, True)
         copied = _copy(source, target)
         target.engine.dispose()
@@ -142,10 +203,10 @@ def restore(file: Path, target: Database) -> int:
     if not file.is_file():
         raise BadInput("there is no such file", file=file)
     source = _engine(str(file), False, journal=None)
-    with source._told():
+    with source._errors():
         _bring_up(source, False)
     with target.reading() as connection:
-        held = connection.scalar(sa.select(sa.func.count()).select_from(tables.arm))
+        held = connection.scalar(sa.select(sa.func.count()).select_from(arm))
     if held:
         raise BadInput(
             "the history is not empty: a backup is restored into an empty one",
@@ -170,19 +231,19 @@ def _copied(source: Database, target: Database) -> int:
     with source.reading() as old, target.writing() as new:
         if old.dialect.name == "postgresql":
             old.execute(sa.text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
-        for table in tables.metadata.sorted_tables:
+        for table in metadata.sorted_tables:
             rows = old.execution_options(yield_per=_ROWS).execute(sa.select(table)).mappings()
             for part in rows.partitions(_ROWS):
                 new.execute(sa.insert(table), [dict(row) for row in part])
-        count = new.scalar(sa.select(sa.func.count()).select_from(tables.result))
+        count = new.scalar(sa.select(sa.func.count()).select_from(result))
     return int(count or 0)
 
 
-def _engine(stated: str, create: bool, journal: str | None = "WAL") -> Database:
-    if "://" not in stated:
-        return _sqlite(Path(stated), create, journal)
+def _engine(address: str, create: bool, journal: str | None = "WAL") -> Database:
+    if "://" not in address:
+        return _sqlite(Path(address), create, journal)
     try:
-        url = sa.make_url(stated)
+        url = sa.make_url(address)
     except SQLAlchemyError:
         raise _no_url("what is stated is no URL of a database") from None
     if url.get_backend_name() == "sqlite":
@@ -242,20 +303,17 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
 
 
 def _bring_up(made: Database, create: bool) -> None:
-    """Make the schema that of this version; BadInput where that cannot be."""
+    """Make the tables of a new history; BadInput where there is none, or one of a newer version."""
     with _looking(made) as connection:
-        if _revision(connection, made.name, create) == tables.REVISION:
+        if _is_history(connection, made.name, create):
             return
-    from alembic import command
-
-    config = _migrations()
     with made.writing() as connection:
         if connection.dialect.name == "postgresql":
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
-        # Another process may have been first.
-        if _revision(connection, made.name, create) != tables.REVISION:
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+        if not _is_history(connection, made.name, create):  # another process may have been first
+            metadata.create_all(connection)
+            _revision.create(connection)
+            connection.execute(sa.insert(_revision).values(version_num=REVISION))
 
 
 @contextmanager
@@ -287,46 +345,31 @@ def _how_to_look(file: Path) -> str:
     return "immutable=1" if (logged and not in_use) or journal.exists() else "mode=ro"
 
 
-def _revision(connection: sa.Connection, name: str, create: bool) -> str | None:
-    """The revision of a history, None for an empty database where one is to be made; BadInput where there is
+def _is_history(connection: sa.Connection, name: str, create: bool) -> bool:
+    """Whether a history is here; False for an empty database where one is to be made. BadInput where there is
     none, something else, or a history of a newer version."""
-    there = set(sa.inspect(connection).get_table_names())
-    if there >= {"alembic_version", tables.arm.name, tables.result.name}:
-        revision = str(connection.scalar(sa.text("SELECT version_num FROM alembic_version")))
-        if revision != tables.REVISION and revision not in _revisions():
+    names = set(sa.inspect(connection).get_table_names())
+    if names >= {_revision.name, arm.name, result.name}:
+        revision = connection.scalar(sa.select(_revision.c.version_num))
+        if revision != REVISION:
             raise BadInput(
                 "the history was made by a newer version of zerobeam",
                 found=f"schema {revision} in {name}",
-                allowed=f"schema {tables.REVISION} or earlier",
+                allowed=f"schema {REVISION} or earlier",
                 remedy="update zerobeam, here too",
             )
-        return revision
+        return True
     if not create:
         raise BadInput(
             "there is no history in this database",
             found=name,
             remedy="zerobeam history add RESULT makes one; --db names another",
         )
-    if there:
+    if names:
         raise BadInput(
             "the database holds other things",
-            found=f"{', '.join(sorted(there)[:3])} in {name}",
+            found=f"{', '.join(sorted(names)[:3])} in {name}",
             allowed="an empty database, or a history",
             remedy="name another by --db",
         )
-    return None
-
-
-def _migrations() -> Config:
-    from alembic.config import Config
-
-    config = Config()
-    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
-    config.set_main_option("path_separator", "os")
-    return config
-
-
-def _revisions() -> Iterator[str]:
-    from alembic.script import ScriptDirectory
-
-    return (script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions())
+    return False

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, read_text
@@ -24,6 +24,8 @@ from ...words.provenance import (
 )
 from .content import (
     DAMAGED,
+    StoredCovariance,
+    StoredOffset,
     checked_offset,
     checked_sensitivity,
     checked_without_prior,
@@ -54,8 +56,8 @@ class Entry:
     run: str
     shots: int
     verdict: str
-    offsets: list[dict[str, Any]]
-    without_prior: dict[str, Any] | None
+    offsets: list[StoredOffset]
+    without_prior: StoredCovariance | None
     sensitivity_mm2: list[list[float]] | None
     made_by: str
     text: str

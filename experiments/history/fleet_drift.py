@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.drift.drift import ALARM, SPREAD, Drift
+from ...analysis.drift.drift import ALARM, SPREAD, Drift, Jump
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
 from ...analysis.drift.instruments import Bias, ComparableInstruments, MeasuredArm, instrument_biases
 from ...model.arrays import Matrix
 from ..processes import side_by_side
-from .arm_drift import ArmDrift, DatedJump, arm_drift
-from .store import Event, StoredResult
+from .arm_drift import ArmDrift, DatedChange, arm_drift
+from .content import Event, StoredResult
 
 # Of one arm, as `arm_drift` takes them.
 ArmJob = tuple[tuple[str, str], Sequence[StoredResult], Sequence[Event]]
@@ -81,7 +81,7 @@ class Suspect:
 
     serial: str
     model: str
-    jump: DatedJump
+    jump: DatedChange[Jump]
     biased: tuple[str, ...]
 
 
@@ -122,52 +122,54 @@ def _each(
 ) -> list[Any]:
     """The answers to so many jobs about so many arms, in the order of the jobs: the same bytes by one process
     as by several."""
-    found: dict[int, Any] = {}
+    answered: dict[int, Any] = {}
     with closing(side_by_side(work, jobs, None if arms >= _MANY else 1)) as answers:
         for k, answer in answers:
-            found[k] = answer
-            tell(len(found) / number)
-    return [found[k] for k in range(len(found))]
+            answered[k] = answer
+            tell(len(answered) / number)
+    return [answered[k] for k in range(len(answered))]
 
 
 def fleet_drift(
     arms: Sequence[ArmDrift], tell: Callable[[str, float], None] = lambda stage, share: None
 ) -> FleetDrift:
     """The drift of all these arms together; `tell` hears stages and the share of the whole."""
-    counted = [(own, own.drift) for own in arms if own.drift is not None]
+    counted = [(arm, arm.drift) for arm in arms if arm.drift is not None]
     by_model: dict[str, list[tuple[ArmDrift, Drift]]] = {}
-    for own, found in counted:
-        by_model.setdefault(own.model, []).append((own, found))
+    for arm, drift in counted:
+        by_model.setdefault(arm.model, []).append((arm, drift))
     models = sorted(by_model)
-    members = [[found for _, found in by_model[model]] for model in models]
+    members = [[drift for _, drift in by_model[model]] for model in models]
     several = len(counted) if len(models) > 1 else 0
     tell("models", 0.0)
-    found_rates = _each(model_rates, members, len(members), several, lambda share: tell("models", share / 3))
-    rates: dict[str, ModelRates] = dict(zip(models, found_rates, strict=True))
+    rates_of_models = _each(
+        model_rates, members, len(members), several, lambda share: tell("models", share / 3)
+    )
+    rates: dict[str, ModelRates] = dict(zip(models, rates_of_models, strict=True))
     biases = instrument_biases(
-        [MeasuredArm(found, tuple(one.instrument for one in own.used)) for own, found in counted],
+        [MeasuredArm(drift, tuple(one.instrument for one in arm.used)) for arm, drift in counted],
         lambda work, jobs: _each(
             work, jobs, len(jobs), len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
         ),
     )
-    odd = set(_odd(biases.biases))
-    tests = max(sum(len(own.names) for own in rates.values()), 1)
+    biased = set(_biased_offsets(biases.biases))
+    tests = max(sum(len(rate.names) for rate in rates.values()), 1)
     walks = tuple(
-        walk
-        for model, own in rates.items()
-        for walk in _model_walks(model, by_model[model], own, odd, 1 - ALARM / tests)
+        model_walk
+        for model, of_model in rates.items()
+        for model_walk in _model_walks(model, by_model[model], of_model, biased, 1 - ALARM / tests)
     )
     return FleetDrift(
         models=walks,
         arms=tuple(
-            _arm_walks(own, found, one, rates[model].names)
+            _arm_walks(arm, drift, one, rates[model].names)
             for model, members in by_model.items()
-            for (own, found), one in zip(members, rates[model].arms, strict=True)
+            for (arm, drift), one in zip(members, rates[model].arms, strict=True)
         ),
         biases=biases.biases,
         comparable=biases.comparable,
         unstated=biases.unstated,
-        suspects=tuple(_suspects([own for own, _ in counted], odd)),
+        suspects=tuple(_suspects([arm for arm, _ in counted], biased)),
         too_few=len(arms) - len(counted),
         alarm=ALARM,
     )
@@ -177,18 +179,18 @@ def _model_walks(
     model: str,
     members: Sequence[tuple[ArmDrift, Drift]],
     rates: ModelRates,
-    odd: set[tuple[str, str]],
+    biased: set[tuple[str, str]],
     enough: float,
 ) -> Iterator[ModelWalk]:
     units = {
         name: unit
-        for _, own in members
-        for name, unit in zip(own.series.names, own.series.units, strict=True)
+        for _, arm in members
+        for name, unit in zip(arm.series.names, arm.series.units, strict=True)
     }
     for offset in sorted(units, key=lambda name: (len(name), name)):
         stds, instruments = [], set()
-        for own, found in members:
-            for one, result in zip(found.series.observations, own.used, strict=True):
+        for arm, drift in members:
+            for one, result in zip(drift.series.observations, arm.used, strict=True):
                 if offset in one.names:
                     stds.append(np.sqrt(one.covariance[one.names.index(offset), one.names.index(offset)]))
                     instruments.add(result.instrument)
@@ -198,28 +200,28 @@ def _model_walks(
             model=model,
             offset=offset,
             unit=units[offset],
-            arms=sum(offset in own.series.names and own.determines_rate(offset) for _, own in members),
+            arms=sum(offset in arm.series.names and arm.determines_rate(offset) for _, arm in members),
             median=rates.median(offset) if known else None,
             between=rates.between(offset) if known else None,
             noticed=noticed,
             probability=probability,
             drifts=probability is not None and probability >= enough,
-            biased=tuple(sorted(own for own in instruments if (own, offset) in odd)),
+            biased=tuple(sorted(instrument for instrument in instruments if (instrument, offset) in biased)),
         )
 
 
-def _arm_walks(own: ArmDrift, found: Drift, shrunken: ArmRates, known: Sequence[str]) -> ArmWalks:
-    def walk(offset: str, unit: str) -> ArmWalk:
-        at = found.series.names.index(offset)
+def _arm_walks(arm: ArmDrift, drift: Drift, shrunken: ArmRates, known: Sequence[str]) -> ArmWalks:
+    def arm_walk(offset: str, unit: str) -> ArmWalk:
+        at = drift.series.names.index(offset)
         if offset not in known:
-            return ArmWalk(offset, unit, found.rate(offset), None, False)
-        alone = 1 / _log_variance(found.rates[:, at], found.weights)
+            return ArmWalk(offset, unit, drift.rate(offset), None, False)
+        alone = 1 / _log_variance(drift.rates[:, at], drift.weights)
         both = 1 / _log_variance(shrunken.rates[:, at], shrunken.weights)
         borrowed = both - alone > alone - 1 / SPREAD**2
-        return ArmWalk(offset, unit, found.rate(offset), shrunken.rate(offset), borrowed)
+        return ArmWalk(offset, unit, drift.rate(offset), shrunken.rate(offset), borrowed)
 
-    walks = tuple(map(walk, found.series.names, found.series.units))
-    return ArmWalks(own.serial, own.model, walks, shrunken.effective)
+    walks = tuple(map(arm_walk, drift.series.names, drift.series.units))
+    return ArmWalks(arm.serial, arm.model, walks, shrunken.effective)
 
 
 def _log_variance(rates: Matrix, weights: Matrix) -> float:
@@ -227,18 +229,20 @@ def _log_variance(rates: Matrix, weights: Matrix) -> float:
     return float(weights @ (log_rate - weights @ log_rate) ** 2)
 
 
-def _odd(biases: Sequence[Bias]) -> Iterator[tuple[str, str]]:
+def _biased_offsets(biases: Sequence[Bias]) -> Iterator[tuple[str, str]]:
     """Instrument and offset that may be biased: of two of which only the difference is known, both."""
-    for own in biases:
-        if own.alarm:
-            yield own.instrument, own.offset
-            if len(own.against) == 1:
-                yield own.against[0], own.offset
+    for bias in biases:
+        if bias.alarm:
+            yield bias.instrument, bias.offset
+            if len(bias.against) == 1:
+                yield bias.against[0], bias.offset
 
 
-def _suspects(arms: Sequence[ArmDrift], odd: set[tuple[str, str]]) -> Iterator[Suspect]:
-    for own in arms:
-        for jump in own.jumps:
-            biased = tuple(name for name in jump.instruments or () if (name, jump.jump.offset) in odd)
+def _suspects(arms: Sequence[ArmDrift], biased_offsets: set[tuple[str, str]]) -> Iterator[Suspect]:
+    for arm in arms:
+        for jump in arm.jumps:
+            biased = tuple(
+                name for name in jump.instruments or () if (name, jump.change.offset) in biased_offsets
+            )
             if biased:
-                yield Suspect(own.serial, own.model, jump, biased)
+                yield Suspect(arm.serial, arm.model, jump, biased)

@@ -59,8 +59,8 @@ def make_key(private: Path, passphrase: str | None) -> str:
     key = Ed25519PrivateKey.generate()
     closed = form.BestAvailableEncryption(passphrase.encode()) if passphrase else form.NoEncryption()
     text = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, closed)
-    own = key.public_key()
-    write_whole(public, own.public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo))
+    public_half = key.public_key()
+    write_whole(public, public_half.public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo))
     before = os.umask(0o077)  # at no moment may others read it
     try:
         write_whole(private, text)
@@ -69,7 +69,7 @@ def make_key(private: Path, passphrase: str | None) -> str:
         raise
     finally:
         os.umask(before)
-    return fingerprint(own)
+    return fingerprint(public_half)
 
 
 def private_key(file: Path, ask: Callable[[], str]) -> Ed25519PrivateKey:
@@ -88,9 +88,9 @@ def private_key(file: Path, ask: Callable[[], str]) -> Ed25519PrivateKey:
         )
     try:
         try:
-            found = load_pem_private_key(content, None)
+            key = load_pem_private_key(content, None)
         except TypeError:  # it has a passphrase
-            found = load_pem_private_key(content, ask().encode())
+            key = load_pem_private_key(content, ask().encode())
     except (ValueError, UnsupportedAlgorithm):
         closed = b"ENCRYPTED" in content
         raise BadInput(
@@ -99,9 +99,9 @@ def private_key(file: Path, ask: Callable[[], str]) -> Ed25519PrivateKey:
             allowed="a private key of zerobeam history key",
             file=file,
         ) from None
-    if not isinstance(found, Ed25519PrivateKey):
-        raise _other_kind(file, found)
-    return found
+    if not isinstance(key, Ed25519PrivateKey):
+        raise _other_kind(file, key)
+    return key
 
 
 def public_key(file: Path) -> Ed25519PublicKey:
@@ -119,7 +119,7 @@ def public_key(file: Path) -> Ed25519PublicKey:
             remedy=f"name {public_file(file).name}",
         )
     try:
-        found = load_pem_public_key(content)
+        key = load_pem_public_key(content)
     except (ValueError, UnsupportedAlgorithm):
         raise BadInput(
             "the public key cannot be read",
@@ -127,13 +127,13 @@ def public_key(file: Path) -> Ed25519PublicKey:
             allowed="a public key (.pub) of zerobeam history key",
             file=file,
         ) from None
-    if not isinstance(found, Ed25519PublicKey):
-        raise _other_kind(file, found)
-    return found
+    if not isinstance(key, Ed25519PublicKey):
+        raise _other_kind(file, key)
+    return key
 
 
-def _other_kind(file: Path, found: object) -> BadInput:
-    kind = type(found).__name__.removesuffix("PublicKey").removesuffix("PrivateKey")
+def _other_kind(file: Path, key: object) -> BadInput:
+    kind = type(key).__name__.removesuffix("PublicKey").removesuffix("PrivateKey")
     return BadInput("the key is of another kind", found=kind, allowed=ALGORITHM, file=file)
 
 
@@ -142,9 +142,9 @@ def fingerprint(key: Ed25519PublicKey) -> str:
     return hashlib.sha256(key.public_bytes_raw()).hexdigest()
 
 
-def grouped(found: str) -> str:
+def grouped(digits: str) -> str:
     """A fingerprint as people compare it: groups of four."""
-    return " ".join(found[i : i + 4] for i in range(0, len(found), 4))
+    return " ".join(digits[i : i + 4] for i in range(0, len(digits), 4))
 
 
 def sign(file: Path, key: Ed25519PrivateKey) -> None:

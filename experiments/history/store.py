@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
@@ -16,6 +17,10 @@ from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, did_you_mean
 from .content import (
     DAMAGED,
+    Arm,
+    Event,
+    StoredResult,
+    What,
     checked_moment,
     checked_offset,
     checked_sensitivity,
@@ -24,13 +29,9 @@ from .content import (
     checked_without_prior,
     parsed,
 )
-from .database import Database
-from .tables import arm, document, event, result
+from .database import Database, arm, document, event, result
+from .entry import Entry, entry_of, moment
 
-if TYPE_CHECKING:
-    from .entry import Entry
-
-What = Literal["collision", "motor", "mastering", "other"]
 Outcome = Literal["added", "replaced", "already there", "refused"]
 
 # Hears of a result or an event that cannot be read.
@@ -46,50 +47,7 @@ _ROW = (
 )
 _SAME = ("serial", "model", "verdict", "offsets", "without_prior")  # of two results: they are one
 _ASKED_AT_ONCE = 500
-
-
-@dataclass(frozen=True)
-class Arm:
-    """An arm, and what the history has of it."""
-
-    serial: str
-    model: str
-    vendor: str | None
-    results: int
-    first: datetime | None
-    last: datetime | None
-    verdict: str | None
-
-
-@dataclass(frozen=True)
-class StoredResult:
-    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of `Entry`."""
-
-    sha256: str
-    serial: str
-    model: str
-    measured_at: datetime
-    instrument: str
-    operator: str
-    run: str
-    shots: int
-    verdict: str
-    made_by: str
-    document_sha256: str
-    offsets: list[dict[str, Any]]
-    without_prior: dict[str, Any] | None
-    sensitivity_mm2: list[list[float]] | None
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happened to an arm: `at` is UTC without a zone."""
-
-    serial: str
-    model: str
-    at: datetime
-    what: What
-    note: str
+Values = dict[str, Any]  # of a row of a table, by its columns
 
 
 def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -> list[Outcome]:
@@ -99,10 +57,10 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
     there, made otherwise or for another arm; with `replace` this one takes its place, unless it is of another
     arm. So is a row or a document mended that was damaged.
     """
-    rows = [_row(own) for own in entries]
+    rows = [_row(entry) for entry in entries]
     with history.writing() as connection:
         held = _held(connection, [row["sha256"] for row in rows])
-        added = _inserted_all(connection, {own.sha256: own for own in reversed(entries)}, rows, held)
+        added = _inserted_all(connection, {entry.sha256: entry for entry in reversed(entries)}, rows, held)
         outcomes: list[Outcome] = []
         for entry, row in zip(entries, rows, strict=True):
             if entry.sha256 in added:
@@ -114,12 +72,12 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
     return outcomes
 
 
-def _row(entry: Entry) -> dict[str, Any]:
+def _row(entry: Entry) -> Values:
     return {
         **{name: getattr(entry, name) for name in _ROW},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
-        "offsets": json.dumps(entry.offsets),
-        "without_prior": entry.without_prior and json.dumps(entry.without_prior),
+        "offsets": json.dumps(entry.offsets, default=vars),
+        "without_prior": entry.without_prior and json.dumps(vars(entry.without_prior)),
         "sensitivity_mm2": entry.sensitivity_mm2 and json.dumps(entry.sensitivity_mm2),
     }
 
@@ -131,8 +89,8 @@ def _content(entry: Entry) -> bytes:
 def _inserted_all(
     connection: sa.Connection,
     entries: dict[str, Entry],
-    rows: Sequence[dict[str, Any]],
-    held: dict[str, dict[str, Any]],
+    rows: Sequence[Values],
+    held: dict[str, Values],
 ) -> set[str]:
     """Insert the first row of each run that is not `held`; the runs whose row was inserted.
 
@@ -140,16 +98,18 @@ def _inserted_all(
     no two writers wait for each other's.
     """
     new = {row["sha256"]: row for row in reversed(rows) if row["sha256"] not in held}
-    own = [entries[sha256] for sha256 in sorted(new)]
-    named = {(one.serial, one.model): one.vendor for one in reversed(own)}
+    first_entries = [entries[sha256] for sha256 in sorted(new)]
+    named = {(one.serial, one.model): one.vendor for one in reversed(first_entries)}
     _inserted(
         connection,
         arm,
         [{"serial": key[0], "model": key[1], "vendor": vendor} for key, vendor in sorted(named.items())],
     )
-    added = {sha256 for (sha256,) in _inserted(connection, result, [new[one.sha256] for one in own])}
+    added = {
+        sha256 for (sha256,) in _inserted(connection, result, [new[one.sha256] for one in first_entries])
+    }
     held.update(_held(connection, sorted(set(new) - added)))
-    texts = [{"sha256": one.sha256, "content": _content(one)} for one in own if one.sha256 in added]
+    texts = [{"sha256": one.sha256, "content": _content(one)} for one in first_entries if one.sha256 in added]
     if texts:
         connection.execute(sa.insert(document), texts)
     return added
@@ -158,8 +118,8 @@ def _inserted_all(
 def _add_again(
     connection: sa.Connection,
     entry: Entry,
-    row: dict[str, Any],
-    held: dict[str, dict[str, Any]],
+    row: Values,
+    held: dict[str, Values],
     replace: bool,
 ) -> Outcome:
     """Of a run that has a result."""
@@ -176,14 +136,14 @@ def _add_again(
     return "already there" if same else "replaced"
 
 
-def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, Values]:
     """What says which result each of the runs has in the history, of those that have one."""
     query = sa.select(result.c.sha256, *(result.c[name] for name in _SAME))
-    found: dict[str, dict[str, Any]] = {}
+    held: dict[str, Values] = {}
     for start in range(0, len(runs), _ASKED_AT_ONCE):
         part = query.where(result.c.sha256.in_(runs[start : start + _ASKED_AT_ONCE]))
-        found.update((row["sha256"], dict(row)) for row in connection.execute(part).mappings())
-    return found
+        held.update((row["sha256"], dict(row)) for row in connection.execute(part).mappings())
+    return held
 
 
 def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
@@ -195,19 +155,21 @@ def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
     return None if row is None else (row.serial, row.model)
 
 
-def add_event(history: Database, found: Event) -> bool:
+def add_event(history: Database, happening: Event) -> bool:
     """Log an event; False where the same one is there already."""
     try:
-        checked_text(found.note)
+        checked_text(happening.note)
     except UnicodeEncodeError:
-        raise BadInput("the note is no text", found=ascii(found.note), allowed="UTF-8") from None
-    if found.what not in get_args(What):
-        raise BadInput("there is no event of this kind", found=found.what, allowed=", ".join(get_args(What)))
+        raise BadInput("the note is no text", found=ascii(happening.note), allowed="UTF-8") from None
+    if happening.what not in get_args(What):
+        raise BadInput(
+            "there is no event of this kind", found=happening.what, allowed=", ".join(get_args(What))
+        )
     with history.writing() as connection:
-        return bool(_inserted(connection, event, [asdict(found)]))
+        return bool(_inserted(connection, event, [asdict(happening)]))
 
 
-def _inserted(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any]]) -> list[Any]:
+def _inserted(connection: sa.Connection, table: sa.Table, rows: list[Values]) -> list[Any]:
     """Insert rows; the keys of those whose key was not there already."""
     if not rows:
         return []
@@ -253,7 +215,7 @@ def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
     )
     with history.reading() as connection:
         rows = [_arm(history, row, damaged) for row in connection.execute(query)]
-    return sorted(rows, key=lambda own: (own.serial, own.model))  # a database sorts by rules of its own
+    return sorted(rows, key=lambda row: (row.serial, row.model))  # a database sorts by rules of its own
 
 
 def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
@@ -269,10 +231,10 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
             checked_verdict(row.verdict),
         )
     except DAMAGED:
-        own = list(results(history, of[:2], damaged))
-    if not own:
+        stored = list(results(history, of[:2], damaged))
+    if not stored:
         return Arm(*of, 0, None, None, None)
-    return Arm(*of, len(own), own[0].measured_at, own[-1].measured_at, own[-1].verdict)
+    return Arm(*of, len(stored), stored[0].measured_at, stored[-1].measured_at, stored[-1].verdict)
 
 
 def _same(one: Any, other: Any) -> Any:
@@ -282,22 +244,23 @@ def _same(one: Any, other: Any) -> Any:
 def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[str, str]:
     """Serial number and model of the one arm that is meant; BadInput where there is none, or several."""
     with history.reading() as connection:
-        found = connection.scalars(sa.select(arm.c.model).where(arm.c.serial == serial)).all()
+        models = connection.scalars(sa.select(arm.c.model).where(arm.c.serial == serial)).all()
         if model is not None:
-            found = [own for own in found if own == model]
-        if len(found) == 1:
-            return serial, str(found[0])
-        serials = connection.scalars(sa.select(arm.c.serial).distinct()).all() if not found else []
-    if found:
+            models = [name for name in models if name == model]
+        if len(models) == 1:
+            return serial, str(models[0])
+        serials = connection.scalars(sa.select(arm.c.serial).distinct()).all() if not models else []
+    if models:
         raise BadInput(
             "several arms have this serial number",
-            found=f"{serial}: {', '.join(sorted(map(str, found)))}",
+            found=f"{serial}: {', '.join(sorted(map(str, models)))}",
             remedy="state which one by --model",
         )
     raise BadInput(
         "there is no such arm in the history",
         found=serial if model is None else f"{serial}, {model}",
-        remedy=did_you_mean(serial, [str(own) for own in serials]) or "zerobeam history list names them",
+        remedy=did_you_mean(serial, [str(serial) for serial in serials])
+        or "zerobeam history list names them",
     )
 
 
@@ -317,17 +280,17 @@ def results(
         for serial, model in every:
             for row in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
                 try:
-                    own = _stored(row._asdict())
+                    stored = _stored(row._asdict())
                 except DAMAGED as error:
                     which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
                     damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))
                     continue
-                yield own
+                yield stored
 
 
 def _stored(row: Mapping[str, Any]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = [checked_offset(own) for own in parsed(row["offsets"])]
+    offsets = [checked_offset(row_of_offset) for row_of_offset in parsed(row["offsets"])]
     alone, sensitivity = (
         None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
     )
@@ -363,25 +326,89 @@ def events(history: Database, of: tuple[str, str] | None = None, damaged: Damage
     )
     if of is not None:
         query = query.where(event.c.serial == of[0], event.c.model == of[1])
-    found = []
+    happenings = []
     with history.reading() as connection:
         for row in connection.execute(query):
             try:
                 if row.what not in get_args(What):
                     raise ValueError(f"there is no event {row.what!r}")
                 note = checked_text(row.note)
-                found.append(Event(row.serial, row.model, checked_moment(row.at), row.what, note))
+                happenings.append(Event(row.serial, row.model, checked_moment(row.at), row.what, note))
             except DAMAGED as error:
                 which = f"the event {row.what!r} of {row.at!r}"
                 damaged(_damage(history, (row.serial, row.model), which, error))
-    return sorted(found, key=lambda own: (own.serial, own.model, own.at, own.what, own.note))
+    return sorted(happenings, key=lambda each: (each.serial, each.model, each.at, each.what, each.note))
 
 
 def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, str]]:
     """The hash of a run and the whole text of its result.json, for each of the hashes that is there. One of
     `DAMAGED` or zlib's error for a document that is not as it was added."""
     with history.reading() as connection:
-        for own in sha256:
-            content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == own))
+        for run in sha256:
+            content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == run))
             if content is not None:
-                yield own, zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
+                yield run, zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
+
+
+def choose(results: Sequence[StoredResult], run: str | None = None, date: str | None = None) -> StoredResult:
+    """The result of the run whose SHA-256 begins with `run`, or of this date or time, or else the last one.
+    BadInput where there is none, or more than one; `results` are of one arm, in the order of time."""
+    if run is not None and date is not None:
+        raise BadInput("--run and --date exclude each other", allowed="one of them, or neither: the last")
+    if not results:
+        raise BadInput("the arm has no result in the history", remedy="zerobeam history add adds them")
+    if run is not None:
+        meant = [result for result in results if run and result.sha256.startswith(run.lower())]
+    elif date is not None:
+        moment_meant, whole_day = moment(date), len(date) <= len("2026-03-31")
+        meant = [
+            result
+            for result in results
+            if result.measured_at == moment_meant
+            or (whole_day and result.measured_at.date() == moment_meant.date())
+        ]
+    else:
+        meant = [result for result in results if result.measured_at == results[-1].measured_at]
+    if len(meant) == 1:
+        return meant[0]
+    description = run if run is not None else date if date is not None else "the last one"
+    if not meant:
+        raise BadInput(
+            "the arm has no such result",
+            found=description,
+            allowed=f"one of {_named(results[-5:])}",
+            remedy="zerobeam history show SERIAL --json has all of them",
+        )
+    raise BadInput(
+        "several results of the arm are meant",
+        found=f"{description}: {_named(meant[:5])}",
+        remedy="state which one by --run",
+    )
+
+
+def _named(results: Sequence[StoredResult]) -> str:
+    return ", ".join(f"{result.sha256[:_SHORT]} ({result.measured_at:%Y-%m-%d})" for result in results)
+
+
+def whole_answer(history: Database, stored: StoredResult) -> dict[str, Any]:
+    """The whole result.json of a result. BadInput where the history was altered: where that is not the text
+    that was added, or says otherwise than the row of the result."""
+    try:
+        ((_, text),) = documents(history, [stored.sha256])
+        entry = entry_of(text, Path(stored.run), stored.serial, stored.measured_at.isoformat())
+    except (*DAMAGED, zlib.error, BadInput):
+        raise _altered(stored, "its document is missing or damaged") from None
+    kept = (field.name for field in fields(StoredResult))
+    differing = [name for name in kept if getattr(entry, name) != getattr(stored, name)]
+    if differing:
+        raise _altered(stored, f"its row and its document differ in {', '.join(differing)}")
+    answer: dict[str, Any] = json.loads(text)
+    return answer
+
+
+def _altered(stored: StoredResult, what: str) -> BadInput:
+    return BadInput(
+        "the history was altered",
+        found=f"result of run {stored.sha256[:_SHORT]}…: {what}",
+        remedy="restore a backup (zerobeam history restore), or add its result.json anew with --replace",
+    )

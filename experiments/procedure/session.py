@@ -360,7 +360,7 @@ def recorded_event(
         spot_mm=shot.spot_mm,
         time_s=shot.time_s,
         recorded=recorded,
-        std=state.std,
+        std=state.offset_std,
         worst_std=state.worst,
         p_value=state.p_value,
         consistent=state.consistent,

@@ -168,7 +168,7 @@ class CameraBeside(FileModel):
     distortion: Annotated[tuple[float, float, float, float, float], tuple_of(5)] = Field(
         description="k1, k2, p1, p2, k3 (Brown-Conrady, in OpenCV's order)"
     )
-    mount: Mount = Field(description="its pose on the flange")
+    mount: Mount = Field(description="pose of its frame (z forward, x right, y down) on the flange")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -191,7 +191,9 @@ class SensorsFile(SourcedModel):
     """The content of a sensors file."""
 
     schema_: Literal["zerobeam/sensors/1"] = Field(alias="schema", description="kind and version of the file")
-    psds: dict[TargetName, PsdBeside] = Field(description="by target; a plan may use some of them only")
+    psds: dict[TargetName, PsdBeside] = Field(
+        description="by target: all targets of the plan, others may be there"
+    )
     camera: CameraBeside | None = Field(description="the camera on the flange; null: there is none")
 
     @model_validator(mode="after")

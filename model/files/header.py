@@ -105,10 +105,12 @@ class StatedGeometry(FileModel):
         description="first harmonic of each joint's reading; auto: if it predicts better",
     )
     masses_kg: Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuple)] | None = Field(
-        default=None, description="mass of each link, at its far end (default: equal masses)"
+        default=None,
+        description="mass of each link, at its far end; only ratios count (default: equal masses)",
     )
     up: Annotated[Vector, BeforeValidator(_direction)] = Field(
-        default=(0.0, 0.0, 1.0), description="direction of up in the base frame, any length"
+        default=(0.0, 0.0, 1.0),
+        description="direction of up in the base frame, any length: [0, 0, -1] for an arm that hangs",
     )
 
     def masses(self, robot: Robot) -> Matrix:
@@ -287,10 +289,13 @@ class StatedNoise(FileModel):
         )
     )
     joint_mm: Positive | None = Field(
-        default=None, description="of a prismatic joint's reading, millimetres, where joint_deg is one number"
+        default=None,
+        description="of a prismatic joint's reading, millimetres; required if there is one and joint_deg is"
+        " one number",
     )
     spot_mm: NotNegative = Field(
-        description="of a spot reading, or of the ball in its socket, in each direction, millimetres"
+        description="of a spot reading, or of the ball in its socket, in each direction, millimetres;"
+        " may be 0"
     )
     scale: Literal["known", "estimated", "separate"] = Field(
         default="known",

@@ -65,7 +65,8 @@ class StatedConstraints(FileModel):
     """The key `constraints` of a plan file; what is not stated is not judged."""
 
     facing: Vector | None = Field(
-        default=None, description="outward normal of the face of every target, base frame, any length"
+        default=None,
+        description="outward normal of the face of every target, base frame, any length; not for a probe",
     )
     acceptance_deg: Annotated[float, Field(gt=0, le=90)] | None = Field(
         default=None, description="largest angle between a beam and that normal, degrees (default 60)"

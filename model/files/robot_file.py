@@ -157,7 +157,7 @@ class RobotFile(FileModel):
     schema_: Literal["zerobeam/robot/1"] = Field(alias="schema", description="kind and version of the file")
     name: Name = Field(description="what reports call the robot")
     vendor: Vendor | None = Field(
-        default=None, description="who makes it: files for controllers of another vendor are refused"
+        default=None, description="who makes it; files for controllers of another vendor are refused"
     )
     model: Name | None = Field(default=None, description="what its maker calls it")
     convention: Literal["standard", "modified"] = Field(

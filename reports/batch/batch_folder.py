@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+from ...experiments.batch import Batch, BatchDocument
 from ...model.errors import missing_extra
 from ...model.files.whole_file import write_whole
 from ...words.result_json import dumps
 from ...words.spreadsheet import csv_text
 from ..output.html import html
-from .batch_page import Batch, batch_page
-from .uncertainty_figure import uncertainty_picture
+from .batch_page import batch_page, uncertainty_picture
 
-SCHEMA = "zerobeam/batch/1"
 PAGE, ANSWER, RUNS, OFFSETS = "batch.html", "batch.json", "runs.csv", "offsets.csv"
 _PARQUET = {RUNS: "runs.parquet", OFFSETS: "offsets.parquet"}
 FILES = frozenset({PAGE, ANSWER, RUNS, OFFSETS, *_PARQUET.values()})
@@ -26,7 +23,7 @@ def write_batch(folder: Path, done: Batch, *, parquet: bool) -> None:
     """Write batch.html, batch.json, runs.csv and offsets.csv, each whole; with `parquet` these as well."""
     picture = uncertainty_picture(done.rows)
     pictures = {} if picture is None else {picture.name: picture}
-    write_whole(folder / ANSWER, dumps(batch_json(done)), force=True)
+    write_whole(folder / ANSWER, dumps(BatchDocument.of(done).to_json()), force=True)
     for name, rows in ((RUNS, run_rows), (OFFSETS, offset_rows)):
         write_whole(folder / name, csv_text(rows(done)), force=True)
         if parquet:
@@ -44,21 +41,9 @@ def require_parquet() -> None:
         raise missing_extra("a table in Parquet", "parquet", needed="pyarrow") from None
 
 
-def batch_json(done: Batch) -> dict[str, Any]:
-    """`batch.json`: all rows, what is odd, the settings."""
-    return {
-        "schema": SCHEMA,
-        "outcomes": dict(done.counts),
-        "runs": [asdict(row) for row in done.rows],
-        "odd": [asdict(own) for own in done.odd],
-        "settings": asdict(done.settings),
-        "versions": done.versions,
-    }
-
-
 def run_rows(done: Batch) -> Iterator[dict[str, object]]:
     """`runs.csv`: one row for each run."""
-    odd = {own.run: own.offset for own in reversed(done.odd)}
+    outlier_of = {outlier.run: outlier.offset for outlier in reversed(done.outliers)}
     for row in done.rows:
         worst = row.worst
         yield {
@@ -75,7 +60,7 @@ def run_rows(done: Batch) -> Iterator[dict[str, object]]:
             "residuals_over_noise": row.factor,
             "p_value": row.p_value,
             "misfit": " ".join(row.misfit),
-            "odd_offset": odd.get(row.name),
+            "odd_offset": outlier_of.get(row.name),
             "posterior": row.posterior,
             "message": row.message,
             "sha256": row.sha256,
@@ -85,19 +70,19 @@ def run_rows(done: Batch) -> Iterator[dict[str, object]]:
 def offset_rows(done: Batch) -> Iterator[dict[str, object]]:
     """`offsets.csv`: one row for each offset of each run."""
     for row in done.rows:
-        for own in row.offsets:
-            low, high = own.interval95 or (None, None)
+        for offset in row.offsets:
+            low, high = offset.interval95 or (None, None)
             yield {
                 "run": row.name,
                 "robot": row.robot,
                 "serial": row.serial,
                 "when": row.when,
                 "outcome": row.outcome,
-                "offset": own.name,
-                "unit": own.unit,
-                "status": own.status,
-                "estimate": own.estimate,
-                "u": own.u,
+                "offset": offset.name,
+                "unit": offset.unit,
+                "status": offset.status,
+                "estimate": offset.estimate,
+                "u": offset.u,
                 "low95": low,
                 "high95": high,
             }

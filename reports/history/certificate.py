@@ -1,39 +1,71 @@
-"""What the certificate of a result states (`zerobeam/certificate/1`), and whether a history still agrees."""
+"""A certificate of a result (`zerobeam/certificate/1`), its folder, and whether a history still agrees.
+
+certificate.json has the hashes of the other two files: all are of one result, and none can be exchanged.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
 
 from ...analysis.status import known, versions
+from ...experiments.history.content import StoredResult
 from ...experiments.history.database import Database
-from ...experiments.history.one_result import whole_answer
-from ...experiments.history.signing import ALGORITHM
-from ...experiments.history.store import StoredResult, results
+from ...experiments.history.documents import HistoryResult
+from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
+from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
+from ...model.files.json_document import JsonDocument
 from ...words.provenance import SIMULATED, by_plain_key
-from .lists import result_json
+from ...words.result_json import dumps
+from ..output.whole_folder import Kind, write_folder, write_page
+from .certificate_page import SIGNED, certificate_page
 
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+Json = dict[str, Any]  # of a result.json, or of a certificate
 SCHEMA = "zerobeam/certificate/1"
 _OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
 _INTERVALS = ("name", "unit", "linear", "profile", "posterior")
 
 
-def certificate_json(own: StoredResult, answer: dict[str, Any], fingerprint: str) -> dict[str, Any]:
+class VerificationCheck(JsonDocument):
+    """Whether a file is what it says: by its signature, its certificate.json, or a history."""
+
+    file: str
+    check: Literal["signature", "certificate", "history"]
+    valid: bool
+    reason: str | None = Field(description="null where it is valid")
+
+
+class Verification(JsonDocument):
+    """`history verify`."""
+
+    schema_: Literal["zerobeam/verification/1"] = Field(default="zerobeam/verification/1", alias="schema")
+    fingerprint: str = Field(description="of the key")
+    checks: list[VerificationCheck]
+
+
+def certificate_json(result: StoredResult, answer: Json, fingerprint: str) -> Json:
     """The certificate of a result for the key of this fingerprint; `answer` is the whole result.
 
     BadInput for a misfit, for a fit that did not converge, and where no offset is determined. What the data
     do not determine has no number.
     """
-    _require_certifiable(own, answer)
+    _require_certifiable(result, answer)
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
-    stated = result_json(own)
-    del stated["without_prior"]
+    row = HistoryResult.of(result).to_json()
+    del row["without_prior"]
     header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
     return {
         "schema": SCHEMA,
-        **stated,
+        **row,
         "vendor": answer["inputs"].get("vendor"),
         "simulated": by_plain_key(header.get("provenance") or {}).get("origin") == SIMULATED,
         "headline": answer["headline"],
@@ -49,9 +81,9 @@ def certificate_json(own: StoredResult, answer: dict[str, Any], fingerprint: str
     }
 
 
-def _require_certifiable(own: StoredResult, answer: dict[str, Any]) -> None:
-    of = f"run {own.run}, SHA-256 {own.sha256[:12]}…"
-    if own.verdict == "misfit":
+def _require_certifiable(result: StoredResult, answer: Json) -> None:
+    of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
+    if result.verdict == "misfit":
         raise BadInput(
             "a misfit is not certified: the model does not describe the measurements",
             found=of,
@@ -59,7 +91,7 @@ def _require_certifiable(own: StoredResult, answer: dict[str, Any]) -> None:
             remedy="find the cause (zerobeam report), measure again, or name another result by --run",
         )
     converged = answer["fits"]["likelihood"]["converged"]
-    if not converged or not any(known(row["status"]) for row in own.offsets):
+    if not converged or not any(known(row.status) for row in result.offsets):
         why = "the result determines no offset" if converged else "the fit did not converge"
         raise BadInput(
             f"there is nothing to certify: {why}",
@@ -68,7 +100,7 @@ def _require_certifiable(own: StoredResult, answer: dict[str, Any]) -> None:
         )
 
 
-def _offset(row: dict[str, Any], geometry: dict[str, Any]) -> dict[str, Any]:
+def _offset(row: Json, geometry: Json) -> Json:
     """`considered_std` is the uncertainty if the arm deviates from the nominal geometry that was assumed."""
     determined = known(row["status"])
     considered = geometry["consider"].get(row["name"]) if geometry["tolerance"] is None else None
@@ -79,7 +111,7 @@ def _offset(row: dict[str, Any], geometry: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _intervals(answer: dict[str, Any]) -> list[dict[str, Any]]:
+def _intervals(answer: Json) -> list[Json]:
     """Of the offsets whose 95 % interval differs from method to method."""
     offsets = {row["name"] for row in answer["parameters"] if row["group"] == "offset"}
     return [
@@ -89,7 +121,7 @@ def _intervals(answer: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _assumed(answer: dict[str, Any]) -> dict[str, Any]:
+def _assumed(answer: Json) -> Json:
     """What the result rests on besides the measurements."""
     header, geometry = answer["inputs"]["header"], answer["geometry"]
     free = [row for row in answer["parameters"] if not row["held"] and row["group"] != "noise"]
@@ -112,14 +144,14 @@ def _assumed(answer: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_certificate(content: bytes, file: Path) -> dict[str, Any]:
+def read_certificate(content: bytes, file: Path) -> Json:
     """The certificate in a file; BadInput for another file."""
     try:
-        found = json.loads(content)
-        if found["schema"] != SCHEMA:
-            raise ValueError(f"schema {found['schema']!r}")
+        certificate = json.loads(content)
+        if certificate["schema"] != SCHEMA:
+            raise ValueError(f"schema {certificate['schema']!r}")
         for name in ("serial", "model", "sha256", "document_sha256"):
-            if not isinstance(found[name], str):
+            if not isinstance(certificate[name], str):
                 raise ValueError(f"{name} is no text")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadInput(
@@ -128,24 +160,81 @@ def read_certificate(content: bytes, file: Path) -> dict[str, Any]:
             allowed=f"a certificate.json of schema {SCHEMA}",
             file=file,
         ) from None
-    return dict(found)
+    return dict(certificate)
 
 
-def why_history_differs(history: Database, certificate: dict[str, Any]) -> str | None:
+def why_history_differs(history: Database, certificate: Json) -> str | None:
     """None where the history holds the very result that was certified; else what is different."""
-    found = results(history, (certificate["serial"], certificate["model"]))
-    own = next((row for row in found if row.sha256 == certificate["sha256"]), None)
-    if own is None:
+    candidates = results(history, (certificate["serial"], certificate["model"]))
+    stored = next((row for row in candidates if row.sha256 == certificate["sha256"]), None)
+    if stored is None:
         return "the history has no result of this run and arm"
-    if own.document_sha256 != certificate["document_sha256"]:
+    if stored.document_sha256 != certificate["document_sha256"]:
         return "the history has another result of this run: it was replaced or altered since"
     try:
-        whole_answer(history, own)
+        whole_answer(history, stored)
     except BadInput as error:
         return f"{error.what}: {error.found}"
-    now = result_json(own)
+    now = HistoryResult.of(stored).to_json()
     del now["offsets"], now["without_prior"]  # of the document that was certified
     differing = [name for name, value in now.items() if certificate.get(name) != value]
     if differing:
         return f"the history was altered: {', '.join(differing)} of the result"
     return None
+
+
+JSON = "certificate.json"
+_NAMES = [Path(name) for name in SIGNED]
+_KIND = Kind(
+    "certificate", frozenset({*SIGNED, *(signature_file(name).name for name in _NAMES)}), JSON, SCHEMA
+)
+
+
+def write_certificate(folder: Path | str, result: StoredResult, answer: Json, key: Ed25519PrivateKey) -> str:
+    """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
+
+    `answer` is the whole result. Raises BadInput where it cannot be certified, or where `folder` is a file,
+    is not ours, or cannot be written.
+    """
+    by = fingerprint(key.public_key())
+    certificate = certificate_json(result, answer, by)
+
+    def fill(new_folder: Path) -> None:
+        write_page(
+            new_folder,
+            "certificate",
+            certificate_page(certificate),
+            {},
+            "study",
+            answer=(JSON, dumps(certificate)),
+        )
+        (new_folder / "figures").rmdir()  # there is none
+        beside = {name: sha256((new_folder / name).read_bytes()) for name in SIGNED if name != JSON}
+        (new_folder / JSON).write_text(dumps({**certificate, "files": beside}), encoding="utf-8")
+        for name in SIGNED:
+            sign(new_folder / name, key)
+
+    write_folder(folder, _KIND, fill)
+    return by
+
+
+def sha256(content: bytes) -> str:
+    """As `files` of a certificate has it."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def why_not_of_certificate(certificate: Mapping[str, Any], name: str, content: bytes) -> str | None:
+    """None where the certificate has this file by its hash, or none of that name; else what is wrong."""
+    files = certificate.get("files")
+    if not isinstance(files, Mapping):
+        return f"{JSON} does not state the hash of this file: make the certificate again"
+    if name in files and files[name] != sha256(content):
+        return f"{JSON} is of another file of this name: the two state different results"
+    return None
+
+
+def files_of_certificate(path: Path) -> list[Path]:
+    """The signed files of a certificate's folder; the file that a signature is of; another file as it is."""
+    if path.is_dir():
+        return [path / name for name in SIGNED]
+    return [path.with_suffix("") if path.suffix == ".sig" else path]

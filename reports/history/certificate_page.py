@@ -41,49 +41,54 @@ _MEANING = (
 _GROUPS = {"offset": "offsets", "target": "targets", "tool": "tool", "geometry": "link geometry"}
 
 
-def certificate_page(own: Mapping[str, Any]) -> Page:
+def certificate_page(certificate: Mapping[str, Any]) -> Page:
     """The display strings of a certificate (`zerobeam/certificate/1`)."""
-    serial = clipped(own["serial"], 60)
+    serial = clipped(certificate["serial"], 60)
     return Page(
         "Certificate of calibration",
-        f"{clipped(own['model'])}, serial number {serial}",
-        Verdict(own["verdict"], VERDICT_WORDS[own["verdict"]], _named(own["headline"])),
-        list(_notes(own)),
+        f"{clipped(certificate['model'])}, serial number {serial}",
+        Verdict(
+            certificate["verdict"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])
+        ),
+        list(_notes(certificate)),
         [
-            section_of("Offsets", *_offsets(own)),
-            section_of("What the offsets rest on", Facts(list(_assumed(own["assumed"], own["offsets"])))),
-            section_of("Fit", Paragraph(_fit(own["fit"]))),
-            section_of("Origin", Facts(_origin(own))),
-            section_of("Signature", *_signature(own["key"])),
+            section_of("Offsets", *_offsets(certificate)),
+            section_of(
+                "What the offsets rest on",
+                Facts(list(_assumed(certificate["assumed"], certificate["offsets"]))),
+            ),
+            section_of("Fit", Paragraph(_fit(certificate["fit"]))),
+            section_of("Origin", Facts(_origin(certificate))),
+            section_of("Signature", *_signature(certificate["key"])),
         ],
         [
-            ("Date of the measurements", own["measured_at"][:10]),
+            ("Date of the measurements", certificate["measured_at"][:10]),
             ("Robot, serial number", serial),
-            ("Calibrated by", clipped(own["operator"] or _NOT_STATED, 40)),
+            ("Calibrated by", clipped(certificate["operator"] or _NOT_STATED, 40)),
         ],
     )
 
 
 def _named(text: str) -> str:
     """A sentence of a result, with the offsets' names as people write them."""
-    return sentence(re.sub(r"\bdelta\d+\b", lambda found: label(found.group()), text))
+    return sentence(re.sub(r"\bdelta\d+\b", lambda match: label(match.group()), text))
 
 
-def _notes(own: Mapping[str, Any]) -> Iterator[str]:
-    if own["simulated"]:
+def _notes(certificate: Mapping[str, Any]) -> Iterator[str]:
+    if certificate["simulated"]:
         yield "These measurements were simulated: no instrument took part, and nothing here is traceable."
-    if own["not_determined"]:
-        names = listed([label(name) for name in own["not_determined"]])
+    if certificate["not_determined"]:
+        names = listed([label(name) for name in certificate["not_determined"]])
         yield f"Not determined by these measurements and not certified: {names}."
-    for note in own["notes"]:
+    for note in certificate["notes"]:
         yield ended(_named(note))
 
 
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _offsets(own: Mapping[str, Any]) -> Iterator[Block]:
-    rows, assumed = own["offsets"], own["assumed"]
+def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
+    rows, assumed = certificate["offsets"], certificate["assumed"]
     nominal = assumed["geometry"]["tolerance"] is None
     columns = [
         ("name", "left"),
@@ -102,8 +107,8 @@ def _offsets(own: Mapping[str, Any]) -> Iterator[Block]:
             "u and the interval hold if the arm has its nominal geometry. The last column is u if its links"
             f" deviate from it by {_tolerances(assumed['geometry']['considered_tolerance'])}."
         )
-    if own["intervals"]:
-        yield _intervals(own["intervals"])
+    if certificate["intervals"]:
+        yield _intervals(certificate["intervals"])
     grouped_by: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row["reason"]:
@@ -120,8 +125,8 @@ def _offset(row: Mapping[str, Any], nominal: bool) -> Row:
     status, unit, name = row["status"], unit_of(row["unit"]), label(row["name"])
     word, last = Cell(status, mark=status), [NO_NUMBER] if nominal else []
     if not known(status):
-        said = f"held {_held_at(row)}" if row["held"] else NOT_DETERMINED
-        return row_of(name, Cell(said, span=2), word, NO_NUMBER, *last, tone=status)
+        text = f"held {_held_at(row)}" if row["held"] else NOT_DETERMINED
+        return row_of(name, Cell(text, span=2), word, NO_NUMBER, *last, tone=status)
     if nominal and row["considered_std"] is not None:
         last = [numbers.spread(row["considered_std"], unit)]
     return row_of(
@@ -151,36 +156,37 @@ def _interval(bounds: tuple[float, float] | None, row: Mapping[str, Any]) -> str
     return NO_NUMBER if bounds is None else numbers.interval(bounds, (high - low) / 4, unit_of(row["unit"]))
 
 
-def _assumed(own: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
-    geometry, tool, noise = own["geometry"], own["tool"], own["noise"]
+def _assumed(assumed: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    geometry, tool, noise = assumed["geometry"], assumed["tool"], assumed["noise"]
     if geometry["tolerance"] is not None:
         within = f"estimated within tolerances of {_tolerances(geometry['tolerance'])}"
         yield "Geometry", f"{within}{_factors(geometry['factors'])}"
     else:
         yield "Geometry", "nominal, taken as the robot file states it"
     yield "Tool", f"{tool['kind']}, {'calibrated: taken as stated' if tool['calibrated'] else 'estimated'}"
-    yield "Noise (standard deviation)", f"{_noise(noise)}; {_scale(own)}"
-    yield "Priors (standard deviation)", "; ".join(_priors(own["priors"])) or "none"
+    yield "Noise (standard deviation)", f"{_noise(noise)}; {_scale(assumed)}"
+    yield "Priors (standard deviation)", "; ".join(_priors(assumed["priors"])) or "none"
     held_at = {row["name"]: _held_at(row) for row in offsets if row["held"]}
-    held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in own["held"]]
+    held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in assumed["held"]]
     yield "Held, not estimated", listed(held) if held else "nothing"
 
 
-def _tolerances(own: Mapping[str, Any]) -> str:
-    return f"{tolerance_words(own['length_mm'], 'mm')} and {tolerance_words(own['angle_deg'], 'deg')}"
+def _tolerances(tolerance: Mapping[str, Any]) -> str:
+    length, angle = tolerance["length_mm"], tolerance["angle_deg"]
+    return f"{tolerance_words(length, 'mm')} and {tolerance_words(angle, 'deg')}"
 
 
-def _factors(own: Mapping[str, float] | None) -> str:
-    if own is None:
+def _factors(factors: Mapping[str, float] | None) -> str:
+    if factors is None:
         return ""
-    length, angle = (numbers.significant(own[key], 2) for key in ("length", "angle"))
+    length, angle = (numbers.significant(factors[key], 2) for key in ("length", "angle"))
     return f", which the data multiply by {length} (lengths) and {angle} (angles)"
 
 
 def _priors(rows: list[Mapping[str, Any]]) -> Iterator[str]:
     for group in dict.fromkeys(row["group"] for row in rows):
-        own = [_rounded(row["std"], unit_of(row["unit"])) for row in rows if row["group"] == group]
-        yield f"{_GROUPS.get(group, group)} {listed(own)}"
+        stds = [_rounded(row["std"], unit_of(row["unit"])) for row in rows if row["group"] == group]
+        yield f"{_GROUPS.get(group, group)} {listed(stds)}"
 
 
 def _rounded(std: float, unit: str) -> str:
@@ -192,20 +198,20 @@ def _held_at(row: Mapping[str, Any]) -> str:
     return f"at {numbers.exact(row['estimate'], unit_of(row['unit']))}"
 
 
-def _noise(own: Mapping[str, Any]) -> str:
-    said = []
+def _noise(noise: Mapping[str, Any]) -> str:
+    parts = []
     for key, what, unit in (
         ("joint_deg", "joints", "deg"),
         ("joint_mm", "prismatic joints", "mm"),
         ("spot_mm", "spot", "mm"),
     ):
-        if own.get(key) is not None:
-            said.append(f"{what} {tolerance_words(own[key], unit)}")
-    return ", ".join(said)
+        if noise.get(key) is not None:
+            parts.append(f"{what} {tolerance_words(noise[key], unit)}")
+    return ", ".join(parts)
 
 
-def _scale(own: Mapping[str, Any]) -> str:
-    scale = own["noise"].get("scale", "known")
+def _scale(assumed: Mapping[str, Any]) -> str:
+    scale = assumed["noise"].get("scale", "known")
     if scale == "known":
         return "taken as stated"
     if scale == "estimated":
@@ -214,36 +220,36 @@ def _scale(own: Mapping[str, Any]) -> str:
         f"{clipped(row['name'])} {numbers.estimate(row['estimate'], row['std'])}"
         if known(row["status"])
         else f"{clipped(row['name'])} {NOT_DETERMINED}"
-        for row in own["noise_factors"]
+        for row in assumed["noise_factors"]
     ]
     return f"estimated up to two factors: {', '.join(factors)}"
 
 
-def _fit(own: Mapping[str, Any]) -> str:
-    rms = numbers.significant(own["rms_mm"], unit="mm")
-    said = [f"Residuals {rms} rms, {own['dof']} degrees of freedom."]
-    if own["noise_scale"] is not None:
-        said.append(f"The noise is {numbers.times(own['noise_scale'])} times the stated one.")
-    if own["p_value"] is not None:
-        chi2 = numbers.significant(own["chi2"])
-        said.append(f"χ²\u00a0{chi2}, p-value {numbers.p_value(own['p_value'])} for the stated noise.")
-    said.append("No misfit was found.")
-    if own["message"]:
-        said.append(ended(f"{own['message'][0].upper()}{own['message'][1:]}"))
-    return " ".join(said)
+def _fit(fit: Mapping[str, Any]) -> str:
+    rms = numbers.significant(fit["rms_mm"], unit="mm")
+    parts = [f"Residuals {rms} rms, {fit['dof']} degrees of freedom."]
+    if fit["noise_scale"] is not None:
+        parts.append(f"The noise is {numbers.times(fit['noise_scale'])} times the stated one.")
+    if fit["p_value"] is not None:
+        chi2 = numbers.significant(fit["chi2"])
+        parts.append(f"χ²\u00a0{chi2}, p-value {numbers.p_value(fit['p_value'])} for the stated noise.")
+    parts.append("No misfit was found.")
+    if fit["message"]:
+        parts.append(ended(f"{fit['message'][0].upper()}{fit['message'][1:]}"))
+    return " ".join(parts)
 
 
-def _origin(own: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _origin(certificate: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
-        ("Robot", ", ".join(shown(text) for text in (own["model"], own["vendor"]) if text)),
-        ("Serial number", shown(own["serial"])),
-        ("Measured at", own["measured_at"]),
-        ("Instrument", shown(own["instrument"] or _NOT_STATED)),
-        ("Calibrated by", shown(own["operator"] or _NOT_STATED)),
-        ("Run", f"{shown(own['run'])}, {own['shots']} measurements"),
-        ("SHA-256 of the run", own["sha256"]),
-        ("SHA-256 of the whole result", own["document_sha256"]),
-        ("zerobeam", f"{shown(own['zerobeam'])} (result), {own['written_by']} (certificate)"),
+        ("Robot", ", ".join(shown(text) for text in (certificate["model"], certificate["vendor"]) if text)),
+        ("Serial number", shown(certificate["serial"])),
+        ("Measured at", certificate["measured_at"]),
+        ("Instrument", shown(certificate["instrument"] or _NOT_STATED)),
+        ("Calibrated by", shown(certificate["operator"] or _NOT_STATED)),
+        ("Run", f"{shown(certificate['run'])}, {certificate['shots']} measurements"),
+        ("SHA-256 of the run", certificate["sha256"]),
+        ("SHA-256 of the whole result", certificate["document_sha256"]),
+        ("zerobeam", f"{shown(certificate['zerobeam'])} (result), {certificate['written_by']} (certificate)"),
     ]
 
 

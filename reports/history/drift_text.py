@@ -1,45 +1,45 @@
-"""The drift of an arm as tables and JSON."""
+"""The drift of an arm, and of all arms together, as tables and JSON."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from datetime import datetime
-from typing import Any, Protocol
-
-import numpy as np
 
 from ...analysis.drift.drift import Jump, Undecided
-from ...experiments.history.arm_drift import ArmDrift, DatedChange, DatedJump
+from ...analysis.drift.instruments import Bias
+from ...experiments.history.arm_drift import ArmDrift, DatedChange
+from ...experiments.history.documents import DriftingOffset, RateRow, offsets_now
+from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, ModelWalk, Suspect
 from ...words import numbers
-from ...words.wording import clipped, counted, label, shown
-from ..style.blocks import Block, Cell, Paragraph, Table, row_of, table_of
-from .lists import day, event_json, utc
+from ...words.wording import clipped, counted, label, listed, shown
+from ..style.blocks import Block, Cell, Paragraph, Row, Table, row_of, table_of
+from .lists import day
 
-SCHEMA = "zerobeam/drift/1"
+_MOST = 20  # rows of a table; the JSON has all
+_FASTEST = 10
 FEW_RATES = 30  # rates: below, the numbers are coarse
 UNDECIDED = "too few results to distinguish a jump from drift"
 
 
-def drift_blocks(found: ArmDrift) -> Iterator[Block]:
+def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
     """Jumps, the offsets now and how fast they walk, the due date, what does not count."""
-    if found.drift is not None:
-        yield from jumps_blocks(found)
-        yield offsets_block(found)
-        if found.drift.effective < FEW_RATES:
+    if arm.drift is not None:
+        yield from jumps_blocks(arm)
+        yield offsets_block(arm)
+        if arm.drift.effective < FEW_RATES:
             yield Paragraph("Few walk rates explain these results: intervals and p-values are approximate.")
-    yield Paragraph(f"{due_sentence(found)} {counted(len(found.used), 'result')} counted.")
-    for own in found.left_out:
-        yield Paragraph(f"Not counted: the result of {day(own.result.measured_at)}. {own.reason}.")
+    yield Paragraph(f"{due_sentence(arm)} {counted(len(arm.used), 'result')} counted.")
+    for left in arm.left_out:
+        yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}. {left.reason}.")
 
 
-def due_sentence(found: ArmDrift) -> str:
+def due_sentence(arm: ArmDrift) -> str:
     """When the next calibration is due, or why there is no date."""
-    limit = f"TCP error within {numbers.exact(found.tolerance_mm, 'mm')} (95 %, rms of the workspace)"
-    reason = with_labels(found.due_reason)
-    if found.due is not None and not found.due_reason:
-        return f"Next calibration due: {found.due:%Y-%m-%d}, for a {limit}."
-    word = "due now" if found.due is not None else "no due date"
+    limit = f"TCP error within {numbers.exact(arm.tolerance_mm, 'mm')} (95 %, rms of the workspace)"
+    reason = with_labels(arm.due_reason)
+    if arm.due is not None and not arm.due_reason:
+        return f"Next calibration due: {arm.due:%Y-%m-%d}, for a {limit}."
+    word = "due now" if arm.due is not None else "no due date"
     return f"Next calibration: {word} for a {limit}: {reason}."
 
 
@@ -52,213 +52,298 @@ def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
     """A row for each arm: its clearest jump, and when it is due."""
     rows = [
         row_of(
-            clipped(own.serial, 24),
-            clipped(own.model, 20),
-            str(len(own.used)),
-            _clearest(own),
-            "none" if own.due is None else f"{own.due:%Y-%m-%d}",
-            tone="weak" if own.jumps or own.undecided else "",
+            clipped(arm.serial, 24),
+            clipped(arm.model, 20),
+            str(len(arm.used)),
+            _clearest(arm),
+            "none" if arm.due is None else f"{arm.due:%Y-%m-%d}",
+            tone="weak" if arm.jumps or arm.undecided else "",
         )
-        for own in arms
+        for arm in arms
     ]
     heads = ("arm", "model", "results", "clearest jump", "due")
     columns = [(head, "right" if head == "results" else "left") for head in heads]
     return table_of("Drift of all arms", columns, rows)
 
 
-def drift_json(found: ArmDrift) -> dict[str, Any]:
-    """The same for programs."""
-    return {
-        "serial": found.serial,
-        "model": found.model,
-        "used": [own.sha256 for own in found.used],
-        "left_out": [{"sha256": own.result.sha256, "reason": own.reason} for own in found.left_out],
-        "offsets": list(_offset_rows(found)),
-        "jumps": [
-            {
-                "offset": own.jump.offset,
-                "unit": own.jump.unit,
-                "after": utc(own.after),
-                "before": utc(own.before),
-                "p_value": own.jump.p_value,
-                "size": own.jump.size,
-                "interval95": list(own.jump.interval95),
-                "events": [event_json(event) for event in own.events],
-                "instruments": _instruments(own),
-            }
-            for own in found.jumps
-        ],
-        "undecided": [
-            {
-                "offset": own.change.offset,
-                "unit": own.change.unit,
-                "after": utc(own.after),
-                "before": utc(own.before),
-                "size": own.change.size,
-                "interval95": list(own.change.interval95),
-                "least_jump": own.change.least_jump,
-                "events": [event_json(event) for event in own.events],
-                "instruments": _instruments(own),
-            }
-            for own in found.undecided
-        ],
-        "effective_rates": None if found.drift is None else found.drift.effective,
-        "due": due_json(found),
-    }
-
-
-def _instruments(own: DatedJump | DatedChange) -> list[str | None] | None:
-    return None if own.instruments is None else [name or None for name in own.instruments]
-
-
-class Due(Protocol):
-    """What is said of a due date."""
-
-    @property
-    def tolerance_mm(self) -> float: ...
-    @property
-    def due(self) -> datetime | None: ...
-    @property
-    def due_reason(self) -> str: ...
-
-
-def due_json(found: Due) -> dict[str, Any]:
-    """The due date for programs."""
-    return {
-        "tolerance_mm": found.tolerance_mm,
-        "date": None if found.due is None else f"{found.due:%Y-%m-%d}",
-        "reason": found.due_reason or None,
-    }
-
-
-def _offset_rows(found: ArmDrift) -> Iterator[dict[str, Any]]:
-    """Of each offset at the last result: estimate, std, interval (None where no result determines it since
-    the controller got new zeros), the rate of its walk (None where the results say nothing of it)."""
-    if found.drift is None:
-        return
-    names = found.drift.series.names
-    for i, name in enumerate(names):
-        along, last = np.eye(len(names))[i], -1
-        known = bool(found.drift.series.determined[last, i])
-        value, std = found.drift.value(last, along) if known else (None, None)
-        median, interval = found.drift.rate(name)
-        yield {
-            "name": name,
-            "unit": found.drift.series.units[i],
-            "estimate": value,
-            "std": std,
-            "interval95": list(found.drift.interval(last, along)) if known else None,
-            "rate": {"median": median, "interval95": list(interval)}
-            if found.drift.determines_rate(name)
-            else None,
-        }
-
-
-def offsets_block(found: ArmDrift) -> Block:
+def offsets_block(arm: ArmDrift) -> Block:
     """Every offset at the last result, and how fast it walks."""
     rows = [
-        row_of(
-            label(own["name"]),
-            _now(own),
-            *_walk(own),
-        )
-        for own in _offset_rows(found)
+        row_of(label(offset.name), _now(offset), *_rate(offset.rate, offset.unit))
+        for offset in offsets_now(arm)
     ]
     heads = ("offset", "at the last result", "walk", "95 % interval")
     columns = [(head, "left" if head == "offset" else "right") for head in heads]
     return table_of("Offsets by all results, and their random walk per root year", columns, rows)
 
 
-def _walk(own: dict[str, Any]) -> tuple[str | Cell, str]:
-    if own["rate"] is None:
+def _rate(rate: RateRow | None, unit: str) -> tuple[str | Cell, str]:
+    if rate is None:
         return Cell("not determined", mark="unidentifiable"), ""
-    ends = " to ".join(numbers.significant(end, 2) for end in own["rate"]["interval95"])
-    return numbers.significant(own["rate"]["median"], 2, own["unit"]), ends
+    return numbers.significant(rate.median, 2, unit), _interval(rate.interval95)
 
 
-def _now(own: dict[str, Any]) -> str | Cell:
-    if own["std"] is None:
+def _now(offset: DriftingOffset) -> str | Cell:
+    if offset.estimate is None or offset.std is None:
         return Cell("not determined since the mastering", mark="unidentifiable")
-    return f"{numbers.estimate(own['estimate'], own['std'])} ± {numbers.spread(own['std'], own['unit'])}"
+    return f"{numbers.estimate(offset.estimate, offset.std)} ± {numbers.spread(offset.std, offset.unit)}"
 
 
-def jumps_blocks(found: ArmDrift) -> Iterator[Block]:
+def jumps_blocks(arm: ArmDrift) -> Iterator[Block]:
     """The jumps, the changes that may be one, and what was logged in between."""
-    if found.jumps:
-        yield _jumps_table(found.jumps)
-    if found.undecided:
-        yield _undecided_table(found.undecided)
-    elif not found.jumps:
-        yield Paragraph(without_jump(found))
+    if arm.jumps:
+        caption = "Jumps; p-values adjusted for the number of tests (Bonferroni)"
+        jumps = [(jump, numbers.p_value(jump.change.p_value)) for jump in arm.jumps]
+        yield _changes_table(caption, "p-value", jumps)
+    if arm.undecided:
+        least = [
+            (dated, numbers.significant(dated.change.least_jump, 2, dated.change.unit))
+            for dated in arm.undecided
+        ]
+        yield _changes_table(f"Jump or drift: {UNDECIDED}", "a jump from", least)
+    elif not arm.jumps:
+        yield Paragraph(without_jump(arm))
 
 
-def without_jump(found: ArmDrift) -> str:
+def without_jump(arm: ArmDrift) -> str:
     """What is said of the changes where none of them is a jump or may be one."""
-    if found.drift is not None and found.drift.changed:
+    if arm.drift is not None and arm.drift.changed:
         return "No jump was found: drift at a rate that other results show explains every change."
     return "No change from one result to the next exceeds their uncertainty."
 
 
-def _jumps_table(jumps: Sequence[DatedJump]) -> Table:
-    rows = [
+def _changes_table(
+    caption: str, head: str, rows: Sequence[tuple[DatedChange[Jump] | DatedChange[Undecided], str]]
+) -> Table:
+    """Changes, each with what stands in the column `head`."""
+    heads = ("offset", "between", "change", head, "events")
+    columns = [(title, "right" if title in ("change", head) else "left") for title in heads]
+    cells = [
         row_of(
-            Cell(label(own.jump.offset), mark="weak"),
-            f"{day(own.after)} to {day(own.before)}",
-            _change(own.jump),
-            numbers.p_value(own.jump.p_value),
-            ", ".join(_happened(own)) or "none logged",
+            Cell(label(dated.change.offset), mark="weak"),
+            f"{day(dated.after)} to {day(dated.before)}",
+            _change(dated.change),
+            text,
+            ", ".join(_happened(dated)) or "none logged",
         )
-        for own in jumps
+        for dated, text in rows
     ]
-    heads = ("offset", "between", "change", "p-value", "events")
-    columns = [(head, "right" if head in ("change", "p-value") else "left") for head in heads]
-    return table_of("Jumps; p-values adjusted for the number of tests (Bonferroni)", columns, rows)
+    return table_of(caption, columns, cells)
 
 
-def _undecided_table(changes: Sequence[DatedChange]) -> Table:
-    rows = [
-        row_of(
-            Cell(label(own.change.offset), mark="weak"),
-            f"{day(own.after)} to {day(own.before)}",
-            _change(own.change),
-            numbers.significant(own.change.least_jump, 2, own.change.unit),
-            ", ".join(_happened(own)) or "none logged",
-        )
-        for own in changes
-    ]
-    heads = ("offset", "between", "change", "a jump from", "events")
-    columns = [(head, "right" if head in ("change", "a jump from") else "left") for head in heads]
-    return table_of(f"Jump or drift: {UNDECIDED}", columns, rows)
+def _change(change: Jump | Undecided) -> str:
+    low, high = change.interval95
+    return numbers.interval(change.interval95, max((high - low) / 4, 1e-12), change.unit)
 
 
-def _change(own: Jump | Undecided) -> str:
-    low, high = own.interval95
-    return numbers.interval(own.interval95, max((high - low) / 4, 1e-12), own.unit)
-
-
-def change_sentence(own: DatedJump | DatedChange) -> str:
+def change_sentence(dated: DatedChange[Jump] | DatedChange[Undecided]) -> str:
     """Offset, size and dates of a change."""
-    change = own.jump if isinstance(own, DatedJump) else own.change
-    between = f"between {day(own.after)} and {day(own.before)}"
+    change: Jump | Undecided = dated.change
+    between = f"between {day(dated.after)} and {day(dated.before)}"
     return f"{label(change.offset)} changed by {_change(change)} {between}"
 
 
-def _happened(own: DatedJump | DatedChange) -> Iterator[str]:
-    for event in own.events:
+def _happened(change: DatedChange[Jump] | DatedChange[Undecided]) -> Iterator[str]:
+    for event in change.events:
         yield f"{event.what} {day(event.at)} {shown(event.note)}".strip()
-    if own.instruments is not None:
-        before, after = (clipped(name) if name else "not stated" for name in own.instruments)
-        changed = "changed" if all(own.instruments) else "may have changed"
+    if change.instruments is not None:
+        before, after = (clipped(name) if name else "not stated" for name in change.instruments)
+        changed = "changed" if all(change.instruments) else "may have changed"
         yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
-def _clearest(own: ArmDrift) -> str:
-    clearest = min(own.jumps, key=lambda jump: jump.jump.p_value, default=None)
-    return clearest_jump(clearest, len(own.undecided)) or "none"
+def _clearest(arm: ArmDrift) -> str:
+    clearest = min(arm.jumps, key=lambda jump: jump.change.p_value, default=None)
+    return clearest_jump(clearest, len(arm.undecided)) or "none"
 
 
-def clearest_jump(own: DatedJump | None, undecided: int) -> str:
+def clearest_jump(jump: DatedChange[Jump] | None, undecided: int) -> str:
     """In a list of arms: offset of a jump and the result that shows it, or how many changes may be one."""
-    if own is not None:
-        return f"{label(own.jump.offset)}, {own.before:%Y-%m-%d}"
+    if jump is not None:
+        return f"{label(jump.change.offset)}, {jump.before:%Y-%m-%d}"
     return f"{undecided} undecided" if undecided else ""
+
+
+def fleet_blocks(fleet: FleetDrift) -> Iterator[Block]:
+    """How fast each model walks, the fastest arms, the instruments, and what is not determined."""
+    if fleet.models:
+        yield _models(fleet)
+        yield _fastest(fleet)
+    yield from _about_arms(fleet)
+    yield from _instrument_blocks(fleet)
+
+
+def _models(fleet: FleetDrift) -> Block:
+    heads = ("model", "offset", "arms", "walk", "95 % interval", "u of a result", "walk > u in a year")
+    columns = [(head, "left" if head in ("model", "offset") else "right") for head in heads]
+    columns.append(("says", "left"))
+    return table_of(
+        "Walk of the median arm of each model, per root year. It drifts if it walks farther in a year than"
+        f" the standard uncertainty of a result; false alarm of any: at most {fleet.alarm:.0%}",
+        columns,
+        [
+            row_of(
+                clipped(model.model, 20),
+                label(model.offset),
+                str(model.arms),
+                *_model_walk(model),
+                Cell(_remark(model), mark="weak" if model.drifts else ""),
+                tone="weak" if model.drifts else "",
+            )
+            for model in fleet.models
+        ],
+    )
+
+
+def _remark(model: ModelWalk) -> str:
+    return ", ".join(part for part in ("drifts" if model.drifts else "", _cause(model)) if part)
+
+
+def _model_walk(model: ModelWalk) -> tuple[str, ...]:
+    u = numbers.significant(model.noticed, 2, model.unit)
+    if model.median is None or model.probability is None:
+        return "not known", "", u, ""
+    median, interval = model.median
+    return (
+        numbers.significant(median, 2, model.unit),
+        _interval(interval),
+        u,
+        numbers.p_value(model.probability),
+    )
+
+
+def _cause(model: ModelWalk) -> str:
+    if not model.biased:
+        return ""
+    return f"perhaps a bias: {listed([clipped(name, 24) for name in model.biased], 3)}"
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    return " to ".join(numbers.significant(end, 2) for end in ends)
+
+
+def _fastest(fleet: FleetDrift) -> Block:
+    models = {(model.model, model.offset): model for model in fleet.models}
+
+    def ratio(pair: tuple[ArmWalks, ArmWalk]) -> float:
+        arm, offset_walk = pair
+        return (
+            offset_walk.shrunken[0] / models[arm.model, offset_walk.offset].noticed
+            if offset_walk.shrunken
+            else 0.0
+        )
+
+    every = [(arm, offset_walk) for arm in fleet.arms for offset_walk in arm.walks if offset_walk.shrunken]
+    rows = [
+        row_of(
+            clipped(arm.serial, 16),
+            clipped(arm.model, 16),
+            label(offset_walk.offset),
+            numbers.significant(offset_walk.shrunken[0], 2, offset_walk.unit),
+            _interval(offset_walk.shrunken[1]),
+            "its model" if offset_walk.borrowed else "own results",
+            _cause(models[arm.model, offset_walk.offset]),
+        )
+        for arm, offset_walk in sorted(every, key=ratio, reverse=True)[:_FASTEST]
+        if offset_walk.shrunken
+    ]
+    heads = ("arm", "model", "offset", "walk", "95 % interval", "mostly by", "possible cause")
+    columns = [(head, "right" if head in ("walk", "95 % interval") else "left") for head in heads]
+    return table_of(
+        "Fastest walks of single arms over the u of a result, by the rates of their model too", columns, rows
+    )
+
+
+def _about_arms(fleet: FleetDrift) -> Iterator[Block]:
+    borrowed = [
+        f"{clipped(arm.serial, 24)} ({', '.join(label(row.offset) for row in arm.walks if row.borrowed)})"
+        for arm in fleet.arms
+        if any(row.borrowed for row in arm.walks)
+    ]
+    if borrowed:
+        yield Paragraph(
+            "Rates that are known more by the other arms of the model than by own results:"
+            f" {listed(borrowed)}."
+        )
+    coarse = [arm.serial for arm in fleet.arms if arm.effective < FEW]
+    if coarse:
+        yield Paragraph(f"Few walk rates of {_arms(coarse)} agree with the model: intervals are approximate.")
+    if fleet.too_few:
+        yield Paragraph(f"{counted(fleet.too_few, 'arm')} with fewer than two results that count: not used.")
+
+
+def _arms(serials: list[str]) -> str:
+    return f"{counted(len(serials), 'arm')} ({listed([clipped(serial, 24) for serial in serials], 4)})"
+
+
+def _instrument_blocks(fleet: FleetDrift) -> Iterator[Block]:
+    if fleet.biases:
+        ordered = sorted(
+            fleet.biases, key=lambda bias: (not bias.alarm, bias.p_value, -abs(bias.estimate) / bias.std)
+        )
+        alarms = sum(bias.alarm for bias in ordered)
+        shown = ordered[: max(alarms, _MOST)]
+        caption = (
+            "Biases of instruments, less the mean of those they are comparable to; p-values adjusted for the"
+            f" number of tests (Bonferroni); an alarm below {fleet.alarm:g}"
+        )
+        if len(shown) < len(ordered):
+            caption += f". {len(shown)} of {len(ordered)}: --json has all"
+        heads = ("instrument", "less", "offset", "difference", "95 % interval", "p-value", "says")
+        right = ("difference", "95 % interval", "p-value")
+        columns = [(head, "right" if head in right else "left") for head in heads]
+        yield table_of(caption, columns, [_bias(bias) for bias in shown])
+        if any(len(bias.against) == 1 for bias in shown):
+            yield Paragraph("Of two instruments only the difference is known, not whose bias it is.")
+    yield from map(Paragraph, _not_determined(fleet))
+    for suspect in fleet.suspects[:_MOST]:
+        yield Paragraph(_suspect(suspect))
+
+
+def _bias(bias: Bias) -> Row:
+    word = "biased" if len(bias.against) > 1 else "differs"
+    return row_of(
+        clipped(bias.instrument, 24),
+        listed([clipped(name, 24) for name in bias.against], 3),
+        label(bias.offset),
+        f"{numbers.estimate(bias.estimate, bias.std)} ± {numbers.spread(bias.std, bias.unit)}",
+        numbers.interval(bias.interval95, bias.std),
+        numbers.p_value(bias.p_value),
+        Cell(word if bias.alarm else "", mark="weak" if bias.alarm else ""),
+        tone="weak" if bias.alarm else "",
+    )
+
+
+def _not_determined(fleet: FleetDrift) -> Iterator[str]:
+    """Sentences, one for all offsets that have the same groups of instruments."""
+    alike: dict[tuple[tuple[str, ...], ...], list[str]] = {}
+    for alike_offset in fleet.comparable:
+        if len(alike_offset.groups) > 1 or any(len(group) == 1 for group in alike_offset.groups):
+            alike.setdefault(alike_offset.groups, []).append(label(alike_offset.offset))
+    for groups, offsets in alike.items():
+        of = listed(offsets)
+        if len(groups) == 1:
+            yield f"Bias of {clipped(groups[0][0], 24)}: not determined ({of}). It is the only instrument."
+            continue
+        named = "; ".join(" and ".join(clipped(name, 24) for name in group) for group in groups[:_MOST])
+        yield (
+            f"Biases between these are not determined ({of}): {named}. Two changes from one to the other on"
+            " arms, without new zeros in between, determine it; after one change a jump of the arm would look"
+            " the same."
+        )
+    if fleet.comparable:
+        yield "A bias that all instruments have in common is never determined."
+    if fleet.unstated:
+        yield (
+            f"{counted(fleet.unstated, 'result')} without an instrument: not used for biases. State psd or"
+            " probe in the provenance."
+        )
+
+
+def _suspect(suspect: Suspect) -> str:
+    biased = " or ".join(clipped(name, 24) for name in suspect.biased)
+    return (
+        f"The jump of {label(suspect.jump.change.offset)} of {clipped(suspect.serial, 24)} before"
+        f" {suspect.jump.before:%Y-%m-%d} is at a change of instrument: the bias of {biased} is a possible"
+        " cause."
+    )

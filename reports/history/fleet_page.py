@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -11,13 +11,13 @@ from functools import cached_property
 from ...experiments.history.arm_drift import NOT_SOON
 from ...experiments.history.fleet_drift import FleetDrift
 from ...words import numbers
-from ...words.wording import clipped, listed
+from ...words.wording import clipped, counted, listed
 from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, row_of, section_of, table_of
 from ..style.blocks import Verdict as Headline
-from .arm_page import DUE_MEANS, KEYS, VERDICTS, WORDS
-from .arm_state import MARKS, STATES, ArmState, State
-from .drift_text import clearest_jump, with_labels
-from .fleet_text import fleet_blocks
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from .arm_page import DUE_MEANS, KEYS, MARKS, STATES, VERDICTS, WORDS, ArmState, State
+from .drift_text import clearest_jump, fleet_blocks, with_labels
 
 MOST_ROWS = 1000  # on the page, and with a page of their own
 _MOST_REASONS = 50
@@ -46,77 +46,77 @@ class Fleet:
     @cached_property
     def counts(self) -> dict[State, int]:
         """How many arms are in each state, the gravest first."""
-        found = Counter(own.state for own in self.rows)
-        return {state: found[state] for state in STATES}
+        numbers_of = Counter(row.state for row in self.rows)
+        return {state: numbers_of[state] for state in STATES}
 
 
-def fleet_page(own: Fleet) -> Page:
+def fleet_page(fleet: Fleet) -> Page:
     """The display strings of all arms."""
-    models = sorted({clipped(row.model) for row in own.rows})
-    facts = [("Arms", f"{len(own.rows):,}"), ("Results", f"{sum(row.results for row in own.rows):,}")]
-    facts.append(("Tolerance at the TCP", numbers.exact(own.tolerance_mm, "mm")))
-    if own.as_of is not None:
-        facts.append(("As of", f"{own.as_of:%Y-%m-%d}"))
+    models = sorted({clipped(row.model) for row in fleet.rows})
+    facts = [("Arms", f"{len(fleet.rows):,}"), ("Results", f"{sum(row.results for row in fleet.rows):,}")]
+    facts.append(("Tolerance at the TCP", numbers.exact(fleet.tolerance_mm, "mm")))
+    if fleet.as_of is not None:
+        facts.append(("As of", f"{fleet.as_of:%Y-%m-%d}"))
     sections = [
-        section_of("What to do", _counts(own), FigureBlock("due")),
-        *_reasons(own),
-        section_of("All arms", _every(own)),
-        *_together(own),
-        section_of("How it is worked out", Facts(list(_about(own)))),
+        section_of("What to do", _counts(fleet), FigureBlock("due")),
+        *_reasons(fleet),
+        section_of("All arms", _every(fleet)),
+        *_together(fleet),
+        section_of("How it is worked out", Facts(list(_about(fleet)))),
     ]
     return Page(
         "All arms",
         listed(models) if models else "No arm",
-        headline(own),
+        headline(fleet),
         [],
-        sections if own.rows else [],
+        sections if fleet.rows else [],
         facts,
     )
 
 
-def headline(own: Fleet) -> Headline:
+def headline(fleet: Fleet) -> Headline:
     """The gravest state that an arm is in, and how many are in each."""
-    count = len(own.rows)
+    count = len(fleet.rows)
     if not count:
         return Headline(
             "degenerate", "No arms", "The history has no arm yet: zerobeam history add adds results."
         )
-    gravest = next(state for state, number in own.counts.items() if number)
-    told = [f"{number:,} {state}" for state, number in own.counts.items() if number]
+    gravest = next(state for state, number in fleet.counts.items() if number)
+    parts = [f"{number:,} {state}" for state, number in fleet.counts.items() if number]
     arms = "1 arm" if count == 1 else f"{count:,} arms"
-    return Headline(KEYS[gravest], WORDS[gravest], f"Of {arms}: {', '.join(told)}.")
+    return Headline(KEYS[gravest], WORDS[gravest], f"Of {arms}: {', '.join(parts)}.")
 
 
-def _counts(own: Fleet) -> Table:
+def _counts(fleet: Fleet) -> Table:
     columns = [("state", "left"), ("arms", "right"), ("what to do", "left")]
-    rows = [row_of(state, f"{number:,}", _TO_DO[state]) for state, number in own.counts.items() if number]
+    rows = [row_of(state, f"{number:,}", _TO_DO[state]) for state, number in fleet.counts.items() if number]
     return table_of("Arms by state, the gravest first", columns, rows)
 
 
-def _reasons(own: Fleet) -> Iterator[Section]:
+def _reasons(fleet: Fleet) -> Iterator[Section]:
     """Why arms have no due date, or are due already; the reason of most arms first."""
-    found: dict[str, list[str]] = {}
-    for row in own.rows:
+    by_reason: dict[str, list[str]] = {}
+    for row in fleet.rows:
         if row.due_reason and row.due_reason != NOT_SOON:
-            found.setdefault(row.due_reason, []).append(clipped(row.serial, 24))
-    if not found:
+            by_reason.setdefault(row.due_reason, []).append(clipped(row.serial, 24))
+    if not by_reason:
         return
     columns = [("why", "left"), ("arms", "right"), ("which", "left")]
-    ordered = sorted(found.items(), key=lambda pair: -len(pair[1]))[:_MOST_REASONS]
+    ordered = sorted(by_reason.items(), key=lambda pair: -len(pair[1]))[:_MOST_REASONS]
     rows = [row_of(with_labels(why), f"{len(arms):,}", listed(arms, 4)) for why, arms in ordered]
     caption = "The reason of most arms first"
-    if len(found) > _MOST_REASONS:
-        caption += f". {_MOST_REASONS} of {len(found):,}: fleet.csv has all"
+    if len(by_reason) > _MOST_REASONS:
+        caption += f". {_MOST_REASONS} of {len(by_reason):,}: fleet.csv has all"
     yield section_of("Why due now, or without a date", table_of(caption, columns, rows))
 
 
-def _together(own: Fleet) -> Iterator[Section]:
-    blocks = list(fleet_blocks(own.drift))
+def _together(fleet: Fleet) -> Iterator[Section]:
+    blocks = list(fleet_blocks(fleet.drift))
     if blocks:
         yield section_of("Models, joints and instruments", *blocks)
 
 
-def _every(own: Fleet) -> Table:
+def _every(fleet: Fleet) -> Table:
     columns = [
         ("arm", "left"),
         ("state", "left"),
@@ -128,14 +128,14 @@ def _every(own: Fleet) -> Table:
         ("verdict", "left"),
     ]
     caption = "The gravest first, then by due date; each arm leads to its page"
-    if len(own.rows) > MOST_ROWS:
-        caption += f". The first {MOST_ROWS:,} of {len(own.rows):,}: fleet.csv and fleet.json have all"
-    return table_of(caption, columns, [_row(own, row) for row in own.rows[:MOST_ROWS]])
+    if len(fleet.rows) > MOST_ROWS:
+        caption += f". The first {MOST_ROWS:,} of {len(fleet.rows):,}: fleet.csv and fleet.json have all"
+    return table_of(caption, columns, [_row(fleet, row) for row in fleet.rows[:MOST_ROWS]])
 
 
-def _row(own: Fleet, row: ArmState) -> Row:
+def _row(fleet: Fleet, row: ArmState) -> Row:
     return row_of(
-        Cell(clipped(row.serial, 20), link=own.pages.get((row.serial, row.model), "")),
+        Cell(clipped(row.serial, 20), link=fleet.pages.get((row.serial, row.model), "")),
         Cell(row.state, mark=MARKS[row.state]),
         clipped(row.model, 20),
         _NO_TEXT if row.due is None else f"{row.due:%Y-%m-%d}",
@@ -146,7 +146,7 @@ def _row(own: Fleet, row: ArmState) -> Row:
     )
 
 
-def _about(own: Fleet) -> Iterator[tuple[str, str]]:
+def _about(fleet: Fleet) -> Iterator[tuple[str, str]]:
     yield "Due date", DUE_MEANS
     yield (
         "Overdue",
@@ -154,3 +154,70 @@ def _about(own: Fleet) -> Iterator[tuple[str, str]]:
     )
     yield "Results", "those that count of all, where a misfit or an older result does not"
     yield "Files", "arms/ has a page of each arm; fleet.json and fleet.csv have a row for every arm"
+
+
+_MONTHS = 24
+_NAMES = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+
+
+def due_counts(rows: Sequence[ArmState], as_of: datetime) -> tuple[int, list[tuple[int, int, int]], int]:
+    """How many arms are overdue; year, month and number of those due in each of the next 24 months; how many
+    are later, or not within the horizon."""
+    overdue = sum(row.state == "overdue" for row in rows)
+    months = [(as_of.year * 12 + as_of.month - 1 + ahead) for ahead in range(_MONTHS)]
+    due_in = dict.fromkeys(months, 0)
+    later = 0
+    for row in rows:
+        if row.state == "overdue" or (row.due is None and row.state == "no due date"):
+            continue
+        month = None if row.due is None else row.due.year * 12 + row.due.month - 1
+        if month in due_in:
+            due_in[month] += 1
+        elif month is not None or row.state == "on schedule":
+            later += 1
+    return overdue, [(month // 12, month % 12 + 1, number) for month, number in due_in.items()], later
+
+
+def due_picture(rows: Sequence[ArmState], as_of: datetime) -> Picture | None:
+    """A bar for each month; None where no arm has a due date."""
+    overdue, months, later = due_counts(rows, as_of)
+    numbers = [overdue, *(number for _, _, number in months), later]
+    if not any(numbers):
+        return None
+    from matplotlib.ticker import MaxNLocator
+
+    with style():
+        figure = new_figure(2.1)
+        axes = figure.subplots()
+        positions = [-1.8, *range(1, _MONTHS + 1), _MONTHS + 2.8]
+        widths = [1.6, *[0.82] * _MONTHS, 1.6]
+        colours = [light("misfit"), *[light("identified")] * _MONTHS, light("held")]
+        axes.bar(positions, numbers, widths, color=colours, linewidth=0)
+        for at, number in zip(positions, numbers, strict=True):
+            if number:
+                axes.annotate(
+                    f"{number:,}",
+                    (at, number),
+                    (0, 2),
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize=8,
+                )
+        named = [k for k, (_, month, _) in enumerate(months) if month % 3 == 1]
+        axes.set_xticks(
+            [positions[0], *(k + 1 for k in named), positions[-1]],
+            ["overdue", *(f"{_NAMES[months[k][1] - 1]}\n{months[k][0]}" for k in named), "later"],
+        )
+        axes.grid(visible=False, axis="x")
+        axes.tick_params(axis="x", length=0)
+        axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+        axes.set_ylabel("arms")
+        axes.margins(y=0.15)
+        svg = to_svg(figure, "due")
+    each = "; ".join(f"{_NAMES[month - 1]} {year}: {number}" for year, month, number in months if number)
+    return Picture(
+        "due",
+        f"Arms whose next calibration is due, by month from {as_of:%Y-%m-%d}",
+        f"Arms by due date. Overdue: {overdue}. {f'{each}. ' if each else ''}Later: {counted(later, 'arm')}.",
+        svg,
+    )

@@ -9,25 +9,28 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from ...experiments.history.arm_drift import ArmDrift
+from ...experiments.history.documents import (
+    ARM_SCHEMA,
+    FLEET_SCHEMA,
+    ArmDocument,
+    ArmDriftRow,
+    FleetDocument,
+    FleetDriftRow,
+    HistoryEvent,
+    HistoryResult,
+)
 from ...experiments.history.fleet_drift import fleet_drift
 from ...experiments.processes import side_by_side
 from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.whole_folder import LITTER, Kind, write_folder, write_page
-from .arm_page import ArmHistory, arm_page, headline
-from .arm_state import ArmState, state_json, state_row
-from .drift_text import drift_json
-from .due_figure import due_picture
-from .fleet_page import MOST_ROWS, Fleet, fleet_page
-from .fleet_text import fleet_drift_json
-from .lists import event_json, offset_rows, result_json
+from .arm_page import ArmHistory, ArmState, arm_page, fleet_arm, headline, state_row
+from .fleet_page import MOST_ROWS, Fleet, due_picture, fleet_page
+from .lists import offset_rows
 from .trend_figure import trend_pictures
 
-ARM_SCHEMA = "zerobeam/history-arm/1"
-FLEET_SCHEMA = "zerobeam/history-fleet/1"
 ARM_PAGE, FLEET_PAGE = "arm.html", "fleet.html"
 _ARM_JSON, _ARM_TABLE = "arm.json", "offsets.csv"
 _FLEET_JSON, _FLEET_TABLE, _ARMS = "fleet.json", "fleet.csv", "arms"
@@ -48,12 +51,12 @@ _SEVERAL = 8  # arms: fewer are written sooner than processes start
 _OF_ARMS = 0.9  # of the time: the pages of the arms
 
 
-def write_arm(folder: Path, own: ArmHistory) -> None:
+def write_arm(folder: Path, history: ArmHistory) -> None:
     """Write arm.html, arm.pdf, arm.json, offsets.csv and the figures, replacing such a page that was there.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
     """
-    write_folder(folder, _ARM, lambda aside: _write_arm(aside, own))
+    write_folder(folder, _ARM, lambda new_folder: _write_arm(new_folder, history))
 
 
 def write_fleet(
@@ -72,7 +75,7 @@ def write_fleet(
     """
     check_fleet_target(folder)
     return write_folder(
-        folder, _FLEET, lambda aside: _write_fleet(aside, arms, of, tolerance_mm, as_of, tell)
+        folder, _FLEET, lambda new_folder: _write_fleet(new_folder, arms, of, tolerance_mm, as_of, tell)
     )
 
 
@@ -86,37 +89,35 @@ def check_fleet_target(folder: Path) -> None:
     whole_folder.check_target(folder, _FLEET)
     inside = folder / _ARMS
     if inside.is_dir():
-        for own in sorted(inside.iterdir()):
-            if own.name not in LITTER:
-                whole_folder.check_target(own, _ARM)
+        for path in sorted(inside.iterdir()):
+            if path.name not in LITTER:
+                whole_folder.check_target(path, _ARM)
 
 
-def arm_json(own: ArmHistory) -> dict[str, Any]:
-    """`arm.json`: state, drift, results and events of an arm."""
-    return {
-        "schema": ARM_SCHEMA,
-        "serial": own.found.serial,
-        "model": own.found.model,
-        "as_of": None if own.as_of is None else f"{own.as_of:%Y-%m-%d}",
-        "headline": headline(own).sentence,
-        "state": own.state.state,
-        "undetermined": list(own.never),
-        "drift": drift_json(own.found),
-        "results": [result_json(one) for one in own.results],
-        "events": [event_json(one) for one in own.events],
-    }
+def arm_document(history: ArmHistory) -> ArmDocument:
+    """`arm.json` of an arm."""
+    return ArmDocument(
+        serial=history.arm.serial,
+        model=history.arm.model,
+        as_of=None if history.as_of is None else f"{history.as_of:%Y-%m-%d}",
+        headline=headline(history).sentence,
+        state=history.state.state,
+        undetermined=list(history.never),
+        drift=ArmDriftRow.of(history.arm),
+        results=[HistoryResult.of(result) for result in history.results],
+        events=[HistoryEvent.of(event) for event in history.events],
+    )
 
 
-def fleet_json(own: Fleet) -> dict[str, Any]:
-    """`fleet.json`: every arm, the gravest first."""
-    return {
-        "schema": FLEET_SCHEMA,
-        "as_of": None if own.as_of is None else f"{own.as_of:%Y-%m-%d}",
-        "tolerance_mm": own.tolerance_mm,
-        "states": dict(own.counts),
-        "drift": fleet_drift_json(own.drift),
-        "arms": [{**state_json(row), "page": own.pages.get((row.serial, row.model))} for row in own.rows],
-    }
+def fleet_document(fleet: Fleet) -> FleetDocument:
+    """`fleet.json` of all arms."""
+    return FleetDocument(
+        as_of=None if fleet.as_of is None else f"{fleet.as_of:%Y-%m-%d}",
+        tolerance_mm=fleet.tolerance_mm,
+        states={str(state): count for state, count in fleet.counts.items()},
+        drift=FleetDriftRow.of(fleet.drift),
+        arms=[fleet_arm(row, fleet.pages.get((row.serial, row.model))) for row in fleet.rows],
+    )
 
 
 def safe_name(serial: str, model: str) -> str:
@@ -126,16 +127,18 @@ def safe_name(serial: str, model: str) -> str:
     return f"{plain}-{digest}" if plain else digest
 
 
-def _write_arm(folder: Path, own: ArmHistory) -> None:
-    pictures = {picture.name: picture for picture in trend_pictures(own.found, own.events, own.never)}
+def _write_arm(folder: Path, history: ArmHistory) -> None:
+    pictures = {
+        picture.name: picture for picture in trend_pictures(history.arm, history.events, history.never)
+    }
     write_page(
         folder,
         "arm",
-        arm_page(own),
+        arm_page(history),
         pictures,
         "study",
-        answer=(_ARM_JSON, dumps(arm_json(own))),
-        tables={_ARM_TABLE: offset_rows(own.results)},
+        answer=(_ARM_JSON, dumps(arm_document(history).to_json())),
+        tables={_ARM_TABLE: offset_rows(history.results)},
     )
 
 
@@ -154,10 +157,10 @@ def _write_fleet(
     def every() -> Iterator[ArmHistory]:
         for number, arm in enumerate(arms):
             tell(f"{number} of {len(arms)}", _OF_ARMS * number / len(arms) / (1 if few else 2))
-            own = of(arm)
-            rows.append(own.state)
-            drifts.append(own.found.at_last())
-            yield own
+            history = of(arm)
+            rows.append(history.state)
+            drifts.append(history.arm.at_last())
+            yield history
 
     def gravest() -> Iterator[ArmHistory]:
         for number, row in enumerate(shown):
@@ -176,28 +179,28 @@ def _write_fleet(
         (row.serial, row.model): f"{_ARMS}/{safe_name(row.serial, row.model)}/{ARM_PAGE}" for row in shown
     }
     drift = fleet_drift(drifts, lambda stage, share: tell(stage, _OF_ARMS + (1 - _OF_ARMS) * share))
-    found = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
+    fleet = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
     picture = None if as_of is None else due_picture(rows, as_of)
     write_page(
         folder,
         "fleet",
-        fleet_page(found),
+        fleet_page(fleet),
         {} if picture is None else {picture.name: picture},
         "study",
-        answer=(_FLEET_JSON, dumps(fleet_json(found))),
+        answer=(_FLEET_JSON, dumps(fleet_document(fleet).to_json())),
         tables={_FLEET_TABLE: map(state_row, rows)},
     )
-    return found
+    return fleet
 
 
 def _write_beside(folder: Path, arms: Iterator[ArmHistory], count: int) -> None:
     """The pages of arms, by several processes where it is worth starting them."""
-    jobs = ((folder / _ARMS / safe_name(own.found.serial, own.found.model), own) for own in arms)
+    jobs = ((folder / _ARMS / safe_name(one.arm.serial, one.arm.model), one) for one in arms)
     with closing(side_by_side(_written, jobs, None if count >= _SEVERAL else 1)) as done:
         deque(done, maxlen=0)
 
 
 def _written(job: tuple[Path, ArmHistory]) -> None:
-    folder, own = job
+    folder, history = job
     folder.mkdir(parents=True)
-    _write_arm(folder, own)
+    _write_arm(folder, history)

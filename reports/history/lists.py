@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from datetime import UTC, datetime
-from typing import Any
+from datetime import datetime
 
-from ...experiments.history.store import Arm, Event, StoredResult
+from ...experiments.history.content import Arm, Event, StoredResult
+from ...experiments.history.documents import HISTORY_SCHEMA, HistoryEvent, HistoryResult, utc
+from ...model.files.json_document import JsonDocument
 from ...words import numbers
 from ...words.result_json import one_line
 from ...words.wording import clipped, counted, label, shown
 from ..style.blocks import Cell, Table, row_of, table_of
 
-SCHEMA = "zerobeam/history/1"
 _NONE = "none"
 
 
@@ -23,25 +23,20 @@ def day(when: datetime | None) -> str:
     return when.strftime("%Y-%m-%d" if (when.hour, when.minute) == (0, 0) else "%Y-%m-%d %H:%M")
 
 
-def utc(when: datetime) -> str:
-    """For programs: ISO 8601 with the zone."""
-    return when.replace(tzinfo=UTC).isoformat()
-
-
 def arms_table(arms: Sequence[Arm]) -> Table:
     """Every arm with its last result."""
     heads = ("arm", "model", "results", "last", "verdict")
     columns = [(head, "right" if head == "results" else "left") for head in heads]
     rows = [
         row_of(
-            clipped(own.serial, 30),
-            clipped(own.model, 24),
-            str(own.results),
-            day(own.last),
-            _verdict(own.verdict),
-            tone="" if own.verdict in ("pass", None) else "weak",
+            clipped(arm.serial, 30),
+            clipped(arm.model, 24),
+            str(arm.results),
+            day(arm.last),
+            _verdict(arm.verdict),
+            tone="" if arm.verdict in ("pass", None) else "weak",
         )
-        for own in arms
+        for arm in arms
     ]
     return table_of(f"{counted(len(arms), 'arm')}, by serial number", columns, rows)
 
@@ -52,96 +47,66 @@ def results_table(results: Sequence[StoredResult]) -> Table:
     columns = [("date", "left"), ("verdict", "left"), *((label(name), "right") for name in names)]
     rows = [
         row_of(
-            day(own.measured_at),
-            _verdict(own.verdict),
-            *(_offset(own, name) for name in names),
-            tone="" if own.verdict == "pass" else "weak",
+            day(result.measured_at),
+            _verdict(result.verdict),
+            *(_offset(result, name) for name in names),
+            tone="" if result.verdict == "pass" else "weak",
         )
-        for own in results
+        for result in results
     ]
     return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows)
 
 
 def offset_names(results: Iterable[StoredResult]) -> list[str]:
     """The offsets that any of the results estimates, joint 1 first."""
-    found = {row["name"]: None for own in results for row in own.offsets if not row["held"]}
-    return sorted(found, key=lambda name: (len(name), name))
+    names = {row.name: None for result in results for row in result.offsets if not row.held}
+    return sorted(names, key=lambda name: (len(name), name))
 
 
 def events_table(events: Sequence[Event]) -> Table | None:
     """The logged events; None where there is none."""
-    rows = [row_of(day(own.at), own.what, shown(own.note)) for own in events]
+    rows = [row_of(day(event.at), event.what, shown(event.note)) for event in events]
     columns = [("date", "left"), ("event", "left"), ("note", "left")]
     return table_of("Events", columns, rows) if rows else None
 
 
-def result_json(own: StoredResult) -> dict[str, Any]:
-    """A result for programs."""
-    return {
-        "sha256": own.sha256,
-        "serial": own.serial,
-        "model": own.model,
-        "measured_at": utc(own.measured_at),
-        "instrument": own.instrument or None,
-        "operator": own.operator or None,
-        "run": own.run,
-        "shots": own.shots,
-        "verdict": own.verdict,
-        "zerobeam": own.made_by,
-        "document_sha256": own.document_sha256,
-        "offsets": own.offsets,
-        "without_prior": own.without_prior,
-    }
-
-
 def history_text(results: Iterable[StoredResult], events: Iterable[Event] | None = None) -> Iterator[str]:
     """Results, and events where they are given, as JSON in pieces: a line each."""
-    yield f'{{\n "schema": "{SCHEMA}",\n "results": '
-    yield from _listed(map(result_json, results))
+    yield f'{{\n "schema": "{HISTORY_SCHEMA}",\n "results": '
+    yield from _listed(map(HistoryResult.of, results))
     if events is not None:
         yield ',\n "events": '
-        yield from _listed(map(event_json, events))
+        yield from _listed(map(HistoryEvent.of, events))
     yield "\n}\n"
 
 
-def _listed(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
+def _listed(rows: Iterable[JsonDocument]) -> Iterator[str]:
     between = "[\n  "
     for row in rows:
-        yield between + one_line(row)
+        yield between + one_line(row.to_json())
         between = ",\n  "
     yield "[]" if between[0] == "[" else "\n ]"
 
 
-def event_json(own: Event) -> dict[str, Any]:
-    """An event for programs."""
-    return {
-        "serial": own.serial,
-        "model": own.model,
-        "at": utc(own.at),
-        "what": own.what,
-        "note": own.note or None,
-    }
-
-
 def offset_rows(results: Iterable[StoredResult]) -> Iterator[dict[str, object]]:
     """A row for each result and offset."""
-    for own in results:
-        for row in own.offsets:
-            low, high = row["interval95"] or (None, None)
+    for result in results:
+        for row in result.offsets:
+            low, high = row.interval95 or (None, None)
             yield {
-                "serial": own.serial,
-                "model": own.model,
-                "measured_at": utc(own.measured_at),
-                "instrument": own.instrument or None,
-                "operator": own.operator or None,
-                "run": own.run,
-                "sha256": own.sha256,
-                "verdict": own.verdict,
-                "offset": row["name"],
-                "unit": row["unit"],
-                "status": row["status"],
-                "estimate": row["estimate"],
-                "std": row["std"],
+                "serial": result.serial,
+                "model": result.model,
+                "measured_at": utc(result.measured_at),
+                "instrument": result.instrument or None,
+                "operator": result.operator or None,
+                "run": result.run,
+                "sha256": result.sha256,
+                "verdict": result.verdict,
+                "offset": row.name,
+                "unit": row.unit,
+                "status": row.status,
+                "estimate": row.estimate,
+                "std": row.std,
                 "low95": low,
                 "high95": high,
             }
@@ -151,12 +116,14 @@ def _verdict(verdict: str | None) -> str:
     return _NONE if verdict is None else verdict
 
 
-def _offset(own: StoredResult, name: str) -> str | Cell:
-    for row in own.offsets:
-        if row["name"] != name:
+def _offset(result: StoredResult, name: str) -> str | Cell:
+    for row in result.offsets:
+        if row.name != name:
             continue
-        if row["status"] in ("held", "unidentifiable"):
-            return Cell(row["status"], mark=row["status"])
-        text = f"{numbers.estimate(row['estimate'], row['std'])} ± {numbers.spread(row['std'], row['unit'])}"
-        return Cell(text, mark="" if row["status"] == "identified" else row["status"])
+        if row.status in ("held", "unidentifiable"):
+            return Cell(row.status, mark=row.status)
+        if row.estimate is None or row.std is None:
+            break
+        text = f"{numbers.estimate(row.estimate, row.std)} ± {numbers.spread(row.std, row.unit)}"
+        return Cell(text, mark="" if row.status == "identified" else row.status)
     return "not given"

@@ -11,7 +11,7 @@ import numpy as np
 from ...analysis.drift.drift import Drift
 from ...analysis.drift.forecast import Band, bands
 from ...experiments.history.arm_drift import YEAR, ArmDrift
-from ...experiments.history.store import Event
+from ...experiments.history.content import Event
 from ...model.arrays import NORMAL_95, Matrix
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed
@@ -43,61 +43,61 @@ class _Point(NamedTuple):
     status: str
 
 
-def trend_pictures(found: ArmDrift, events: Sequence[Event], never: Sequence[str]) -> Iterator[Picture]:
+def trend_pictures(arm: ArmDrift, events: Sequence[Event], never: Sequence[str]) -> Iterator[Picture]:
     """A panel for each offset, six in a figure: `never` are those that no result determines, which have a
     strip that says so. No figure without a drift."""
-    if found.drift is None:
+    if arm.drift is None:
         return
-    names = sorted([*found.drift.series.names, *never], key=lambda name: (len(name), name))
+    names = sorted([*arm.drift.series.names, *never], key=lambda name: (len(name), name))
     parts = [names[at : at + AT_ONCE] for at in range(0, len(names), AT_ONCE)]
     for number, part in enumerate(parts, 1):
         name = "trend" if len(parts) == 1 else f"trend-{number}"
         with style():
-            svg = to_svg(_drawn(found, found.drift, events, part), name)
+            svg = to_svg(_drawn(arm, arm.drift, events, part), name)
         title = "Offsets over time" + (f", {number} of {len(parts)}" if len(parts) > 1 else "")
-        yield Picture(name, title, _alt(found, found.drift, part), svg)
+        yield Picture(name, title, _alt(arm, arm.drift, part), svg)
 
 
-def _drawn(found: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence[str]) -> Figure:
+def _drawn(arm: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence[str]) -> Figure:
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
     known = [name in drift.series.names for name in names]
     panel = min(_PANEL, _HIGHEST / len(names))
-    heights = [panel if own else _STRIP for own in known]
+    heights = [panel if flag else _STRIP for flag in known]
     figure = new_figure(sum(heights) + 1.0)
     panels = figure.subplots(
         len(names), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
     )[:, 0]
-    begin, end = _range(found)
-    events = [own for own in events if begin <= own.at <= end]
+    begin, end = _range(arm)
+    events = [event for event in events if begin <= event.at <= end]
     for axes, name, is_known in zip(panels, names, known, strict=True):
         if is_known:
-            _panel(axes, found, drift, name, (end - found.used[-1].measured_at) / YEAR)
+            _panel(axes, arm, drift, name, (end - arm.used[-1].measured_at) / YEAR)
         else:
             axes.set_ylim(-0.5, 0.5)
             axes.set_yticks([])
             hatched(axes, 0, in_font(f"{label(name)}: no result determines it"), half=0.5)
-        for own in events:
-            line = "--" if own.what == "mastering" else ":"
-            axes.axvline(_day(own.at), color=light("muted"), linewidth=1, linestyle=line)
-        if found.due is not None:
-            axes.axvline(_day(found.due), color=light("misfit"), linewidth=1.2, linestyle="--")
+        for event in events:
+            line = "--" if event.what == "mastering" else ":"
+            axes.axvline(_day(event.at), color=light("muted"), linewidth=1, linestyle=line)
+        if arm.due is not None:
+            axes.axvline(_day(arm.due), color=light("misfit"), linewidth=1.2, linestyle="--")
     panels[0].set_xlim(_day(begin), _day(end))
     locator = AutoDateLocator(minticks=3, maxticks=7)  # type: ignore[no-untyped-call]
     panels[-1].xaxis.set_major_locator(locator)
     dates = ConciseDateFormatter(locator, show_offset=False)  # type: ignore[no-untyped-call]
     panels[-1].xaxis.set_major_formatter(dates)
-    _name_lines(panels[0], found, events, begin, end)
-    _legend(figure, found)
+    _name_lines(panels[0], arm, events, begin, end)
+    _legend(figure, arm)
     return figure
 
 
-def _range(found: ArmDrift) -> tuple[datetime, datetime]:
+def _range(arm: ArmDrift) -> tuple[datetime, datetime]:
     """What the axis of time shows: all results, and the due date unless it is farther than they reach."""
-    times = [own.measured_at for own in (*found.used, *(left.result for left in found.left_out))]
+    times = [result.measured_at for result in (*arm.used, *(left.result for left in arm.left_out))]
     first, last = min(times), max(times)
     span = max(last - first, _LEAST_SPAN)
-    end = last + span / 2 if found.due is None else min(max(found.due, last), last + span)
+    end = last + span / 2 if arm.due is None else min(max(arm.due, last), last + span)
     edge = (end - first) / 30
     return _moved(first, -edge), _moved(end, edge)
 
@@ -115,31 +115,31 @@ def _day(when: datetime) -> float:
     return (when - datetime(1970, 1, 1)) / timedelta(days=1)
 
 
-def _panel(axes: Axes, found: ArmDrift, drift: Drift, name: str, ahead_years: float) -> None:
+def _panel(axes: Axes, arm: ArmDrift, drift: Drift, name: str, ahead_years: float) -> None:
     j = drift.series.names.index(name)
-    origin = _day(found.used[0].measured_at)
-    days = np.array([_day(own.measured_at) for own in found.used])
+    origin = _day(arm.used[0].measured_at)
+    days = np.array([_day(result.measured_at) for result in arm.used])
     drawn = list(bands(drift, name, max(ahead_years, 0.0)))
     for band in drawn:
         _shade(axes, band, origin, days)
-    points = _own_points(found, drift, name)
-    crowded = len(found.used) > 60
-    for status in sorted({own.status for own in points}):
-        at, values, halves = np.array([own[:3] for own in points if own.status == status]).T
+    points = _points_of(arm, drift, name)
+    crowded = len(arm.used) > 60
+    for status in sorted({point.status for point in points}):
+        at, values, halves = np.array([point[:3] for point in points if point.status == status]).T
         colour = light(status)
         axes.vlines(at, values - halves, values + halves, color=colour, linewidth=0.7 if crowded else 1.2)
         axes.plot(at, values, SHAPES[status], color=colour, markersize=2 if crowded else 3.8)
-    for own in found.jumps:
-        if own.jump.offset == name:
-            axes.axvspan(_day(own.after), _day(own.before), color=light("weak"), alpha=0.25, linewidth=0)
+    for jump in arm.jumps:
+        if jump.change.offset == name:
+            axes.axvspan(_day(jump.after), _day(jump.before), color=light("weak"), alpha=0.25, linewidth=0)
     begins = [0, *(t + 1 for t in drift.series.reset)]
-    for begin, end in zip(begins, [*(own - 1 for own in begins[1:]), len(days) - 1], strict=True):
+    for begin, end in zip(begins, [*(begin - 1 for begin in begins[1:]), len(days) - 1], strict=True):
         if not drift.series.determined[begin, j]:
             right = days[end] if end < len(days) - 1 else days[end] + 1e5
             axes.axvspan(
                 days[begin], right, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0
             )
-    for left in found.left_out:
+    for left in arm.left_out:
         axes.plot(
             _day(left.result.measured_at),
             0.0,
@@ -159,16 +159,16 @@ def _panel(axes: Axes, found: ArmDrift, drift: Drift, name: str, ahead_years: fl
     axes.axhline(0, color=light("line"), linewidth=0.8, zorder=0.5)
 
 
-def _own_points(found: ArmDrift, drift: Drift, name: str) -> list[_Point]:
+def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_Point]:
     """What each result alone says of an offset: of one that does not determine it nothing."""
     points = []
-    for result, own in zip(found.used, drift.series.observations, strict=True):
-        if name not in own.names:
+    for result, observation in zip(arm.used, drift.series.observations, strict=True):
+        if name not in observation.names:
             continue
-        at = own.names.index(name)
-        half = NORMAL_95 * float(np.sqrt(own.covariance[at, at] + own.shared[at, at]))
-        status = next(row["status"] for row in result.offsets if row["name"] == name)
-        points.append(_Point(_day(result.measured_at), float(own.values[at]), half, status))
+        at = observation.names.index(name)
+        half = NORMAL_95 * float(np.sqrt(observation.covariance[at, at] + observation.shared[at, at]))
+        status = next(row.status for row in result.offsets if row.name == name)
+        points.append(_Point(_day(result.measured_at), float(observation.values[at]), half, status))
     return points
 
 
@@ -185,8 +185,8 @@ def _shade(axes: Axes, band: Band, origin: float, days: Matrix) -> None:
 
 def _scale(axes: Axes, points: Sequence[_Point], drawn: Sequence[Band]) -> None:
     """By what is narrow enough to be compared: an interval that is far wider runs out of the panel."""
-    most = _WIDEST * float(np.median([own.half for own in points]))
-    values, halves = np.array([(own.value, own.half) for own in points if own.half <= most]).T
+    most = _WIDEST * float(np.median([point.half for point in points]))
+    values, halves = np.array([(point.value, point.half) for point in points if point.half <= most]).T
     low, high = [values - halves], [values + halves]
     for band in drawn:
         narrow = (band.high - band.low) / 2 <= most
@@ -197,12 +197,12 @@ def _scale(axes: Axes, points: Sequence[_Point], drawn: Sequence[Band]) -> None:
     axes.set_ylim(least - edge, greatest + edge)
 
 
-def _name_lines(axes: Axes, found: ArmDrift, events: Sequence[Event], begin: datetime, end: datetime) -> None:
+def _name_lines(axes: Axes, arm: ArmDrift, events: Sequence[Event], begin: datetime, end: datetime) -> None:
     """Labels above the first panel, in rows where they would meet; the table of events has the others."""
     wide = 390 / ((end - begin) / YEAR)  # points a year
-    named = [(own.at, _event_name(own), "muted") for own in events]
-    if found.due is not None and found.due <= end:
-        named.insert(0, (found.due, f"due {found.due:%Y-%m-%d}", "misfit"))
+    named = [(event.at, _event_name(event), "muted") for event in events]
+    if arm.due is not None and arm.due <= end:
+        named.insert(0, (arm.due, f"due {arm.due:%Y-%m-%d}", "misfit"))
     taken: list[list[tuple[float, float]]] = [[] for _ in range(_LABEL_ROWS)]
     for when, text, role in named:
         middle = (when - begin) / YEAR * wide
@@ -223,9 +223,9 @@ def _name_lines(axes: Axes, found: ArmDrift, events: Sequence[Event], begin: dat
                     color=light(role),
                 )
                 break
-    if found.due is not None and found.due > end:
+    if arm.due is not None and arm.due > end:
         axes.annotate(
-            in_font(f"due {found.due:%Y-%m-%d} →"),
+            in_font(f"due {arm.due:%Y-%m-%d} →"),
             (1, 1),
             (0, 3),
             xycoords="axes fraction",
@@ -237,11 +237,11 @@ def _name_lines(axes: Axes, found: ArmDrift, events: Sequence[Event], begin: dat
         )
 
 
-def _event_name(own: Event) -> str:
-    return in_font(clipped(own.note, 18)) if own.what == "other" and own.note else own.what
+def _event_name(event: Event) -> str:
+    return in_font(clipped(event.note, 18)) if event.what == "other" and event.note else event.what
 
 
-def _legend(figure: Figure, found: ArmDrift) -> None:
+def _legend(figure: Figure, arm: ArmDrift) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -251,7 +251,7 @@ def _legend(figure: Figure, found: ArmDrift) -> None:
         Patch(color=blue, alpha=0.28, linewidth=0, label="by all results"),
         Patch(color=blue, alpha=0.13, linewidth=0, label="forecast"),
     ]
-    if any(row["status"] == "weak" for own in found.used for row in own.offsets):
+    if any(row.status == "weak" for result in arm.used for row in result.offsets):
         keys.insert(
             1,
             Line2D(
@@ -264,9 +264,9 @@ def _legend(figure: Figure, found: ArmDrift) -> None:
                 label="weakly observable",
             ),
         )
-    if found.jumps:
+    if arm.jumps:
         keys.append(Patch(color=light("weak"), alpha=0.25, linewidth=0, label="jump"))
-    if found.left_out:
+    if arm.left_out:
         keys.append(
             Line2D(
                 [],
@@ -284,23 +284,25 @@ def _legend(figure: Figure, found: ArmDrift) -> None:
     )
 
 
-def _alt(found: ArmDrift, drift: Drift, names: Sequence[str]) -> str:
-    told = []
+def _alt(arm: ArmDrift, drift: Drift, names: Sequence[str]) -> str:
+    parts = []
     for name in names:
         if name not in drift.series.names:
-            told.append(f"{label(name)} is determined by no result")
+            parts.append(f"{label(name)} is determined by no result")
             continue
         j = drift.series.names.index(name)
-        seen = np.flatnonzero(drift.series.observed[:, j])
+        observed = np.flatnonzero(drift.series.observed[:, j])
         ends = []
-        for t in (int(seen[0]), int(seen[-1])):
+        for t in (int(observed[0]), int(observed[-1])):
             value, std = drift.value(t, np.eye(len(drift.series.names))[j])
             unit = drift.series.units[j]
             number = f"{numbers.estimate(value, std, unit)} ± {numbers.spread(std, unit)}"
-            ends.append(f"{number} ({day(found.used[t].measured_at)})")
-        told.append(f"{label(name)} in {counted(len(seen), 'result')}: {' to '.join(dict.fromkeys(ends))}")
-    jumps = [f"{label(own.jump.offset)} before {day(own.before)}" for own in found.jumps]
-    undecided = [f"{label(own.change.offset)} before {day(own.before)}" for own in found.undecided]
-    either = f"Jump or drift: {listed(undecided)}." if undecided else without_jump(found)
+            ends.append(f"{number} ({day(arm.used[t].measured_at)})")
+        parts.append(
+            f"{label(name)} in {counted(len(observed), 'result')}: {' to '.join(dict.fromkeys(ends))}"
+        )
+    jumps = [f"{label(jump.change.offset)} before {day(jump.before)}" for jump in arm.jumps]
+    undecided = [f"{label(change.change.offset)} before {day(change.before)}" for change in arm.undecided]
+    either = f"Jump or drift: {listed(undecided)}." if undecided else without_jump(arm)
     changed = f"Jumps: {listed(jumps)}." if jumps else either
-    return f"Offsets over time, ± standard uncertainty. {'; '.join(told)}. {changed}"
+    return f"Offsets over time, ± standard uncertainty. {'; '.join(parts)}. {changed}"

@@ -1,4 +1,4 @@
-"""The folder of a comparison: compare.html, compare.pdf, compare.json, offsets.csv, the figure."""
+"""The folder of a comparison: compare.html, .pdf, .json (docs/compare.md), offsets.csv, the figure."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...analysis.repeatability.compare import Comparison
+from ...analysis.repeatability.compare import (
+    Comparison,
+)
+from ...words.comparison_json import COMPARE_SCHEMA, ComparisonDocument
 from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder, write_page
-from .comparison_json import SCHEMA, comparison_json
-from .comparison_page import comparison_page
-from .figure_runs import runs_picture
+from .comparison_page import comparison_page, runs_picture
 
 _JSON, _TABLE = "compare.json", "offsets.csv"
 _KIND = Kind(
-    "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, SCHEMA
+    "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, COMPARE_SCHEMA
 )
 
 
@@ -32,13 +33,13 @@ class ComparisonPaths:
     figures: tuple[Path, ...]
 
 
-def write_comparison(folder: Path | str, found: Comparison) -> ComparisonPaths:
+def write_comparison(folder: Path | str, comparison: Comparison) -> ComparisonPaths:
     """Write a comparison (`zerobeam/compare/1`) to `folder`, replacing one that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
     """
     folder = Path(folder)
-    names = write_folder(folder, _KIND, lambda aside: _write_files(aside, found))
+    names = write_folder(folder, _KIND, lambda new_folder: _write_files(new_folder, comparison))
     return ComparisonPaths(
         folder=folder,
         html=folder / "compare.html",
@@ -54,20 +55,20 @@ def check_target(folder: Path | str) -> None:
     whole_folder.check_target(folder, _KIND)
 
 
-def offset_rows(found: Comparison) -> Iterator[dict[str, object]]:
+def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:
     """`offsets.csv`: one row for each offset and run, with what holds for the offset over all runs."""
-    for i, row in enumerate(found.offsets):
+    for i, row in enumerate(comparison.offsets):
         low, high = row.mean.interval95 if row.mean else (None, None)
-        for run in found.runs:
-            own = run.offsets[i]
+        for run in comparison.runs:
+            offset = run.offsets[i]
             yield {
                 "offset": row.name,
                 "unit": row.unit,
                 "run": run.name,
                 "at": run.at,
-                "status": own.status,
-                "estimate": own.estimate,
-                "std": own.std,
+                "status": offset.status,
+                "estimate": offset.estimate,
+                "std": offset.std,
                 "mean": row.mean and row.mean.value,
                 "mean_low": low,
                 "mean_high": high,
@@ -80,14 +81,14 @@ def offset_rows(found: Comparison) -> Iterator[dict[str, object]]:
             }
 
 
-def _write_files(folder: Path, found: Comparison) -> list[str]:
-    picture = runs_picture(found)
+def _write_files(folder: Path, comparison: Comparison) -> list[str]:
+    picture = runs_picture(comparison)
     return write_page(
         folder,
         "compare",
-        comparison_page(found),
+        comparison_page(comparison),
         {} if picture is None else {picture.name: picture},
         "study",
-        answer=(_JSON, dumps(comparison_json(found))),
-        tables={_TABLE: offset_rows(found)},
+        answer=(_JSON, dumps(ComparisonDocument.of(comparison).to_json())),
+        tables={_TABLE: offset_rows(comparison)},
     )

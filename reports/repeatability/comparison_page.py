@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
@@ -19,6 +20,7 @@ from ...analysis.repeatability.consistency import Mean, Scatter
 from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.comparison import headline, notes
+from ...words.numbers import significant, with_unit
 from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..style import blocks
 from ..style.blocks import (
@@ -34,7 +36,13 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
+from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.console import VERDICT_STYLE, print_block
+from ..style.palette import SHAPES, light
+from ..style.typeface import in_font
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _VERDICT: dict[Agreement, tuple[str, str]] = {
     "agrees": ("pass", "Agrees"),
@@ -49,34 +57,34 @@ _LONGEST_NAME = 40
 _HOLM = "p-values adjusted for the number of"
 
 
-def comparison_page(found: Comparison) -> Page:
+def comparison_page(comparison: Comparison) -> Page:
     """The display strings of a comparison."""
-    key, word = _VERDICT[found.verdict]
-    runs = counted(len(found.runs), "run")
+    key, word = _VERDICT[comparison.verdict]
+    runs = counted(len(comparison.runs), "run")
     return Page(
         "Repeated runs, compared",
-        runs if found.kind != "table" else f"{runs} of a table of published offsets",
-        Verdict(key, word, sentence(headline(found))),
-        [sentence(note) for note in notes(found)],
+        runs if comparison.kind != "table" else f"{runs} of a table of published offsets",
+        Verdict(key, word, sentence(headline(comparison))),
+        [sentence(note) for note in notes(comparison)],
         [
             section_of(
                 "Mean and scatter of each offset",
-                _means(found),
-                _prediction(found),
-                Paragraph(_whole(found)),
+                _means(comparison),
+                _prediction(comparison),
+                Paragraph(_whole(comparison)),
                 FigureBlock("runs"),
             ),
-            section_of("Drift", *_drift(found)),
-            section_of("Each run", _against(found), Paragraph(_on_the_outlier(found))),
-            section_of("Offsets of each run", _runs(found), level=2),
-            section_of("Settings and inputs", Facts(_about(found))),
+            section_of("Drift", *_drift(comparison)),
+            section_of("Each run", _against(comparison), Paragraph(_on_the_outlier(comparison))),
+            section_of("Offsets of each run", _runs(comparison), level=2),
+            section_of("Settings and inputs", Facts(_about(comparison))),
         ],
     )
 
 
-def print_comparison(out: Console, found: Comparison) -> None:
+def print_comparison(out: Console, comparison: Comparison) -> None:
     """Verdict and notes, the means and scatter, then drift and each run against the others."""
-    page = comparison_page(found)
+    page = comparison_page(comparison)
     out.print(
         Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
     )
@@ -92,7 +100,7 @@ def print_comparison(out: Console, found: Comparison) -> None:
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _means(found: Comparison) -> blocks.Table:
+def _means(comparison: Comparison) -> blocks.Table:
     columns = [
         ("offset", "left"),
         ("mean", "right"),
@@ -100,10 +108,12 @@ def _means(found: Comparison) -> blocks.Table:
         ("std of a run", "right"),
         ("its 95 % interval", "right"),
     ]
-    by = {row.mean.by for row in found.offsets if row.mean is not None}
+    by = {row.mean.by for row in comparison.offsets if row.mean is not None}
     source = "the prediction" if by == {"prediction"} else "the scatter of the runs (Student’s t)"
     caption = f"Mean over the runs, its interval from {source}; standard deviation of a run by the scatter"
-    return table_of(caption, columns, [_means_row(row, found.kind == "table") for row in found.offsets])
+    return table_of(
+        caption, columns, [_means_row(row, comparison.kind == "table") for row in comparison.offsets]
+    )
 
 
 def _means_row(row: ComparedOffset, published: bool) -> Row:
@@ -121,10 +131,10 @@ def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]
     half = (high - low) / 2
     if half == 0:
         return [numbers.exact(mean.value, unit), _NOT_GIVEN, _spread(scatter.std, unit)]
-    own = half / NORMAL_95
-    interval = numbers.interval((low, high), own, unit)
+    spread = half / NORMAL_95
+    interval = numbers.interval((low, high), spread, unit)
     if not published:
-        return [numbers.estimate(mean.value, own, unit), interval, _spread(scatter.std, unit)]
+        return [numbers.estimate(mean.value, spread, unit), interval, _spread(scatter.std, unit)]
     digits = numbers.decimals(scatter.std) + 1
     value, std = (
         numbers.with_unit(numbers.fixed(number, digits), unit) for number in (mean.value, scatter.std)
@@ -132,7 +142,7 @@ def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]
     return [value, interval, std]
 
 
-def _prediction(found: Comparison) -> blocks.Table | None:
+def _prediction(comparison: Comparison) -> blocks.Table | None:
     """Observed against predicted scatter, where anything is predicted."""
     columns = [
         ("offset", "left"),
@@ -150,17 +160,17 @@ def _prediction(found: Comparison) -> blocks.Table | None:
             _spread(row.test.ratio),
             _range(row.test.ratio_interval95),
             numbers.p_value(row.test.p_holm),
-            tone="weak" if row.name in found.differing else "",
+            tone="weak" if row.name in comparison.differing else "",
         )
-        for row in found.offsets
+        for row in comparison.offsets
         if row.test is not None and row.scatter is not None and row.predicted_std is not None
     ]
     caption = f"Standard deviation over the runs; {_HOLM} offsets (Holm)"
     return table_of(caption, columns, rows) if rows else None
 
 
-def _whole(found: Comparison) -> str:
-    whole = found.consistency
+def _whole(comparison: Comparison) -> str:
+    whole = comparison.consistency
     if whole is None:
         return (
             "The true standard deviation follows from a few runs to a wide interval only. There is no joint"
@@ -175,97 +185,97 @@ def _whole(found: Comparison) -> str:
     )
 
 
-def _drift(found: Comparison) -> Iterator[Block]:
-    by = "the time of the runs" if found.by_time else "the order in which the runs were given"
+def _drift(comparison: Comparison) -> Iterator[Block]:
+    by = "the time of the runs" if comparison.by_time else "the order in which the runs were given"
     yield Paragraph(
         f"Slope of each offset over {by}, its interval from the scatter about the line (Student’s t): it"
         " holds whatever was predicted, and is wide for few runs."
     )
     columns = [("offset", "left"), ("slope", "right"), ("95 % interval", "right"), ("p-value", "right")]
-    rows = [_drift_row(row, found) for row in found.offsets]
+    rows = [_drift_row(row, comparison) for row in comparison.offsets]
     yield table_of(f"Drift; {_HOLM} offsets (Holm)", columns, rows)
 
 
-def _drift_row(row: ComparedOffset, found: Comparison) -> Row:
+def _drift_row(row: ComparedOffset, comparison: Comparison) -> Row:
     drift = row.drift
     if drift is None:
         return row_of(label(row.name), Cell("not determined", span=3), tone="unidentifiable")
     low, high = drift.interval95
-    own, at = (high - low) / (2 * NORMAL_95), "h" if found.by_time else "run"
+    spread, at = (high - low) / (2 * NORMAL_95), "h" if comparison.by_time else "run"
     unit = f"{'°' if row.unit == 'deg' else f' {row.unit}'}/{at}"
     return row_of(
         label(row.name),
-        f"{numbers.estimate(drift.slope, own)}{unit}",
-        f"{numbers.interval((low, high), own)}{unit}",
+        f"{numbers.estimate(drift.slope, spread)}{unit}",
+        f"{numbers.interval((low, high), spread)}{unit}",
         numbers.p_value(drift.p_holm),
-        tone="weak" if row.name in found.drifting else "",
+        tone="weak" if row.name in comparison.drifting else "",
     )
 
 
-def _against(found: Comparison) -> blocks.Table:
+def _against(comparison: Comparison) -> blocks.Table:
     columns = [
         ("run", "left"),
         ("at", "right"),
         ("measurements", "right"),
         ("p-value against the others", "left"),
     ]
-    rows = [_against_row(number, run, found) for number, run in enumerate(found.runs, start=1)]
+    rows = [_against_row(number, run, comparison) for number, run in enumerate(comparison.runs, start=1)]
     return table_of(f"Each run against all others; {_HOLM} runs (Holm)", columns, rows)
 
 
-def _against_row(number: int, run: ComparedRun, found: Comparison) -> Row:
+def _against_row(number: int, run: ComparedRun, comparison: Comparison) -> Row:
     cell: str | Cell = _NOT_GIVEN if run.odd is None else numbers.p_value(run.odd.p_holm)
-    outlier = run.name == found.odd_run
+    outlier = run.name == comparison.odd_run
     if outlier:
         cell = Cell(f"outlier, {cell}", mark="weak")
     elif run.misfit:
         cell = Cell(f"misfit, {cell}", mark="unvalidated")
     if run.failure is not None:
         cell = Cell("no result", mark="weak")
-    at = numbers.significant(run.at, 3, "h") if found.by_time else str(number)
+    at = numbers.significant(run.at, 3, "h") if comparison.by_time else str(number)
     count = _NOT_GIVEN if run.shots is None else str(run.shots)
     return row_of(clipped(run.name, _LONGEST_NAME), at, count, cell, tone="weak" if outlier else "")
 
 
-def _runs(found: Comparison) -> blocks.Table:
-    columns = [("run", "left"), *((label(row.name), "right") for row in found.offsets)]
+def _runs(comparison: Comparison) -> blocks.Table:
+    columns = [("run", "left"), *((label(row.name), "right") for row in comparison.offsets)]
     rows = [
-        row_of(clipped(run.name, _LONGEST_NAME), *(_estimate(own) for own in run.offsets))
-        for run in found.runs
+        row_of(clipped(run.name, _LONGEST_NAME), *(_estimate(offset) for offset in run.offsets))
+        for run in comparison.runs
     ]
     caption = "Offsets of each run without prior, ± predicted standard uncertainty"
-    if found.kind == "table":
+    if comparison.kind == "table":
         caption = "Offsets of each run as published"
     return table_of(caption, columns, rows)
 
 
-def _estimate(own: OffsetOfRun) -> str:
-    if own.estimate is None:
-        return _NO_NUMBER.get(own.status, _NOT_GIVEN)
-    if own.std is None:
-        return numbers.exact(own.estimate, own.unit)
-    return f"{numbers.estimate(own.estimate, own.std)} ± {_spread(own.std, own.unit)}"
+def _estimate(offset: OffsetOfRun) -> str:
+    if offset.estimate is None:
+        return _NO_NUMBER.get(offset.status, _NOT_GIVEN)
+    if offset.std is None:
+        return numbers.exact(offset.estimate, offset.unit)
+    return f"{numbers.estimate(offset.estimate, offset.std)} ± {_spread(offset.std, offset.unit)}"
 
 
-def _on_the_outlier(found: Comparison) -> str:
-    if found.odd_run is not None:
-        return f"{clipped(found.odd_run, _LONGEST_NAME)} is the outlier."
-    if found.used < 3:
+def _on_the_outlier(comparison: Comparison) -> str:
+    if comparison.odd_run is not None:
+        return f"{clipped(comparison.odd_run, _LONGEST_NAME)} is the outlier."
+    if comparison.used < 3:
         return "An outlier cannot be found among fewer than three runs."
     return "No single run is an outlier."
 
 
-def _about(found: Comparison) -> list[tuple[str, str]]:
-    hashes = dict.fromkeys(run.sha256[:12] for run in found.runs if run.sha256)
-    robots = dict.fromkeys(clipped(run.robot) for run in found.runs if run.robot)
+def _about(comparison: Comparison) -> list[tuple[str, str]]:
+    hashes = dict.fromkeys(run.sha256[:12] for run in comparison.runs if run.sha256)
+    robots = dict.fromkeys(clipped(run.robot) for run in comparison.runs if run.robot)
     return [
         ("Robot", ", ".join(robots) or _NOT_GIVEN),
-        ("Held", listed([label(name) for name in found.held]) if found.held else "none"),
-        ("Order", "by provenance.when" if found.by_time else "as given"),
-        ("Questions", f"{', '.join(found.asked)}: each at {CHANCE:g} over their number"),
-        ("Seed", str(found.seed)),
+        ("Held", listed([label(name) for name in comparison.held]) if comparison.held else "none"),
+        ("Order", "by provenance.when" if comparison.by_time else "as given"),
+        ("Questions", f"{', '.join(comparison.asked)}: each at {CHANCE:g} over their number"),
+        ("Seed", str(comparison.seed)),
         ("SHA-256", ", ".join(hashes)),
-        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in found.versions.items())),
+        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in comparison.versions.items())),
         ("Files", "compare.json beside this page holds every number unrounded; offsets.csv as a plain table"),
     ]
 
@@ -278,3 +288,69 @@ def _spread(std: float, unit: str = "") -> str:
 def _range(interval: tuple[float, float], unit: str = "") -> str:
     """`low to high` of an interval whose ends lie factors apart: two significant digits each."""
     return f"{_spread(interval[0])} to {_spread(interval[1], unit)}"
+
+
+_MOST_NUMBERED = 15
+
+
+def runs_picture(comparison: Comparison) -> Picture | None:
+    """A panel for each offset that is compared, the runs in their order; None where there is none."""
+    compared = [i for i, row in enumerate(comparison.offsets) if row.mean is not None]
+    if not compared:
+        return None
+    with style():
+        figure = new_figure(0.75 * len(compared) + 0.7)
+        panels = figure.subplots(len(compared), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, i in zip(panels, compared, strict=True):
+            _panel(axes, comparison, i)
+        hours = comparison.by_time
+        panels[-1].set_xlabel("hours from the first run" if hours else "run")
+        if not hours and len(comparison.runs) <= _MOST_NUMBERED:
+            panels[-1].set_xticks([run.at for run in comparison.runs])
+        svg = to_svg(figure, "runs")
+    title = "Each run’s offsets less the mean of all runs (band: 95 % interval of the mean)"
+    if any(row.predicted_std for row in comparison.offsets):
+        title += ", with the predicted 95 % intervals"
+    if comparison.odd_run is not None:
+        title += "; the diamond is the outlier"
+    return Picture("runs", title, _alt(comparison, compared), svg)
+
+
+def _panel(axes: Axes, comparison: Comparison, i: int) -> None:
+    row, ink, blue = comparison.offsets[i], light("ink"), light("identified")
+    assert row.mean is not None
+    low, high = row.mean.interval95
+    axes.axhspan(low - row.mean.value, high - row.mean.value, color=blue, alpha=0.12, linewidth=0)
+    axes.axhline(0, color=light("muted"), linewidth=0.8)
+    for run in comparison.runs:
+        offset = run.offsets[i]
+        if offset.estimate is None:
+            continue
+        outlier = run.name == comparison.odd_run
+        colour = light("weak") if outlier else ink
+        off = offset.estimate - row.mean.value
+        if offset.std is not None:
+            half = NORMAL_95 * offset.std
+            axes.plot([run.at] * 2, [off - half, off + half], "-", linewidth=1.3, color=colour)
+        shape = SHAPES["weak" if outlier else "identified"]
+        axes.plot([run.at], [off], shape, markersize=6 if outlier else 4.2, color=colour)
+    axes.grid(visible=False, axis="x")
+    axes.locator_params(axis="y", nbins=3)
+    axes.margins(x=0.06, y=0.12)
+    axes.set_ylabel(in_font(f"{label(row.name, 9)}, {'°' if row.unit == 'deg' else row.unit}"), color=ink)
+
+
+def _alt(comparison: Comparison, compared: list[int]) -> str:
+    parts = []
+    for i in compared:
+        row = comparison.offsets[i]
+        assert row.mean is not None
+        offs = []
+        for run in comparison.runs:
+            estimate = run.offsets[i].estimate
+            if estimate is not None:
+                off = with_unit(significant(estimate - row.mean.value, 2), row.unit)
+                offs.append(f"{clipped(run.name, 30)} {off}")
+        parts.append(f"{label(row.name)}: {', '.join(offs)}")
+    outlier = "" if comparison.odd_run is None else f" The outlier is {clipped(comparison.odd_run, 40)}."
+    return f"Offsets less their mean. {'. '.join(parts)}.{outlier}"

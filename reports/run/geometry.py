@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...analysis.answer.result import Result
 from ...analysis.observability.geometry import Rung
 from ...words import numbers
 from ...words.geometry import (

@@ -8,10 +8,8 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from ...analysis.answer.result import Result
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
-from ...analysis.solution import ParameterResult
 from ...analysis.status import Status
 from ...model.likelihood.parameters import Group
 from ...words import numbers

@@ -68,10 +68,12 @@ def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPat
     result = analyse(run).result
     rows = {row.name: row for row in result.parameters if row.group == "offset" and not row.held}
     assert statuses(told) == {name: row.status for name, row in rows.items()}
-    assert {n for n, std in told.std.items() if std is None} == {n for n, r in rows.items() if r.std is None}
+    assert {n for n, std in told.offset_std.items() if std is None} == {
+        n for n, r in rows.items() if r.std is None
+    }
     for one, row in rows.items():
         if row.std is not None:
-            assert told.std[one] == pytest.approx(row.std, rel=1e-4)
+            assert told.offset_std[one] == pytest.approx(row.std, rel=1e-4)
     known = [row.std for row in rows.values() if row.std is not None]
     assert told.worst == (pytest.approx(max(known), rel=1e-4) if len(known) == len(rows) else None)
     chance = result.likelihood.p_value
@@ -93,28 +95,28 @@ def test_what_another_optimum_disagrees_about_is_not_known() -> None:
     alone = judge(fit_likelihood(problem, starts=0))
     assert (alone.fit.others, alone["delta5"].status) == ((), "weak")
     told = so_far(problem)
-    assert [round(other.below, 1) for other in told.solution.fit.others] == [0.2]
+    assert [round(other.below, 1) for other in told.fit.others] == [0.2]
     assert statuses(told)["delta5"] == "unidentifiable"
-    assert told.std["delta5"] is None
+    assert told.offset_std["delta5"] is None
 
 
 @pytest.mark.parametrize("name", PLANS)
 def test_shot_by_shot(name: str) -> None:
     """One shot tells nothing, and what cannot be told has no std at any number of shots."""
     told = growing(PLANS[name])
-    assert [one.shots for one in told] == list(range(1, len(told) + 1))
+    assert [one.problem.shots for one in told] == list(range(1, len(told) + 1))
     assert set(statuses(told[0]).values()) == {"unidentifiable"}
     assert told[0].p_value is None
     for one in told:
         assert np.isfinite(one.x).all()
         assert one.consistent
-        assert {n for n, std in one.std.items() if std is None} == {
+        assert {n for n, std in one.offset_std.items() if std is None} == {
             n for n, status in statuses(one).items() if status == "unidentifiable"
         }
         assert (one.worst is None) == ("unidentifiable" in statuses(one).values())
     if name == "x-pattern":
-        assert all(one.std["delta2"] is None for one in told)
-        assert told[-1].std["delta4"] is not None
+        assert all(one.offset_std["delta2"] is None for one in told)
+        assert told[-1].offset_std["delta4"] is not None
     if name == "good":
         assert told[-1].worst is not None
 
@@ -123,8 +125,8 @@ def test_more_shots_never_tell_less() -> None:
     """Where the mode hardly moves any more each shot lowers all stds, or leaves them (to second order)."""
     told = growing(good_plan(12, joint_deg=0.0005, spot_mm=0.002))[3:]
     for before, after in pairwise(told):
-        for name, std in before.std.items():
-            later = after.std[name]
+        for name, std in before.offset_std.items():
+            later = after.offset_std[name]
             assert std is not None
             assert later is not None
             assert later <= 1.02 * std
@@ -149,7 +151,11 @@ def test_the_same_shots_tell_the_same() -> None:
     so_far(simulated_problem(pattern_plan("x"))[1])
     again = so_far(simulated_problem(good_plan(7), TABLE_2)[1])
     assert first.x.tobytes() == again.x.tobytes()
-    assert (first.std, statuses(first), first.p_value) == (again.std, statuses(again), again.p_value)
+    assert (first.offset_std, statuses(first), first.p_value) == (
+        again.offset_std,
+        statuses(again),
+        again.p_value,
+    )
 
 
 def test_targets_seen_once_and_twice() -> None:

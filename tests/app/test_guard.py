@@ -12,9 +12,9 @@ import pytest
 from starlette.testclient import TestClient
 
 from zerobeam.app.server import guard
-from zerobeam.app.server.end_point import EndPoint
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
+from zerobeam.app.server.requests import EndPoint
 from zerobeam.app.server.routes import application
 
 OUTSIDE = [

@@ -15,7 +15,7 @@ from starlette.testclient import TestClient
 
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import ALLOWED, job_command
-from zerobeam.commands.app import app
+from zerobeam.commands.program import app
 from zerobeam.model.errors import BadInput
 
 

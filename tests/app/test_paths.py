@@ -24,7 +24,7 @@ from starlette.testclient import TestClient
 from zerobeam.app.server.end_points import END_POINTS
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.job_commands import ALLOWED, job_command
-from zerobeam.commands.app import app
+from zerobeam.commands.program import app
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN
@@ -199,14 +199,14 @@ def unchanged(there: Path) -> Iterator[None]:
 
 def test_the_table_has_every_field(client: TestClient) -> None:
     for point in END_POINTS:
-        fields = [*point.asked, *(point.sent.model_fields if point.sent is not None else ())]
+        fields = [*point.query, *(point.sent.model_fields if point.sent is not None else ())]
         assert set(fields) <= PATHS | OTHERS, point.path
         for field in set(fields) & PATHS:
             assert f"{point.method} {point.path} {field}" in REQUESTS, (point.path, field)
     served: Any = client.app
     named = {name.split()[1] for name in REQUESTS}
     without = {"/", "/page", "/api/files", "/api/jobs", "/openapi.json"} | {
-        point.path for point in END_POINTS if not point.asked and point.sent is None
+        point.path for point in END_POINTS if not point.query and point.sent is None
     }
     for route in served.routes:
         path = route.path.partition("{")[0].rstrip("/") or "/"

@@ -16,7 +16,7 @@ import pytest
 from starlette.testclient import TestClient
 
 import zerobeam as zb
-from zerobeam.app.server.archive import archive
+from zerobeam.app.server.routes import archive
 
 
 @pytest.fixture

@@ -22,8 +22,8 @@ from starlette.testclient import TestClient
 
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
-from zerobeam.app.server.opening import leading_to
 from zerobeam.app.server.routes import application
+from zerobeam.app.server.serve import leading_to
 from zerobeam.model.errors import BadInput
 
 TOKEN = "open-sesame"

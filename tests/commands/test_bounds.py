@@ -15,7 +15,7 @@ import zerobeam as zb
 from zerobeam.analysis.repeatability.result_files import read_result
 from zerobeam.commands import program
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.model.likelihood.kernel import KernelWarning
+from zerobeam.model.likelihood.compiling import KernelWarning
 
 RUN = demo_runs()[0].path
 

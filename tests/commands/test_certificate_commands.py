@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import io
 import json
 import os
@@ -18,7 +17,7 @@ import pytest
 from certificates import kept
 from child import ZEROBEAM, child
 from command_line import zerobeam
-from histories import a_result, write_result
+from histories import a_result, as_misfit, write_result
 
 pytest.importorskip("cryptography")
 
@@ -151,8 +150,7 @@ def test_bad_input_is_one_clear_error(plant: Path) -> None:
     unknown = zerobeam("history", "certify", "A-2", "-o", "new", "--key", "plant.key").refused()
     assert "did you mean" in unknown
     assert "exists already" in zerobeam("history", "key", "plant.key").refused()
-    misfit = copy.deepcopy(a_result("B"))
-    misfit["verdict"] = "misfit"
+    misfit = as_misfit(a_result("B"))
     zerobeam("history", "add", write_result(plant / "misfit.json", misfit))
     refused = zerobeam("history", "certify", "B", "-o", "new", "--key", "plant.key").refused()
     assert "a misfit is not certified" in refused

@@ -9,7 +9,7 @@ from unittest import mock
 
 import pytest
 from command_line import zerobeam
-from histories import a_result, write_result
+from histories import a_result, as_misfit, write_result
 
 from zerobeam.experiments.demos import demo_runs
 
@@ -107,7 +107,7 @@ def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
 
 
 def test_without_the_extra_it_says_how_to_install_it() -> None:
-    with mock.patch("zerobeam.commands.history.shared.find_spec", return_value=None):
+    with mock.patch("zerobeam.commands.history.find_spec", return_value=None):
         assert 'pip install "zerobeam[history]"' in zerobeam("history", "list").refused()
 
 
@@ -117,8 +117,7 @@ def test_drift_says_which_changes_are_real_and_what_was_logged(tmp_path: Path) -
         answer = a_result("A-1", f"202{number // 4}-{3 * (number % 4) + 1:02}-15")
         answer["without_prior"]["values"][1] += 1.0 if number > 4 else 0.0
         write_result(tmp_path / "in" / str(number) / "result.json", answer)
-    misfit = a_result("A-1", "2022-06-01")
-    misfit["verdict"] = "misfit"
+    misfit = as_misfit(a_result("A-1", "2022-06-01"))
     write_result(tmp_path / "in" / "misfit" / "result.json", misfit)
     zerobeam("history", "add", tmp_path / "in", "--db", db)
     zerobeam("history", "event", "A-1", "--date", "2021-03-01", "--what", "collision", "--db", db)

@@ -1,8 +1,11 @@
+import importlib
 import json
+import sys
+from pathlib import Path
 
 import pytest
 
-from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
+from zerobeam.experiments.schema import FILE_SCHEMAS, SCHEMA_NAMES, json_schema
 
 UNITS = {
     "_mm": "millimetres",
@@ -19,10 +22,7 @@ def properties(schema):
         yield from part.get("properties", {}).items()
 
 
-WRITTEN_BY_PEOPLE = SCHEMA_NAMES[: SCHEMA_NAMES.index("study-file") + 1]
-
-
-@pytest.mark.parametrize("name", WRITTEN_BY_PEOPLE)
+@pytest.mark.parametrize("name", FILE_SCHEMAS)
 def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
     schema = json_schema(name)
     json.dumps(schema, allow_nan=False)
@@ -38,14 +38,18 @@ def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
 def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
         *("run-header", "run-shot", "plan", "header", "robot", "obstacles", "cell"),
-        *("sensors", "psd-calibration", "study-file"),
-    ) == WRITTEN_BY_PEOPLE
-    assert {"result", "check"} < set(SCHEMA_NAMES)
-    assert json_schema("result")["properties"]["schema"]["const"] == "zerobeam/result/1"
+        *("sensors", "psd-calibration", "study-file", "result", "check", "compare", "batch"),
+        "history",
+    ) == SCHEMA_NAMES
     for name, schema in (
         ("run-header", "zerobeam/run/1"),
         ("plan", "zerobeam/plan/1"),
         ("robot", "zerobeam/robot/1"),
+        ("result", "zerobeam/result/1"),
+        ("check", "zerobeam/check/1"),
+        ("compare", "zerobeam/compare/1"),
+        ("batch", "zerobeam/batch/1"),
+        ("history", "zerobeam/history/1"),
     ):
         content = json_schema(name)
         assert content["properties"]["schema"]["const"] == schema
@@ -65,3 +69,17 @@ def test_the_examples_of_the_design_have_only_keys_of_the_schema():
 
 def test_a_schema_that_is_not_there(refused):
     assert "did you mean 'plan'?" in refused(json_schema, "plans").remedy
+
+
+def test_the_tables_of_the_page_are_those_of_the_models():
+    """`python docs/file_tables.py` writes them."""
+    sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
+    try:
+        tables = importlib.import_module("file_tables")
+    finally:
+        del sys.path[0]
+    for path in tables.PAGES:
+        page = path.read_text(encoding="utf-8")
+        assert page.count("<!-- keys ") == page.count("<!-- end -->") > 0
+        assert tables.written(page) == page, f"{path.name}: run python docs/file_tables.py"
+    assert "| std of random offsets" in tables.table("cell")

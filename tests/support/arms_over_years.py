@@ -14,8 +14,8 @@ import numpy as np
 from histories import a_result, write_result
 
 from zerobeam.experiments.history.arm_drift import arm_drift
+from zerobeam.experiments.history.content import Event, StoredCovariance, StoredResult
 from zerobeam.experiments.history.entry import read_entry
-from zerobeam.experiments.history.store import Event, StoredResult
 from zerobeam.reports.history.arm_page import ArmHistory
 
 FIRST = datetime(2023, 1, 15)
@@ -49,17 +49,19 @@ def over_years(
     much; results `lost` do not determine `LOST`."""
     one = base(demo, **provenance)
     random, made = np.random.default_rng(4), []
-    state = np.zeros(len(one.without_prior["names"]) if one.without_prior else 0)
+    state = np.zeros(len(one.without_prior.names) if one.without_prior else 0)
     for t in range(count):
         alone, offsets, verdict = copy.deepcopy(one.without_prior), copy.deepcopy(one.offsets), one.verdict
         if alone is not None:
-            values = random.multivariate_normal(np.add(alone["values"], state), alone["covariance"])
+            values = random.multivariate_normal(np.add(alone.values, state), alone.covariance)
             if jump is not None and t >= jump[0]:
                 values[jump[1]] += jump[2]
-            alone["values"] = values.tolist()
+            alone = replace(alone, values=values.tolist())
             state = state + walk * random.normal(size=len(state))
             if t in lost:
-                _lose(alone, offsets)
+                alone = without_offset(alone, LOST)
+                unknown: Any = {"status": "unidentifiable", "estimate": None, "std": None, "interval95": None}
+                offsets = [replace(row, **unknown) if row.name == LOST else row for row in offsets]
                 verdict = "degenerate"
         if t in misfits:
             verdict = "misfit"
@@ -78,14 +80,17 @@ def over_years(
     return tuple(made)
 
 
-def _lose(alone: dict[str, Any], offsets: list[dict[str, Any]]) -> None:
-    kept = [i for i, name in enumerate(alone["names"]) if name != LOST]
-    for key in ("names", "values", "units", "by_geometry"):
-        alone[key] = [alone[key][i] for i in kept]
-    alone["covariance"] = [[alone["covariance"][i][j] for j in kept] for i in kept]
-    for row in offsets:
-        if row["name"] == LOST:
-            row.update(status="unidentifiable", estimate=None, std=None, interval95=None)
+def without_offset(alone: StoredCovariance, lost: str) -> StoredCovariance:
+    """The same of a result that does not determine one of the offsets."""
+    kept = [i for i, name in enumerate(alone.names) if name != lost]
+    return replace(
+        alone,
+        names=[alone.names[i] for i in kept],
+        units=[alone.units[i] for i in kept],
+        values=[alone.values[i] for i in kept],
+        covariance=[[alone.covariance[i][j] for j in kept] for i in kept],
+        by_geometry=[alone.by_geometry[i] for i in kept],
+    )
 
 
 def arm_history(

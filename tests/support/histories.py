@@ -46,6 +46,12 @@ def a_result(
     return answer
 
 
+def as_misfit(answer: dict[str, Any]) -> dict[str, Any]:
+    """The same of a run that the model does not describe."""
+    criteria = [{"kind": "chi2", "sentence": "Residuals are 9 times the stated noise."}]
+    return answer | {"verdict": "misfit", "misfit": {"criteria": criteria}}
+
+
 def write_result(path: Path, answer: dict[str, Any]) -> Path:
     """The result as a file."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import json
 import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-from ....experiments.makers.contents import Contents, contents_of, head_of, layout_of, layout_stated
+from pydantic import Field
+
+from ....experiments.makers.contents import (
+    Contents,
+    Form,
+    Layout,
+    TableColumn,
+    contents_of,
+    head_of,
+    layout_of,
+    layout_stated,
+)
 from ....model.errors import BadInput
+from ....model.files.json_document import JsonDocument
 
 PATIENCE_S = 60.0
 MOST_MEMORY = 4 * 10**9  # bytes of address space, of which libraries take one tenth
@@ -21,15 +31,80 @@ _PROGRAM = "from zerobeam.app.server.answers.contents_process import main; main(
 _COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
 
 
-async def contents(path: Path, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """What `contents_of` finds in a file, as JSON has it; `stated` is how a table is laid out.
+class Point(JsonDocument):
+    """A taught point, and whether it has joints."""
+
+    name: str
+    joints: bool
+
+
+class BagTopic(JsonDocument):
+    """A topic of a bag."""
+
+    name: str
+    type: str
+    messages: int
+    joints: list[str] = Field(description="in the first of its joint states")
+
+
+class Holdings(JsonDocument):
+    """What a recording holds (`Contents`)."""
+
+    form: Form = Field(description="what the file is")
+    why: str = Field(description="how that is seen")
+    count: str = Field(description="what it has, in words")
+    layout: Layout | None
+    columns: list[TableColumn]
+    rows: int = Field(description="of a table: how many were looked at")
+    whole: bool = Field(description="of a table: these are all")
+    points: list[Point]
+    topics: list[BagTopic]
+    names: list[str] = Field(description="of joint states in text: the joints")
+    kind: str = Field(description="of a file of zerobeam")
+
+    @classmethod
+    def of(cls, contents: Contents) -> Holdings:
+        """The document of what was found."""
+        return cls.filled(
+            contents,
+            points=[Point(name=name, joints=joints) for name, joints in contents.points],
+            topics=[BagTopic.filled(topic) for topic in contents.topics],
+        )
+
+
+class _Refusal(JsonDocument):
+    """The facts of a BadInput."""
+
+    what: str
+    found: str | None
+    allowed: str | None
+    remedy: str | None
+    file: str | None
+    line: int | None
+
+    @classmethod
+    def of(cls, error: BadInput) -> _Refusal:
+        facts = {name: getattr(error, name) for name in ("found", "allowed", "remedy", "file")}
+        texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
+        return cls(what=error.what, line=error.line, **texts)
+
+
+class _Answer(JsonDocument):
+    """What the process prints."""
+
+    holdings: Holdings | None = None
+    refusal: _Refusal | None = None
+
+
+async def contents(path: Path, layout: Mapping[str, object]) -> Holdings:
+    """What `contents_of` finds in a file; `layout` is what is stated of a table's.
 
     BadInput where it refuses, or where it takes more than `PATIENCE_S` or `MOST_MEMORY`.
     """
     process = await asyncio.create_subprocess_exec(
         *_COMMAND,
         str(path),
-        json.dumps(dict(stated)),
+        json.dumps(dict(layout)),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -48,26 +123,26 @@ async def contents(path: Path, stated: Mapping[str, Any]) -> dict[str, Any]:
         if process.returncode < 0:
             raise _too_much(path, f"the process was ended by signal {-process.returncode}")
         raise RuntimeError(fault.decode("utf-8", "replace"))
-    told: dict[str, Any] = json.loads(answer)
-    if "refused" in told:
-        raise BadInput(**told["refused"])
-    return told
+    printed = _Answer.from_json(json.loads(answer))
+    if printed.holdings is None:
+        assert printed.refusal is not None
+        raise BadInput(**printed.refusal.to_json())
+    return printed.holdings
 
 
 def main() -> None:
     """Print what the file holds, or why it is refused. Arguments: the file, and the layout that is stated."""
-    path, stated = Path(sys.argv[1]), json.loads(sys.argv[2])
+    path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
     _limit()
     try:
-        told = _plain(
-            contents_of(path, layout_stated(layout_of(head_of(path)[0]), stated) if stated else None)
-        )
+        read = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
+        answer = _Answer(holdings=Holdings.of(read))
     except MemoryError:
         error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")
-        told = {"refused": _facts(error)}
+        answer = _Answer(refusal=_Refusal.of(error))
     except BadInput as error:
-        told = {"refused": _facts(error)}
-    sys.stdout.write(json.dumps(told, allow_nan=False))
+        answer = _Answer(refusal=_Refusal.of(error))
+    sys.stdout.write(json.dumps(answer.to_json(), allow_nan=False))
 
 
 def _limit() -> None:
@@ -81,25 +156,11 @@ def _limit() -> None:
                 resource.setrlimit(kind, (limit, limit))
 
 
-def _too_much(path: Path, found: str) -> BadInput:
+def _too_much(path: Path, how_much: str) -> BadInput:
     return BadInput(
         "the file is too much to be looked at here",
-        found=found,
+        found=how_much,
         allowed=f"{PATIENCE_S:.0f} s and {MOST_MEMORY // 10**9} GB",
         remedy="use zerobeam import on the command line, if it is the right file",
         file=path,
     )
-
-
-def _facts(error: BadInput) -> dict[str, Any]:
-    facts = {name: getattr(error, name) for name in ("what", "found", "allowed", "remedy", "file")}
-    texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
-    return {**texts, "line": error.line}
-
-
-def _plain(found: Contents) -> dict[str, Any]:
-    """As JSON has it: points and topics by name."""
-    told = dataclasses.asdict(found)
-    told["points"] = [{"name": name, "joints": joints} for name, joints in found.points]
-    told["topics"] = [topic._asdict() for topic in found.topics]
-    return told

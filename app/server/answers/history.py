@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
+from pydantic import Field
+
+from ....analysis.answer.document import ReadResult
+from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
+from ....model.files.json_document import JsonDocument, is_none
+from ....reports.run.inputs import origin_of
 from ....words.wording import clipped
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint
 from .results import Kept, read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
@@ -21,66 +26,100 @@ _WIDTH = 80  # letters of a text that a header states
 _HEADERS, _BRIEFS = Kept(2000), Kept(2000)
 
 
-def history(folder: Folder) -> dict[str, Any]:
-    """`runs`: `file`, `robot`, `serial`, `when`, `who`, `instrument`, `origin`, and its `results`, newest
-    first: `file`, `verdict`, `offsets`. `results` are those of no run here. What cannot be read has `error`.
-    """
+class BriefOffset(JsonDocument):
+    """An offset of a result, which is not held."""
+
+    name: str
+    unit: str
+    status: Status
+    estimate: float | None
+    std: float | None
+
+
+class BriefResult(JsonDocument):
+    """A result of the folder."""
+
+    file: str
+    verdict: Verdict | None = Field(default=None, exclude_if=is_none)
+    offsets: list[BriefOffset] | None = Field(default=None, exclude_if=is_none)
+    error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
+
+
+class BriefRun(JsonDocument):
+    """A run of the folder: what its header states, and its results, the newest first."""
+
+    file: str
+    robot: str | None = Field(default=None, exclude_if=is_none)
+    serial: str | None = Field(default=None, exclude_if=is_none)
+    when: str | None = Field(default=None, exclude_if=is_none)
+    who: str | None = Field(default=None, exclude_if=is_none)
+    instrument: str | None = Field(default=None, exclude_if=is_none)
+    origin: str | None = Field(default=None, exclude_if=is_none)
+    error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
+    results: list[BriefResult]
+
+
+class FolderHistory(JsonDocument):
+    """The runs of the folder, and the results of no run here; `left_out` counts what is not listed."""
+
+    runs: list[BriefRun]
+    results: list[BriefResult]
+    left_out: int
+
+
+def history(folder: Folder) -> FolderHistory:
+    """The runs and results of the folder, the newest first."""
     files = folder.files()
-    runs = [row["path"] for row in files if row["kind"] == "run"]
-    results = [row["path"] for row in files if row["kind"] == "result"]
-    by_sum: dict[str | None, list[dict[str, Any]]] = {}
+    runs = [file.path for file in files if file.kind == "run"]
+    results = [file.path for file in files if file.kind == "result"]
+    by_sum: dict[str | None, list[BriefResult]] = {}
     for name in results[:MOST_RESULTS]:
-        brief = _brief(folder, name)
-        by_sum.setdefault(brief.pop("sha256", None), []).append(brief)
+        sha256, brief = _brief(folder, name)
+        by_sum.setdefault(sha256, []).append(brief)
     rows, sums = [], set()
     for name in runs[:MOST_RUNS]:
         path = folder.root / name
-        sums.add(own := sha256_of(path) or "")
-        rows.append({"file": name, **_header(folder, path), "results": by_sum.get(own, [])})
-    loose = [brief for own, briefs in by_sum.items() if own not in sums for brief in briefs]
+        sums.add(own_sum := sha256_of(path) or "")
+        rows.append(BriefRun(file=name, **_header(path), results=by_sum.get(own_sum, [])))
+    loose = [brief for sha256, briefs in by_sum.items() if sha256 not in sums for brief in briefs]
     left_out = max(0, len(runs) - MOST_RUNS) + max(0, len(results) - MOST_RESULTS)
-    return {"runs": rows, "results": loose, "left_out": left_out}
+    return FolderHistory(runs=rows, results=loose, left_out=left_out)
 
 
-def _header(folder: Folder, path: Path) -> dict[str, Any]:
+def _header(path: Path) -> dict[str, str]:
     try:
-        return dict(_HEADERS.of(path, _read_header))
+        return _HEADERS.of(path, _read_header)
     except (OSError, ValueError, RecursionError):
         return {"error": "the header of this run cannot be read"}
 
 
-def _read_header(path: Path) -> dict[str, Any]:
-    from ....reports.run.inputs import origin_of
-
+def _read_header(path: Path) -> dict[str, str]:
     with path.open("rb") as file:
         header = json.loads(file.readline(_LONGEST_HEADER))
     if not isinstance(header, dict) or header.get("schema") != RUN_SCHEMA:
         raise ValueError("no header of a run")
     robot = header.get("robot")
-    called = robot.get("urdf") if isinstance(robot, dict) else robot
-    stated = {key: clipped(text, _WIDTH) for key, text in origin_of(header).items()}
-    return {"robot": clipped(str(called), _WIDTH), **stated}
+    name = robot.get("urdf") if isinstance(robot, dict) else robot
+    origin = {key: clipped(text, _WIDTH) for key, text in origin_of(header).items()}
+    return {"robot": clipped(str(name), _WIDTH), **origin}
 
 
-def _brief(folder: Folder, name: str) -> dict[str, Any]:
+def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
+    """A result, and the SHA-256 of its run."""
     try:
-        return {"file": name, **_BRIEFS.of(folder.root / name, _in_brief)}
+        result = _BRIEFS.of(folder.root / name, _listed)
     except BadInput as error:
-        return {"file": name, "error": folder.without(error.what)}
+        return None, BriefResult(file=name, error=folder.without(error.what))
     except OSError:
-        return {"file": name, "error": "the file cannot be read"}
+        return None, BriefResult(file=name, error="the file cannot be read")
+    offsets = [BriefOffset.filled(row) for row in result.parameters if row.group == "offset" and not row.held]
+    return result.inputs.sha256, BriefResult(file=name, verdict=result.verdict, offsets=offsets)
 
 
-def _in_brief(path: Path) -> dict[str, Any]:
+def _listed(path: Path) -> ReadResult:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
-    found = read_result(path)
-    offsets = [
-        {"name": own.name, "unit": own.unit, "status": own.status, "estimate": own.estimate, "std": own.std}
-        for own in found.parameters
-        if own.group == "offset" and not own.held
-    ]
-    return {"sha256": found.inputs.sha256, "verdict": found.verdict, "offsets": offsets}
+    return read_result(path)
 
 
 END_POINTS = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -18,22 +17,22 @@ from ....experiments.schema import json_schema
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
+from ....model.files.json_document import JsonDocument
 from ....model.files.limits import beyond_limits
 from ....model.files.reading import read_yaml
 from ....model.files.robot_file import load_robot
 from ....model.files.validation import FileModel, as_tuple, validate
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
-from ..asked import Refused, keyed, refused
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import Content, EndPoint, Refused, keyed, noted, refused
 from . import contents_process
-from .notes import noted
 from .robots import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
 _SHOWN = 8  # rows of a table
 _Value = TypeVar("_Value")
+Ends = tuple[float, float]
 
 
 class AskedTable(FileModel):
@@ -79,41 +78,105 @@ class AskedHeader(FileModel):
     """A header to check or to write."""
 
     file: str = Field(description="path below the folder (.yaml), which paths in the header are relative to")
-    header: dict[str, Any] = Field(description="the content of a header file")
+    header: Content = Field(description="the content of a header file")
 
 
-async def recording(folder: Folder, wanted: AskedRecording) -> dict[str, Any]:
-    """What a file is (`form`, `why`), what it holds (`count`), and what an import can choose from."""
-    path = folder.file(wanted.file)
-    found = await contents_process.contents(path, _stated_layout(wanted))
-    return {"file": folder.called(path), "bytes": path.stat().st_size, **found}
+class RecordingAnswer(contents_process.Holdings):
+    """What a file is and holds, and what an import can choose from."""
+
+    file: str
+    bytes: int
 
 
-def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
-    """Per joint its column, the range seen against its limits and the rows outside; what the limits say of
-    unit, signs and joint 3 (null where there is nothing to say)."""
-    robot = _robot(folder, wanted)
-    given = wanted.columns
-    if given is not None and len(given) != robot.n:
+class JointColumn(JsonDocument):
+    """A joint as its column has it."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    recorded: Ends | None = Field(description="range of the column; null without one")
+    seen: Ends | None = Field(description="range of the joint; null where the unit is not stated")
+    outside: int | None = Field(description="rows outside the limits")
+    sign: readings.Reading | None
+
+
+class ProposedColumns(JsonDocument):
+    """Columns that are proposed for the joints."""
+
+    choice: list[str | None]
+    why: str
+
+
+class ColumnsAnswer(JsonDocument):
+    """Columns as joints, and what the limits say of unit, signs and joint 3 (null: nothing)."""
+
+    robot: str
+    rows: int
+    whole: bool = Field(description="all rows were looked at")
+    joints: list[JointColumn]
+    columns: ProposedColumns | None
+    units: readings.Reading | None
+    lengths: readings.Reading | None
+    j3: readings.Reading | None
+    first: list[list[float | None]] = Field(description="the first rows, as joints")
+
+
+class HeaderUse(JsonDocument):
+    """A header that can be used."""
+
+    robot: str
+    joints: int
+    target: str
+    notes: list[str]
+
+
+class WrittenHeader(HeaderUse):
+    """A header that was written."""
+
+    file: str
+
+
+class ReadHeader(JsonDocument):
+    """The header of a header file or a plan, as it is stated."""
+
+    file: str
+    header: Content
+    target: str
+    notes: list[str]
+
+
+async def recording(folder: Folder, request: AskedRecording) -> RecordingAnswer:
+    """What a file is and holds."""
+    path = folder.file(request.file)
+    holdings = await contents_process.contents(path, _layout(request))
+    return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **dict(holdings))
+
+
+def columns(folder: Folder, request: AskedColumns) -> ColumnsAnswer:
+    """Per joint its column, its range against its limits; what these say of unit, signs and joint 3."""
+    robot = _robot(folder, request)
+    chosen = request.columns
+    if chosen is not None and len(chosen) != robot.n:
         raise _wrong(
-            ("columns",), "one column is required for each joint", len(given), f"{robot.n} ({robot.name})"
+            ("columns",), "one column is required for each joint", len(chosen), f"{robot.n} ({robot.name})"
         )
-    for i, number in enumerate(wanted.reversed_joints):
+    for i, number in enumerate(request.reversed_joints):
         if not 1 <= number <= robot.n:
             raise _wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
-    pendant = _at(("j3",), lambda: Pendant(robot, wanted.j3))
+    pendant = _at(("j3",), lambda: Pendant(robot, request.j3))
     tables, whole = [], True
-    for name in wanted.files:
+    for name in request.files:
         path = folder.file(name)
-        text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(wanted.files)))
+        text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(request.files)))
         whole = whole and all_of_it
-        layout = columns_found.layout_stated(columns_found.layout_of(text), _stated_layout(wanted))
+        layout = columns_found.layout_stated(columns_found.layout_of(text), _layout(request))
         tables.append(columns_found.table_with(path, text, layout))
-    raw = np.concatenate([_raw(table, given, robot) for table in tables])
+    raw = np.concatenate([_raw(table, chosen, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
-    scale = _scale(robot, wanted)
+    scale = _scale(robot, request)
     signs = np.ones(robot.n)
-    signs[[number - 1 for number in wanted.reversed_joints]] = -1
+    signs[[number - 1 for number in request.reversed_joints]] = -1
     recorded = raw * scale  # NaN where the unit is not stated
     joints = pendant.between_links(recorded * signs)
     outside = beyond_limits(robot, joints)
@@ -121,39 +184,37 @@ def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
     lengths = readings.length_reading(robot, raw)
     sign = [None] * robot.n if pendant.ground else readings.sign_readings(robot, recorded)
     j3 = readings.j3_reading(robot, recorded * signs) if robot.n > 2 else None
-    return {
-        "robot": robot.name,
-        "rows": len(raw),
-        "whole": whole,
-        "joints": [
-            {
-                "name": joint.name,
-                "unit": joint.unit,
-                "lower": joint.lower * joint.display,
-                "upper": joint.upper * joint.display,
-                "recorded": _range(raw[:, i]),
-                "seen": _range(joints[:, i]),
-                "outside": None if np.isnan(joints[:, i]).all() else int(outside[:, i].sum()),
-                "sign": _reading(sign[i]),
-            }
+    return ColumnsAnswer(
+        robot=robot.name,
+        rows=len(raw),
+        whole=whole,
+        joints=[
+            JointColumn(
+                name=joint.name,
+                unit=joint.unit,
+                lower=joint.lower * joint.display,
+                upper=joint.upper * joint.display,
+                recorded=_range(raw[:, i]),
+                seen=_range(joints[:, i]),
+                outside=None if np.isnan(joints[:, i]).all() else int(outside[:, i].sum()),
+                sign=sign[i],
+            )
             for i, joint in enumerate(robot.joints)
         ],
-        "columns": None if proposed is None else {"choice": proposed[0], "why": proposed[1]},
-        "units": _reading(units),
-        "lengths": _reading(lengths),
-        "j3": _reading(j3),
-        "first": [
-            [None if np.isnan(value) else value for value in row] for row in rounded(joints[:_SHOWN], 6)
-        ],
-    }
+        columns=proposed and ProposedColumns(choice=list(proposed[0]), why=proposed[1]),
+        units=units,
+        lengths=lengths,
+        j3=j3,
+        first=[[None if np.isnan(value) else value for value in row] for row in rounded(joints[:_SHOWN], 6)],
+    )
 
 
-def schema(_: Folder) -> dict[str, Any]:
+def schema(_: Folder) -> Content:
     """JSON Schema of a header."""
     return json_schema("header")
 
 
-def header(folder: Folder, name: str) -> dict[str, Any]:
+def header(folder: Folder, name: str) -> ReadHeader:
     """The header of a header file or a plan, as it is stated."""
     path = folder.file(name)
     document = read_yaml(path)
@@ -161,73 +222,66 @@ def header(folder: Folder, name: str) -> dict[str, Any]:
     if isinstance(content, dict):
         content = {key: value for key, value in content.items() if key != "postures_deg"}
     with noted() as notes:
-        stated = validate(Header, content, file=path, line=document.line)
+        read = validate(Header, content, file=path, line=document.line)
         require_robot_inside(folder, content, path.parent)
-        robot = load_robot(stated.robot, path.parent, file=path)
-        check_header(stated, robot, file=path, line=document.line)
-    plain = header_content(stated, "zerobeam/plan/1")
+        robot = load_robot(read.robot, path.parent, file=path)
+        check_header(read, robot, file=path, line=document.line)
+    plain = header_content(read, "zerobeam/plan/1")
     del plain["schema"]
-    return {"file": folder.called(path), "header": plain, "target": stated.only_target, "notes": notes}
+    return ReadHeader(file=folder.called(path), header=plain, target=read.only_target, notes=notes)
 
 
-def check(folder: Folder, wanted: AskedHeader) -> dict[str, Any]:
+def check(folder: Folder, request: AskedHeader) -> HeaderUse:
     """Whether a header can be used, and with which robot; Refused with the key of what is wrong."""
-    stated, robot, notes = _checked(folder, wanted)
-    return {"robot": robot.name, "joints": robot.n, "target": stated.only_target, "notes": notes}
+    return _checked(folder, request)[1]
 
 
-def write(folder: Folder, wanted: AskedHeader) -> dict[str, Any]:
+def write(folder: Folder, request: AskedHeader) -> WrittenHeader:
     """Write a header as a new file, whole or not at all."""
-    if Path(wanted.file).suffix.lower() not in {".yaml", ".yml"}:
-        raise _wrong(("file",), "a header cannot have this name", wanted.file, "a name that ends in .yaml")
-    path = _at(("file",), lambda: folder.new(wanted.file))
-    stated, robot, notes = _checked(folder, wanted)
-    write_header(path, stated)
-    return {
-        "file": folder.called(path),
-        "robot": robot.name,
-        "joints": robot.n,
-        "target": stated.only_target,
-        "notes": notes,
-    }
+    if Path(request.file).suffix.lower() not in {".yaml", ".yml"}:
+        raise _wrong(("file",), "a header cannot have this name", request.file, "a name that ends in .yaml")
+    path = _at(("file",), lambda: folder.new(request.file))
+    read, use = _checked(folder, request)
+    write_header(path, read)
+    return WrittenHeader(file=folder.called(path), **dict(use))
 
 
-def _checked(folder: Folder, wanted: AskedHeader) -> tuple[Header, Robot, list[str]]:
-    path = folder.inside(wanted.file)
+def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, HeaderUse]:
+    path = folder.inside(request.file)
 
     def use(line: Any) -> tuple[Header, Robot]:
-        stated = validate(Header, wanted.header, file=None, line=line)
-        require_robot_inside(folder, wanted.header, path.parent)
+        read = validate(Header, request.header, file=None, line=line)
+        require_robot_inside(folder, request.header, path.parent)
         try:
-            robot = load_robot(stated.robot, path.parent)
+            robot = load_robot(read.robot, path.parent)
         except BadInput as error:
             at = line(("robot",))
             raise BadInput(
                 error.what, found=error.found, allowed=error.allowed, remedy=error.remedy, line=at
             ) from error
-        check_header(stated, robot, file=None, line=line)
-        return stated, robot
+        check_header(read, robot, file=None, line=line)
+        return read, robot
 
     with noted() as notes:
-        stated, robot = keyed(wanted.header, use, ("header",))
-    return stated, robot, notes
+        read, robot = keyed(request.header, use, ("header",))
+    return read, HeaderUse(robot=robot.name, joints=robot.n, target=read.only_target, notes=notes)
 
 
-def _robot(folder: Folder, wanted: AskedColumns) -> Robot:
-    start = folder.root if wanted.beside is None else folder.inside(wanted.beside).parent
-    return _at(("robot",), lambda: load_robot(whole_ref(folder, wanted.robot, start), start))
+def _robot(folder: Folder, request: AskedColumns) -> Robot:
+    start = folder.root if request.beside is None else folder.inside(request.beside).parent
+    return _at(("robot",), lambda: load_robot(whole_ref(folder, request.robot, start), start))
 
 
-def _stated_layout(wanted: AskedTable) -> dict[str, Any]:
-    stated = wanted.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
-    check_signs(stated.get("delimiter"), stated.get("decimal", "."))
-    return stated
+def _layout(request: AskedTable) -> Content:
+    layout = request.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
+    check_signs(layout.get("delimiter"), layout.get("decimal", "."))
+    return layout
 
 
-def _raw(table: TextTable, given: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
+def _raw(table: TextTable, chosen: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
     """(N, n) values as they are in the table, NaN for a joint without a column."""
     values = np.full((len(table.rows), robot.n), np.nan)
-    for i, name in enumerate(given or ()):
+    for i, name in enumerate(chosen or ()):
         if name is not None:
             values[:, i] = _at(("columns", i), partial(_numbers, table, name))
     return values
@@ -237,25 +291,21 @@ def _numbers(table: TextTable, name: str) -> Matrix:
     return table.numbers([table.column(name)])[:, 0]
 
 
-def _scale(robot: Robot, wanted: AskedColumns) -> Matrix:
+def _scale(robot: Robot, request: AskedColumns) -> Matrix:
     """(n,) degrees or mm in one unit of the table; NaN where the unit is not stated."""
-    angle = {"deg": 1.0, "rad": float(np.degrees(1.0)), None: np.nan}[wanted.units]
-    length = {"mm": 1.0, "m": 1000.0, None: np.nan}[wanted.lengths]
+    angle = {"deg": 1.0, "rad": float(np.degrees(1.0)), None: np.nan}[request.units]
+    length = {"mm": 1.0, "m": 1000.0, None: np.nan}[request.lengths]
     return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
 
 
-def _range(values: Matrix) -> list[float] | None:
+def _range(values: Matrix) -> Ends | None:
     if np.isnan(values).any():
         return None
-    return [float(values.min()), float(values.max())]
+    return float(values.min()), float(values.max())
 
 
-def _reading(found: readings.Reading | None) -> dict[str, Any] | None:
-    return None if found is None else dataclasses.asdict(found)
-
-
-def _wrong(key: tuple[str | int, ...], what: str, found: object, allowed: object) -> Refused:
-    return refused(BadInput(what, found=found, allowed=allowed), key)
+def _wrong(key: tuple[str | int, ...], what: str, value: object, allowed: object) -> Refused:
+    return refused(BadInput(what, found=value, allowed=allowed), key)
 
 
 def _at(key: tuple[str | int, ...], use: Callable[[], _Value]) -> _Value:
@@ -273,7 +323,7 @@ END_POINTS = [
         "/api/columns", "POST", "Columns as joints: ranges, limits, units, signs.", columns, AskedColumns
     ),
     EndPoint("/api/header/schema", "GET", "JSON Schema of a header.", schema),
-    EndPoint("/api/header", "GET", "The header of a header file or plan.", header, asked=("file",)),
+    EndPoint("/api/header", "GET", "The header of a header file or plan.", header, query=("file",)),
     EndPoint("/api/header", "PUT", "Writes a header as a new file.", write, AskedHeader),
     EndPoint("/api/header/check", "POST", "Whether a header can be used.", check, AskedHeader),
 ]

@@ -4,37 +4,36 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from ....analysis.observability.aim import AimedPlan, aim_plan
-from ....analysis.observability.check import Check, without_posture
+from ....analysis.observability.check import Check, Violation, WithoutPosture, without_posture
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
+from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
 from ....model.files.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.plan.plan_page import Postures, postures_of
+from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
 from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
-from ..asked import NOWHERE, keyed
-from ..end_point import EndPoint
 from ..folder import Folder
-from .notes import noted
-from .robots import arm_of, require_robot_inside, rounded, whole_ref
+from ..requests import NOWHERE, Content, EndPoint, keyed, noted
+from .robots import DrawnArm, arm_of, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
 MOST_WITHOUT = 30  # postures that are left out in one answer
@@ -43,7 +42,7 @@ MOST_WITHOUT = 30  # postures that are left out in one answer
 class AskedCheck(FileModel):
     """A plan to check."""
 
-    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+    plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
     file: str | None = Field(
         default=None, description="the file that it is from: paths in the plan are relative to its folder"
     )
@@ -56,7 +55,7 @@ class AskedCheck(FileModel):
 class AskedWithout(FileModel):
     """A plan, and which of its postures to leave out."""
 
-    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+    plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
     file: str | None = Field(
         default=None, description="the file that it is from: paths in the plan are relative to its folder"
     )
@@ -76,11 +75,99 @@ class AskedPlan(FileModel):
     """A plan to write."""
 
     file: str = Field(description="path below the folder (.yaml): a new file, or a plan to be replaced")
-    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+    plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
 
 
-def plan(folder: Folder, name: str) -> dict[str, Any]:
-    """A plan file: its content (`plan`), the `targets` of its postures, its `robot`, and `notes`."""
+class ReadPlan(JsonDocument):
+    """A plan file."""
+
+    file: str
+    plan: Content = Field(description="its content")
+    targets: list[str] = Field(description="of its postures")
+    robot: DrawnArm
+    notes: list[str]
+
+
+class WrittenPlan(JsonDocument):
+    """A plan that was written."""
+
+    file: str
+    notes: list[str]
+
+
+class PostureScene(JsonDocument):
+    """A posture as the servo will leave it, mm in the base frame."""
+
+    joints_deg: list[float]
+    skeleton: list[list[float]] = Field(description="the arm's points")
+    tool: list[float]
+    beam: list[list[float]] | None = Field(description="from the laser to its end; null for a probe")
+    target: list[float]
+    target_name: str
+    reaches: bool = Field(description="beam or probe comes to the target")
+    violations: list[str] = Field(description="what it breaks of the plan's constraints, in words")
+    touches: list[str]
+
+
+class NullMotion(JsonDocument):
+    """How far joints, targets and tool go along a null-space direction, each in its own unit, for one prior
+    standard deviation of the leading parameter: to first order the beam stays on the target."""
+
+    kind: str
+    joints_deg: list[float]
+    others: dict[str, float]
+
+
+class WorthColumn(JsonDocument):
+    """The column beside u: its head, and what it says of each offset."""
+
+    head: str
+    of: dict[str, str]
+
+
+class CheckRemarks(JsonDocument):
+    """What the command prints besides the table."""
+
+    worth: WorthColumn
+    lines: list[str] = Field(description="on the geometry")
+    advice: str | None
+    over_target: str | None
+
+
+class CheckAnswer(JsonDocument):
+    """`zerobeam/check/1`; with `scene` also what a picture needs and what the command prints besides."""
+
+    model_config = ConfigDict(extra="allow")
+
+    scene: list[PostureScene] | None = Field(default=None, exclude_if=is_none)
+    touched_boxes: list[int] | None = Field(default=None, exclude_if=is_none)
+    null_motion: list[NullMotion] | None = Field(default=None, exclude_if=is_none)
+    said: CheckRemarks | None = Field(default=None, exclude_if=is_none)
+    warnings: list[str]
+
+
+class WithoutOne(JsonDocument):
+    """What a plan determines without a posture; null for one that gives no measurement."""
+
+    posture: int
+    rest: WithoutPosture | None
+
+
+class ReadObstacles(JsonDocument):
+    """An obstacles file."""
+
+    file: str
+    obstacles: Obstacles
+
+
+class WrittenObstacles(JsonDocument):
+    """Obstacles that were written."""
+
+    file: str
+
+
+def plan(folder: Folder, name: str) -> ReadPlan:
+    """A plan file with its robot."""
     path = folder.inside(name)
     with noted() as notes:
         document = read_yaml(path)
@@ -89,94 +176,91 @@ def plan(folder: Folder, name: str) -> dict[str, Any]:
         read = plan_of(document)
         ref = whole_ref(folder, read.header.robot, path.parent)
         arm = shown_arm(ref, [(read.postures[0] * read.robot.display).tolist()])
-    return {
-        "file": folder.called(path),
-        "plan": document.data,
-        "targets": list(read.targets),
-        "robot": arm_of(arm),
-        "notes": [*notes, *read.warnings],
-    }
+    return ReadPlan(
+        file=folder.called(path),
+        plan=document.data,
+        targets=list(read.targets),
+        robot=arm_of(arm),
+        notes=[*notes, *read.warnings],
+    )
 
 
-def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
+def write(folder: Folder, request: AskedPlan) -> WrittenPlan:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced."""
-    path = folder.inside(wanted.file)
+    path = folder.inside(request.file)
     if path.suffix.lower() not in {".yaml", ".yml"}:
-        raise BadInput("a plan cannot have this name", found=wanted.file, allowed="a name that ends in .yaml")
+        raise BadInput(
+            "a plan cannot have this name", found=request.file, allowed="a name that ends in .yaml"
+        )
     if path.exists():
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=None)
     with noted() as notes:
-        stated = _stated(folder, wanted.plan, path)
-    rows = stated.postures * stated.robot.display
-    via = [between * stated.robot.display for between in stated.via]
+        written = _plan_of(folder, request.plan, path)
+    rows = written.postures * written.robot.display
+    via = [between * written.robot.display for between in written.via]
     # What degrees lose on the way to radians and back is far below what a file states.
     write_plan(
         path,
-        stated.header,
+        written.header,
         np.round(rows, 9),
-        stated.targets,
+        written.targets,
         via_deg=via,
-        constraints=stated.constraints,
+        constraints=written.constraints,
         force=path.exists(),
     )
-    return {"file": folder.called(path), "notes": [*notes, *stated.warnings]}
+    return WrittenPlan(file=folder.called(path), notes=[*notes, *written.warnings])
 
 
-def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
-    """`zerobeam/check/1`; with `scene` also what a picture needs, `null_motion`, and in `said` what the
-    command says besides."""
+def check(folder: Folder, request: AskedCheck) -> CheckAnswer:
+    """A check; with `scene` also what a picture needs."""
     with noted() as notes:
-        turned = _turned(folder, wanted.plan, wanted.file)
-        if wanted.obstacles is not None:
-            turned = _among(turned, wanted.obstacles)
-        found = check_plan(turned.plan, turned)
-        answer = check_json(found)
-        if wanted.scene:
-            scene = _scene(turned.plan, postures_of(turned))
-            for broken in found.violations:
-                scene[broken.posture]["violations"].append(violation_words(broken))
-                if broken.constraint == "obstacles" and broken.via is None and not broken.planned:
-                    scene[broken.posture]["touches"].append(broken.condition)
-            answer |= {
-                "scene": scene,
-                "touched_boxes": touched_boxes(turned),
-                "null_motion": _null_motion(found),
-                "said": _said(found),
-            }
-    return answer | {"warnings": notes}
+        aimed = _aimed(folder, request.plan, request.file)
+        if request.obstacles is not None:
+            aimed = _among(aimed, request.obstacles)
+        checked = check_plan(aimed.plan, aimed)
+        answer = CheckAnswer(**check_json(checked), warnings=notes)
+        if request.scene:
+            answer = answer.model_copy(
+                update={
+                    "scene": _scene(aimed, checked.violations),
+                    "touched_boxes": touched_boxes(aimed),
+                    "null_motion": _null_motion(checked),
+                    "said": _remarks(checked),
+                }
+            )
+    return answer
 
 
-def without(folder: Folder, wanted: AskedWithout) -> list[dict[str, Any]]:
-    """What the plan determines without each posture: `rest` has `verdict`, `status` and `std` of each offset,
-    in its own unit (null: not determined); it is null for a posture that gives no measurement."""
+def without(folder: Folder, request: AskedWithout) -> list[WithoutOne]:
+    """What the plan determines without each posture."""
     with noted():
-        turned = _turned(folder, wanted.plan, wanted.file)
-        broken = violations(turned)
-        found = [(i, without_posture(turned, i, broken)) for i in wanted.postures]
-    return [{"posture": i, "rest": None if own is None else asdict(own)} for i, own in found]
+        aimed = _aimed(folder, request.plan, request.file)
+        broken = violations(aimed)
+        checks = [(i, without_posture(aimed, i, broken)) for i in request.postures]
+    return [WithoutOne(posture=i, rest=rest) for i, rest in checks]
 
 
-def obstacles(folder: Folder, name: str) -> dict[str, Any]:
+def obstacles(folder: Folder, name: str) -> ReadObstacles:
     """An obstacles file: its content."""
     path = folder.inside(name)
-    return {"file": folder.called(path), "obstacles": read_obstacles(path).model_dump(mode="json")}
+    return ReadObstacles(file=folder.called(path), obstacles=read_obstacles(path))
 
 
-def write_obstacles_file(folder: Folder, wanted: AskedObstacles) -> dict[str, Any]:
+def write_obstacles_file(folder: Folder, request: AskedObstacles) -> WrittenObstacles:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced."""
-    path = folder.inside(wanted.file)
+    path = folder.inside(request.file)
     if path.suffix.lower() not in {".yaml", ".yml"}:
         raise BadInput(
-            "obstacles cannot have this name", found=wanted.file, allowed="a name that ends in .yaml"
+            "obstacles cannot have this name", found=request.file, allowed="a name that ends in .yaml"
         )
     if path.exists():
         read_obstacles(path)
-    write_obstacles(path, wanted.obstacles, force=path.exists())
-    return {"file": folder.called(path)}
+    write_obstacles(path, request.obstacles, force=path.exists())
+    return WrittenObstacles(file=folder.called(path))
 
 
-def _turned(folder: Folder, content: dict[str, Any], file: str | None) -> AimedPlan:
+def _aimed(folder: Folder, content: Content, file: str | None) -> AimedPlan:
     """The plan that a file with this content would be, its postures turned onto their targets."""
     path = folder.root / NOWHERE if file is None else folder.inside(file)
     postures = content.get("postures_deg")
@@ -187,30 +271,28 @@ def _turned(folder: Folder, content: dict[str, Any], file: str | None) -> AimedP
             allowed=f"at most {MOST_POSTURES}",
             remedy="use zerobeam check",
         )
-    return aim_plan(_stated(folder, content, path))
+    return aim_plan(_plan_of(folder, content, path))
 
 
-def _among(turned: AimedPlan, obstacles: Obstacles) -> AimedPlan:
+def _among(aimed: AimedPlan, obstacles: Obstacles) -> AimedPlan:
     """The same postures, judged by these obstacles."""
-    constraints = turned.plan.constraints.model_copy(update={"obstacles": obstacles})
-    return replace(turned, plan=replace(turned.plan, constraints=constraints))
+    constraints = aimed.plan.constraints.model_copy(update={"obstacles": obstacles})
+    return replace(aimed, plan=replace(aimed.plan, constraints=constraints))
 
 
-def _said(found: Check) -> dict[str, Any]:
-    """What the command prints besides the table: `worth`, the head of the column beside u and what it says of
-    each offset, `lines` on the geometry, `advice` on the postures, `over_target`."""
-    head, of = worth_column(found.geometry)
-    units = {row.name: unit_of(row.unit) for row in found.parameters}
-    offsets, over = [row for row in found.parameters if row.group == "offset"], found.over_target
-    return {
-        "worth": {"head": head, "of": {row.name: of(row) for row in offsets}},
-        "lines": check_lines(found),
-        "advice": None if found.advice is None else advice_sentence(found.advice),
-        "over_target": None if over is None else over_target_sentence(over, units),
-    }
+def _remarks(checked: Check) -> CheckRemarks:
+    head, of = worth_column(checked.geometry)
+    units = {row.name: unit_of(row.unit) for row in checked.parameters}
+    offsets, over = [row for row in checked.parameters if row.group == "offset"], checked.over_target
+    return CheckRemarks(
+        worth=WorthColumn(head=head, of={row.name: of(row) for row in offsets}),
+        lines=list(check_lines(checked)),
+        advice=None if checked.advice is None else advice_sentence(checked.advice),
+        over_target=None if over is None else over_target_sentence(over, units),
+    )
 
 
-def _stated(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
+def _plan_of(folder: Folder, content: Content, path: Path) -> Plan:
     """The plan that a file with this content would be; Refused with the key of what is wrong."""
     require_robot_inside(folder, content, path.parent)
     sha256 = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -230,59 +312,59 @@ class _Placed(Document):
 
     finder: Callable[[KeyPath], int | None]
 
-    def line(self, place: KeyPath) -> int | None:
-        return self.finder(place)
+    def line(self, keys: KeyPath) -> int | None:
+        return self.finder(keys)
 
 
-def _scene(stated: Plan, seen: Postures) -> list[dict[str, Any]]:
-    """Per posture, as the servo will leave it: joints, the arm's points, the beam from the laser to its end
-    (null for a probe), the target's place and name, whether beam or probe comes to it, and empty lists for
-    what it breaks of the plan's constraints, in words, and what it touches."""
-    laser = stated.header.tool.kind == "laser"
-    joints = seen.joints * stated.robot.display
+def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureScene]:
+    scene_plan, postures = aimed.plan, postures_of(aimed)
+    laser = scene_plan.header.tool.kind == "laser"
+    joints = postures.joints * scene_plan.robot.display
+    broken_in = [[broken for broken in violations if broken.posture == i] for i in range(len(joints))]
     return [
-        {
-            "joints_deg": rounded(joints[i], 9),
-            "skeleton": rounded(seen.arm[i], 3),
-            "tool": rounded(seen.origin[i], 3),
-            "beam": rounded(np.array([seen.origin[i], seen.end[i]]), 3) if laser else None,
-            "target": rounded(seen.targets[stated.target_index[i]], 3),
-            "target_name": stated.targets[i],
-            "reaches": bool(seen.reaches[i]),
-            "violations": [],
-            "touches": [],
-        }
-        for i in range(len(stated.postures))
+        PostureScene(
+            joints_deg=rounded(joints[i], 9),
+            skeleton=rounded(postures.arm[i], 3),
+            tool=rounded(postures.origin[i], 3),
+            beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if laser else None,
+            target=rounded(postures.targets[scene_plan.target_index[i]], 3),
+            target_name=scene_plan.targets[i],
+            reaches=bool(postures.reaches[i]),
+            violations=[violation_words(one) for one in broken_in[i]],
+            touches=[
+                one.condition
+                for one in broken_in[i]
+                if one.constraint == "obstacles" and one.via is None and not one.planned
+            ],
+        )
+        for i in range(len(joints))
     ]
 
 
-def _null_motion(found: Check) -> list[dict[str, Any]]:
-    """Per null-space direction, in the order of `identifiability.null_space`: how far each joint, target and
-    tool parameter goes along it, in its own unit, for one prior standard deviation of the leading parameter.
-
-    To first order, arm and target that move so keep the beam on the target.
-    """
-    rows = {row.name: row for row in found.parameters}
-    offsets = [row.name for row in found.parameters if row.group == "offset"]
+def _null_motion(checked: Check) -> list[NullMotion]:
+    """Per null-space direction, in the order of `identifiability.null_space`."""
+    rows = {row.name: row for row in checked.parameters}
+    offsets = [row.name for row in checked.parameters if row.group == "offset"]
     motions = []
-    for direction in found.identifiability.null_space:
+    for direction in checked.identifiability.null_space:
         moved = {name: weight * rows[name].prior_std for name, weight in direction.combination.items()}
+        others = {name: value for name, value in moved.items() if name not in offsets}
         motions.append(
-            {
-                "kind": direction.kind,
-                "joints_deg": [moved.get(name, 0.0) for name in offsets],
-                "others": {name: value for name, value in moved.items() if name not in offsets},
-            }
+            NullMotion(
+                kind=direction.kind,
+                joints_deg=[moved.get(name, 0.0) for name in offsets],
+                others=others,
+            )
         )
     return motions
 
 
 END_POINTS = [
-    EndPoint("/api/plan", "GET", "A plan: its content, targets, robot and notes.", plan, asked=("file",)),
+    EndPoint("/api/plan", "GET", "A plan: its content, targets, robot and notes.", plan, query=("file",)),
     EndPoint("/api/plan", "PUT", "Writes a plan: a new file, or in place of a plan.", write, AskedPlan),
     EndPoint("/api/check", "POST", "A check (zerobeam/check/1); with `scene` more.", check, AskedCheck),
     EndPoint("/api/without", "POST", "What a plan is without each of its postures.", without, AskedWithout),
-    EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, asked=("file",)),
+    EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, query=("file",)),
     EndPoint(
         "/api/obstacles",
         "PUT",

@@ -12,11 +12,12 @@ from pydantic import BeforeValidator, Field
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
+from ....model.files.json_document import JsonDocument
 from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
 from ....words.wording import shown
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint
 from .refits import FittedRun, fitted
 from .results import Kept
 
@@ -64,16 +65,16 @@ def _read(path: Path) -> Draws:
 
     try:
         with h5py.File(path, "r") as file:
-            group = _own(file, "posterior")
+            group = _member(file, "posterior")
             converged = str(group.attrs["converged"]) == "yes"
-            chains, steps = len(_own(group, "chain")), len(_own(group, "draw"))
+            chains, steps = len(_member(group, "chain")), len(_member(group, "draw"))
             if chains * steps > MOST_STORED or len(group) > MOST_VARIABLES:
                 raise ValueError(f"{chains * steps} draws of {len(group)} parameters")
             columns, names, units, prior = [], [], [], []
             # Walkers wander slowly: every k-th step of all of them, or of every k-th where they are many.
             walkers = max(1, -(-chains // MOST_DRAWS))
             every = max(1, -(-steps // max(1, MOST_DRAWS // -(-chains // walkers))))
-            for variable in (_own(group, name) for name in group):
+            for variable in (_member(group, name) for name in group):
                 if variable.shape != (chains, steps) or "source" not in variable.attrs:
                     continue
                 name = str(variable.attrs["long_name"])
@@ -99,7 +100,7 @@ def _read(path: Path) -> Draws:
     return Draws(converged, sha256, chains * steps, tuple(names), tuple(units), values, tuple(prior))
 
 
-def _own(group: Any, name: str) -> Any:
+def _member(group: Any, name: str) -> Any:
     """A member of an HDF5 group that is in this very file; ValueError where the file leads to another one."""
     import h5py
 
@@ -111,68 +112,96 @@ def _own(group: Any, name: str) -> Any:
     return member
 
 
-def posterior(folder: Folder, name: str) -> dict[str, Any]:
+class PosteriorDraws(JsonDocument):
+    """Thinned draws of the offsets that the data determine: `draws` has a list for each of the `names`."""
+
+    file: str
+    converged: bool
+    total: int = Field(description="draws in the file")
+    names: list[str]
+    units: list[str]
+    draws: list[list[float]]
+    prior_only: list[str] = Field(description="offsets that the data do not determine")
+
+
+class BrushedShot(JsonDocument):
+    """A measurement: mean length of its normalised residual over all draws, and over the chosen ones."""
+
+    shot: int
+    all: float
+    chosen: float
+
+
+class Brushed(JsonDocument):
+    """What choosing some draws does to the residuals."""
+
+    draws: int
+    chosen: int
+    shots: list[BrushedShot]
+    reason: str | None = Field(description="why there is none")
+
+
+def posterior(folder: Folder, name: str) -> PosteriorDraws:
     """Thinned draws of the offsets that the data determine, and the names of those that they do not."""
-    found = _drawn(folder.file(name))
-    offsets = [i for i, own in enumerate(found.names) if _OFFSET.fullmatch(own)] if found.converged else []
-    offsets.sort(key=lambda i: int(found.names[i][5:]))
-    return {
-        "file": name,
-        "converged": found.converged,
-        "total": found.total,
-        "names": [found.names[i] for i in offsets],
-        "units": [found.units[i] for i in offsets],
-        "draws": [np.round(found.values[:, i], 7).tolist() for i in offsets],
-        "prior_only": [own for own in found.prior if _OFFSET.fullmatch(own)],
-    }
+    draws = _drawn(folder.file(name))
+    offsets = [i for i, name in enumerate(draws.names) if _OFFSET.fullmatch(name)] if draws.converged else []
+    offsets.sort(key=lambda i: int(draws.names[i][5:]))
+    return PosteriorDraws(
+        file=name,
+        converged=draws.converged,
+        total=draws.total,
+        names=[draws.names[i] for i in offsets],
+        units=[draws.units[i] for i in offsets],
+        draws=[np.round(draws.values[:, i], 7).tolist() for i in offsets],
+        prior_only=[name for name in draws.prior if _OFFSET.fullmatch(name)],
+    )
 
 
-def brush(folder: Folder, wanted: AskedBrush) -> dict[str, Any]:
+def brush(folder: Folder, request: AskedBrush) -> Brushed:
     """Per measurement the mean length of its normalised residual over all draws, and over the chosen ones.
 
     `reason` says why there is none: a parameter that the data do not determine has draws of its prior alone,
     which say nothing of the residuals.
     """
-    path = folder.file(wanted.posterior)
-    found = _drawn(path)
-    for name in wanted.ranges:
-        if name not in found.names:
-            raise BadInput("there are no draws of this parameter", found=name, allowed=", ".join(found.names))
-    chosen = np.ones(len(found.values), dtype=bool)
-    for name, (low, high) in wanted.ranges.items():
-        own = found.values[:, found.names.index(name)]
-        chosen &= (own >= low) & (own <= high)
-    answer: dict[str, Any] = {
-        "draws": len(chosen),
-        "chosen": int(chosen.sum()),
-        "shots": [],
-        "reason": None,
-    }
-    if found.prior:
-        few = ", ".join(found.prior[:6]) + (" …" if len(found.prior) > 6 else "")
-        said = "their draws are of the prior alone and say nothing of the residuals"
-        return answer | {"reason": f"{few}: unidentifiable; {said}"}
-    own_run = fitted(folder.file(wanted.run))
-    if own_run.run.sha256 != found.sha256:
-        raise BadInput("these draws are not of this run", found=f"SHA-256 {found.sha256[:12]}…")
-    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(own_run, found))
+    path = folder.file(request.posterior)
+    draws = _drawn(path)
+    for name in request.ranges:
+        if name not in draws.names:
+            raise BadInput("there are no draws of this parameter", found=name, allowed=", ".join(draws.names))
+    chosen = np.ones(len(draws.values), dtype=bool)
+    for name, (low, high) in request.ranges.items():
+        column = draws.values[:, draws.names.index(name)]
+        chosen &= (column >= low) & (column <= high)
+
+    def without_residuals(reason: str) -> Brushed:
+        return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=[], reason=reason)
+
+    if draws.prior:
+        few = ", ".join(draws.prior[:6]) + (" …" if len(draws.prior) > 6 else "")
+        return without_residuals(
+            f"{few}: unidentifiable; their draws are of the prior alone and say nothing of the residuals"
+        )
+    run = fitted(folder.file(request.run))
+    if run.run.sha256 != draws.sha256:
+        raise BadInput("these draws are not of this run", found=f"SHA-256 {draws.sha256[:12]}…")
+    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(run, draws))
     among = chosen[::every]
     if not among.any():
-        return answer | {"reason": "no draw is in this region"}
+        return without_residuals("no draw is in this region")
     whole, part = lengths.mean(axis=0), lengths[among].mean(axis=0)
-    rows = zip(own_run.problem.shot_numbers, whole, part, strict=True)
-    shots = [{"shot": shot, "all": float(one), "chosen": float(other)} for shot, one, other in rows]
-    return answer | {"shots": shots}
+    rows = zip(run.problem.shot_numbers, whole, part, strict=True)
+    shots = [BrushedShot(shot=shot, all=float(one), chosen=float(other)) for shot, one, other in rows]
+    return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=shots, reason=None)
 
 
-def _lengths(own: FittedRun, found: Draws) -> tuple[Matrix, int]:
+def _lengths(run: FittedRun, draws: Draws) -> tuple[Matrix, int]:
     """(draws, N) lengths of the normalised residuals of every k-th draw, and k."""
-    fit = own.solution.fit
+    fit = run.solution.fit
     problem: Problem = fit.problem
-    every = max(1, -(-len(found.values) * problem.shots // MOST_RESIDUALS))
-    rows = np.tile(fit.x, (len(found.values[::every]), 1))
+    every = max(1, -(-len(draws.values) * problem.shots // MOST_RESIDUALS))
+    rows = np.tile(fit.x, (len(draws.values[::every]), 1))
     by_name = {shown(name): i for i, name in enumerate(problem.parameters.names)}
-    for k, name in enumerate(found.names):
+    for k, name in enumerate(draws.names):
         if name not in by_name:
             raise BadInput(
                 "these draws are of another model than the run's fit",
@@ -180,7 +209,7 @@ def _lengths(own: FittedRun, found: Draws) -> tuple[Matrix, int]:
                 remedy="make the report again",
             )
         item = problem.parameters.items[by_name[name]]
-        values = found.values[::every, k]
+        values = draws.values[::every, k]
         rows[:, by_name[name]] = np.log(values) if item.group == "noise" else values / item.display
     factor = fit.whitened.factor
     lengths = np.empty((len(rows), problem.shots))
@@ -192,6 +221,6 @@ def _lengths(own: FittedRun, found: Draws) -> tuple[Matrix, int]:
 
 
 END_POINTS = [
-    EndPoint("/api/posterior", "GET", "Thinned posterior draws of the offsets.", posterior, asked=("file",)),
+    EndPoint("/api/posterior", "GET", "Thinned posterior draws of the offsets.", posterior, query=("file",)),
     EndPoint("/api/brush", "POST", "Normalised residuals of some draws, and of all.", brush, AskedBrush),
 ]

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from pydantic import Field
 
 from ....analysis.so_far import SoFar, so_far
 from ....model.errors import BadInput
+from ....model.files.json_document import JsonDocument
 from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
 from ....words.findings import headline
 from ....words.provenance import SIMULATED
 from ....words.wording import person
-from ..begun import BegunRuns
-from ..end_point import EndPoint
 from ..folder import Folder
-from .notes import noted
+from ..requests import EndPoint, noted
+from ..started_runs import StartedRuns
 
 _MOST = 20  # of its measurements after each of which u is said
 _MOST_RUNS = 5  # that are offered to be resumed
@@ -28,67 +28,93 @@ _SAID = "plan sha256"  # in the provenance of a run that was carried out
 _BY_HAND = "by hand"
 
 
-def recording(folder: Folder, name: str) -> dict[str, Any]:
-    """What a run file has, and how to go on with it.
+class RecordedRun(JsonDocument):
+    """A run file, and how to go on with it."""
 
-    `recorded` (numbers of its measurements), `std` of each offset after them (deg; mm, null: not determined),
-    `course` (the same after each of the last measurements), `headline`; `postures` of its plan (null where
-    that is not in the folder), `ended` (null: not known), `torn` (its last line is cut off), and `resume`,
-    the command that goes on with it, or null and `why_not`.
-    """
+    file: str
+    origin: str | bool | int | float | None = Field(default=None, description="of its provenance")
+    plan: str | None = Field(default=None, description="the plan that it was begun with, if it is here")
+    postures: int | None = Field(default=None, description="of that plan")
+    recorded: list[int] = Field(default=[], description="numbers of its measurements")
+    ended: bool | None = Field(default=None, description="null: not known")
+    torn: bool = Field(default=False, description="its last line is cut off")
+    resume: list[str] | None = Field(description="the command that goes on with it")
+    why_not: str | None = Field(description="why there is none")
+
+
+class CoursePoint(JsonDocument):
+    """What the measurements so far determined after one of them."""
+
+    recorded: int = Field(description="how many measurements there were")
+    std: dict[str, float | None] = Field(description="of each offset, deg or mm; null: not determined")
+
+
+class RunSoFar(RecordedRun):
+    """A run file, with what its measurements determine."""
+
+    std: dict[str, float | None] = Field(description="of each offset, deg or mm; null: not determined")
+    course: list[CoursePoint] = Field(description="after each of the last measurements")
+    worst_std: float | None
+    headline: str | None
+    notes: list[str]
+
+
+def recording(folder: Folder, name: str) -> RunSoFar:
+    """What a run file has, what that determines, and how to go on with it."""
     with noted() as notes:
         run, facts = _read(folder, name)
         states = _states(run)
         state = states[-1][1] if states else None
-    return facts | {
-        "std": {} if state is None else state.std,
-        "course": [{"recorded": count, "std": own.std} for count, own in states],
-        "worst_std": None if state is None else state.worst,
-        "headline": None if state is None else headline(state, person),
-        "notes": notes,
-    }
+    return RunSoFar(
+        **dict(facts),
+        std={} if state is None else state.offset_std,
+        course=[CoursePoint(recorded=count, std=so_far.offset_std) for count, so_far in states],
+        worst_std=None if state is None else state.worst,
+        headline=None if state is None else headline(state, person),
+        notes=notes,
+    )
 
 
-def unfinished(folder: Folder) -> list[dict[str, Any]]:
+def unfinished(folder: Folder) -> list[RecordedRun]:
     """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
-    most: the same of each but what its measurements determine; `why_not` alone where it cannot be read."""
-    found = []
+    most; of one that cannot be read `why_not` alone."""
+    rows = []
     with noted():
-        for name in BegunRuns(folder).unfinished()[:_MOST_RUNS]:
+        for name in StartedRuns(folder).unfinished()[:_MOST_RUNS]:
             try:
-                found.append(_read(folder, name)[1])
+                rows.append(_read(folder, name)[1])
             except BadInput as error:
-                found.append({"file": name, "resume": None, "why_not": folder.without(str(error))})
-    return found
+                rows.append(RecordedRun(file=name, resume=None, why_not=folder.without(str(error))))
+    return rows
 
 
-def _read(folder: Folder, name: str) -> tuple[Run, dict[str, Any]]:
+def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
     """A run, and what is said of it without a fit."""
     path = folder.file(name)
     if path.stat().st_size > _LARGEST:
         remedy = "use zerobeam analyse"
         raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
-    called, begun = folder.called(path), BegunRuns(folder)
+    shown, started = folder.called(path), StartedRuns(folder)
     run, torn = recorded(path.read_bytes(), path)
-    resume, plan, why_not = _resume(folder, called, run)
+    resume, plan, why_not = _resume(folder, shown, run)
     postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
     done = [shot.shot for shot in run.shots]
-    ended: bool | None = begun.ended(called)
+    ended: bool | None = started.ended(shown)
     if not ended and postures is not None and set(range(postures)) <= set(done):
         ended = True
-    elif not ended and begun.command(called) is None:
+    elif not ended and started.command(shown) is None:
         ended = None
-    return run, {
-        "file": called,
-        "origin": run.header.provenance.get("origin"),
-        "plan": plan,
-        "postures": postures,
-        "recorded": done,
-        "ended": ended,
-        "torn": torn is not None,
-        "resume": resume,
-        "why_not": why_not,
-    }
+    return run, RecordedRun(
+        file=shown,
+        origin=run.header.provenance.get("origin"),
+        plan=plan,
+        postures=postures,
+        recorded=done,
+        ended=ended,
+        torn=torn is not None,
+        resume=resume,
+        why_not=why_not,
+    )
 
 
 def _states(run: Run) -> list[tuple[int, SoFar]]:
@@ -102,37 +128,37 @@ def _states(run: Run) -> list[tuple[int, SoFar]]:
 
 def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:
     """The command that goes on with a run, its plan, or why there is none."""
-    stated = run.header.provenance
-    plan = _of_hash(folder, "plan", stated.get(_SAID))
+    provenance = run.header.provenance
+    plan = _of_hash(folder, "plan", provenance.get(_SAID))
     if plan is None:
         return None, None, "the plan that it was begun with is not in this folder, or has changed"
-    command = BegunRuns(folder).command(name)
+    command = StartedRuns(folder).command(name)
     if command is not None:
         return [*command[:-1], plan], plan, None
     words = ["run", "--resume", f"--out={name}"]
-    origin = stated.get("origin")
+    origin = provenance.get("origin")
     if origin == _BY_HAND:
         return [*words, "--rig=manual", plan], plan, None
     if origin != SIMULATED:
         return None, plan, "how its controller is reached is not in the run file: use zerobeam run --resume"
-    cell = stated.get("cell sha256")
+    cell = provenance.get("cell sha256")
     if cell is not None:
-        found = _of_hash(folder, "cell", cell)
-        if found is None:
+        cell_file = _of_hash(folder, "cell", cell)
+        if cell_file is None:
             return None, plan, "the cell file that it was begun with is not in this folder, or has changed"
-        words.append(f"--cell={found}")
-    if stated.get("camera") is False:
+        words.append(f"--cell={cell_file}")
+    if provenance.get("camera") is False:
         words.append("--no-camera")
-    return [*words, f"--seed={stated.get('seed', 0)}", plan], plan, None
+    return [*words, f"--seed={provenance.get('seed', 0)}", plan], plan, None
 
 
 def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
     """The file of the folder of this kind and hash."""
     for file in folder.files():
-        if file["kind"] == kind and file["bytes"] <= _LARGEST:
-            content = folder.inside(file["path"]).read_bytes()
+        if file.kind == kind and file.bytes <= _LARGEST:
+            content = folder.inside(file.path).read_bytes()
             if hashlib.sha256(content).hexdigest() == sha256:
-                return str(file["path"])
+                return file.path
     return None
 
 
@@ -142,7 +168,7 @@ END_POINTS = [
         "GET",
         "What a run file has so far, and how to go on with it.",
         recording,
-        asked=("file",),
+        query=("file",),
     ),
     EndPoint("/api/unfinished", "GET", "Runs begun here that have not reached their end.", unfinished),
 ]

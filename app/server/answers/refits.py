@@ -22,9 +22,8 @@ from ....model.likelihood.problem import Problem
 from ....words.findings import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document
-from ..asked import Refused
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint, Refused
 from .results import Kept
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits

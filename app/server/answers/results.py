@@ -16,8 +16,8 @@ from ....model.errors import BadInput
 from ....model.files.reading import parse_json, read_text
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint
 
 LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
@@ -145,7 +145,7 @@ def _sum(path: Path) -> str:
 
 
 def _runs(folder: Folder) -> Iterator[Path]:
-    return (folder.root / row["path"] for row in folder.files() if row["kind"] == "run")
+    return (folder.root / file.path for file in folder.files() if file.kind == "run")
 
 
 def _shared(path: Path, near: Path) -> tuple[str, ...]:
@@ -159,6 +159,6 @@ END_POINTS = [
         "GET",
         "A result for people: verdict, next steps, parameters, measurements, the files of its report.",
         result,
-        asked=("file",),
+        query=("file",),
     ),
 ]

@@ -8,19 +8,19 @@ from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef, UrdfRef
+from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.files.validation import FileModel, as_tuple
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint, noted
 from .meshes import read_mesh, simplified, solid
-from .notes import noted
 
 MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned
 
@@ -47,34 +47,69 @@ class AskedMeshes(FileModel):
     robot: UrdfRef = Field(description="{urdf, base, tip}, the file below the folder")
 
 
+class BuiltInRobot(JsonDocument):
+    """A robot of the library."""
+
+    name: str
+    vendor: str | None = Field(description="null where it is not stated")
+    model: str | None = Field(description="null where it is not stated")
+
+
+class DrawnArm(JsonDocument):
+    """`zerobeam/arm/1` (docs/files.md), and the arm in its first posture, in the base frame."""
+
+    model_config = ConfigDict(extra="allow")
+
+    skeleton: list[list[float]] = Field(description="n + 2 points, mm: base, joints, flange")
+    axes: list[list[float]] = Field(description="n unit vectors, of the joints")
+    links: list[list[list[float]]] = Field(description="n + 1 poses of base and links: rows of 3 x 4")
+    notes: list[str] | None = Field(default=None, description="where numbers look wrong", exclude_if=is_none)
+
+
+class LinkMesh(JsonDocument):
+    """What a URDF shows of a link."""
+
+    link: int = Field(description="0: the base; k: the link behind joint k of the chain")
+    vertices: list[list[float]] = Field(description="in the link's frame, mm")
+    faces: list[list[int]] = Field(description="three vertices each")
+
+
+class ArmMeshes(JsonDocument):
+    """What a URDF shows of its links."""
+
+    meshes: list[LinkMesh]
+    notes: list[str] = Field(description="on what is left out")
+
+
 @cache
-def robots(_: Folder) -> list[dict[str, Any]]:
-    """The built-in robots: name, vendor and model (null where they are not stated)."""
-    stated = [(name, stated_rows(name, Path())) for name in built_in_robots()]
-    return [{"name": name, "vendor": rows.vendor, "model": rows.model} for name, rows in stated]
+def robots(_: Folder) -> list[BuiltInRobot]:
+    """The built-in robots."""
+    libraries = [(name, stated_rows(name, Path())) for name in built_in_robots()]
+    return [BuiltInRobot(name=name, vendor=rows.vendor, model=rows.model) for name, rows in libraries]
 
 
-def robot(folder: Folder, wanted: AskedRobot) -> dict[str, Any]:
-    """`zerobeam/arm/1`, and in the first posture `skeleton` (n + 2 points, mm: base, joints, flange), `axes`
-    (n unit vectors, of the joints) and `links` (n + 1 poses of base and links: rows of 3 x 4) in the base
-    frame; `notes` where numbers look wrong."""
+def robot(folder: Folder, request: AskedRobot) -> DrawnArm:
+    """An arm, drawn."""
     with noted() as notes:
-        ref = whole_ref(folder, wanted.robot, folder.root)
-        j3 = None if wanted.j3 == "pendant" else wanted.j3
-        arm = shown_arm(ref, [] if wanted.joints_deg is None else [wanted.joints_deg], j3=j3)
-    return arm_of(arm) | {"notes": notes}
+        ref = whole_ref(folder, request.robot, folder.root)
+        j3 = None if request.j3 == "pendant" else request.j3
+        arm = shown_arm(ref, [] if request.joints_deg is None else [request.joints_deg], j3=j3)
+    return arm_of(arm, notes)
 
 
-def arm_of(arm: ShownArm) -> dict[str, Any]:
+def arm_of(arm: ShownArm, notes: list[str] | None = None) -> DrawnArm:
+    """An arm in its first posture."""
     theta = ca.SX.sym("theta", arm.robot.n)
     parts = [arm.robot.skeleton(theta), arm.robot.axes(theta), arm.robot.links(theta)]
     placed = ca.Function("arm", [theta], [ca.densify(part) for part in parts])
     points, axes, links = (np.array(part) for part in placed(arm.poses[0].joints))
-    return arm_json(arm) | {
-        "skeleton": rounded(points.T, 3),
-        "axes": rounded(axes.T, 9),
-        "links": rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6),
-    }
+    return DrawnArm(
+        **arm_json(arm),
+        skeleton=rounded(points.T, 3),
+        axes=rounded(axes.T, 9),
+        links=rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6),
+        notes=notes,
+    )
 
 
 def whole_ref(folder: Folder, ref: str | UrdfRef, start: Path) -> str | UrdfRef:
@@ -87,9 +122,13 @@ def whole_ref(folder: Folder, ref: str | UrdfRef, start: Path) -> str | UrdfRef:
 
 
 def require_robot_inside(folder: Folder, content: Any, start: Path) -> None:
-    stated = content.get("robot") if isinstance(content, dict) else None
-    name = stated.get("urdf") if isinstance(stated, dict) else stated
-    if isinstance(name, str) and name not in built_in_robots() and (isinstance(stated, dict) or "." in name):
+    reference = content.get("robot") if isinstance(content, dict) else None
+    name = reference.get("urdf") if isinstance(reference, dict) else reference
+    if (
+        isinstance(name, str)
+        and name not in built_in_robots()
+        and (isinstance(reference, dict) or "." in name)
+    ):
         folder.inside(name, start)
 
 
@@ -97,40 +136,42 @@ def rounded(values: Matrix, digits: int) -> list[Any]:
     return (np.round(values, digits) + 0.0).tolist()  # type: ignore[no-any-return]
 
 
-def meshes(folder: Folder, wanted: AskedMeshes) -> dict[str, Any]:
-    """What a URDF shows of its links: `meshes` with `link` (0: the base; k: the link behind joint k of the
-    chain), `vertices` in the link's frame, mm, and `faces` (three vertices each); `notes` on what is left
-    out."""
-    path = folder.inside(wanted.robot.urdf)
+def meshes(folder: Folder, request: AskedMeshes) -> ArmMeshes:
+    """What a URDF shows of its links."""
+    path = folder.inside(request.robot.urdf)
     shown, notes = [], []
-    visuals = visuals_of(path, wanted.robot.base, wanted.robot.tip)
+    visuals = visuals_of(path, request.robot.base, request.robot.tip)
     for visual in visuals:
         try:
             if visual.kind == "mesh":
                 mesh = read_mesh(_mesh_file(folder, visual.file, path.parent))
             else:
                 mesh = solid(visual.kind)
-            own = simplified(mesh.placed(visual.pose, visual.scale), MOST_TRIANGLES // len(visuals))
+            drawn = simplified(mesh.placed(visual.pose, visual.scale), MOST_TRIANGLES // len(visuals))
         except BadInput as error:
             notes.append(folder.without(f"{visual.file} is not drawn: {error.what}"))
         else:
-            vertices = rounded(own.vertices, 1)
-            shown.append({"link": visual.link, "vertices": vertices, "faces": own.faces.tolist()})
-    return {"meshes": shown, "notes": notes}
+            vertices = rounded(drawn.vertices, 1)
+            shown.append(LinkMesh(link=visual.link, vertices=vertices, faces=drawn.faces.tolist()))
+    return ArmMeshes(meshes=shown, notes=notes)
 
 
 def _mesh_file(folder: Folder, name: str, start: Path) -> Path:
     """The file below the folder that a URDF in `start` names: relative to it, or in a package, a folder above
     or beside it."""
-    scheme, found, rest = name.partition("://")
-    if not found:
+    scheme, separator, rest = name.partition("://")
+    if not separator:
         return folder.inside(name, start)
     if scheme != "package":
         raise BadInput("the app reads files below its folder only")
     package, _, inner = rest.partition("/")
-    above = [own for own in (start, *start.parents) if own.is_relative_to(folder.root)]
-    for place in [own for own in above if own.name == package] + [own / package for own in above]:
-        if (path := folder.inside(inner, place)).is_file():
+    above = [
+        folder_above for folder_above in (start, *start.parents) if folder_above.is_relative_to(folder.root)
+    ]
+    for root in [folder_above for folder_above in above if folder_above.name == package] + [
+        folder_above / package for folder_above in above
+    ]:
+        if (path := folder.inside(inner, root)).is_file():
             return path
     raise BadInput(f"there is no package {package} with this file in the app's folder")
 

@@ -97,7 +97,7 @@ class Manual:
             state = state_of(self._problem, self.journal.shots)
             assert state is not None
             self.listener(recorded_event(shot, len(self.journal.shots), state))
-            outlier = single_outlier(state.solution.fit, state.dof) if state.judged else None
+            outlier = single_outlier(state.fit, state.dof) if state.converged else None
             if outlier is not None:
                 self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {})

@@ -371,7 +371,8 @@ class CellFile(SourcedModel):
         default=CELL_SCHEMA, alias="schema", description="kind and version of the file"
     )
     robot: RobotRef | None = Field(
-        default=None, description="the robot of the cell, as in a header; default: the plan's"
+        default=None,
+        description="the robot of the cell, as in a header: a plan of another one is refused",
     )
     arm: ArmInCell = Field(default=ArmInCell(), description="the true arm")
     laser: LaserInCell = Field(default=LaserInCell(), description="the true beam")

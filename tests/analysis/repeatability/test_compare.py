@@ -33,7 +33,7 @@ from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.files.validation import LARGEST
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.repeatability.comparison_json import comparison_json
+from zerobeam.words.comparison_json import ComparisonDocument
 
 ROOT = Path(__file__).resolve().parents[3]
 Json = dict[str, Any]
@@ -41,11 +41,11 @@ Json = dict[str, Any]
 
 def compare(paths: Sequence[Path | str]) -> Json:
     """The answer as `compare --json` prints it."""
-    return comparison_json(compare_runs(paths))
+    return ComparisonDocument.of(compare_runs(paths)).to_json()
 
 
 def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
-    return comparison_json(compared_runs(kind, repeats, seed))
+    return ComparisonDocument.of(compared_runs(kind, repeats, seed)).to_json()
 
 
 def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> RunSample:
@@ -147,6 +147,17 @@ def test_the_common_mean_is_that_of_stacked_least_squares() -> None:
     np.testing.assert_allclose(common.covariance, np.linalg.inv(design.T @ design))
     assert common.chi2 == pytest.approx(chi2[0])
     assert common.dof == 9
+
+
+@pytest.mark.parametrize("noise_dof", [None, 6])
+def test_the_interval_of_the_ratio_is_that_of_a_variance(noise_dof: int | None) -> None:
+    """A scatter s^2 of d degrees of freedom over the predicted: s^2 / F(d, noise) holds the true ratio."""
+    own = sample(drawn(4, seed=2), noise_dof=noise_dof)
+    found = consistency(own)
+    assert found is not None
+    law = stats.chi2(9, scale=1 / 9) if noise_dof is None else stats.f(9, noise_dof)
+    assert found.ratio == pytest.approx(np.sqrt(own.common.chi2 / 9))
+    assert found.ratio_interval95 == pytest.approx(found.ratio / np.sqrt(law.ppf([0.975, 0.025])))
 
 
 def test_what_an_arm_adds_to_all_runs_is_a_covariance_between_them() -> None:
@@ -523,21 +534,3 @@ def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:
     refused([], "one run cannot be compared")
     refused([one, table_file(tmp_path)], "a table is compared alone")
     refused([one, tmp_path / "none.jsonl"], "no such file")
-
-
-def test_every_key_of_the_answer_is_documented(tmp_path: Path) -> None:
-    """One with all parts: runs with a drift and an odd one."""
-    answer = compared("runs", repeats(drawn(4, seed=12)), 0)
-    answer.pop("versions")
-    keys: set[str] = set()
-
-    def collect(value: Any) -> None:
-        if isinstance(value, dict):
-            keys.update(value)
-        for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-            collect(item)
-
-    collect(answer)
-    page = (ROOT / "docs" / "compare.md").read_text(encoding="utf-8")
-    assert len(keys) > 40
-    assert not {key for key in keys if f"`{key}`" not in page}

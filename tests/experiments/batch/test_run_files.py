@@ -2,7 +2,7 @@
 
 import pytest
 
-from zerobeam.experiments.batch.run_files import PATTERN, names_of, run_files, shown_path
+from zerobeam.experiments.batch import PATTERN, names_of, run_files, shown_path
 from zerobeam.model.errors import BadInput
 
 

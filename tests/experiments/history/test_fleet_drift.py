@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import copy
+from dataclasses import replace
 from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
+from arms_over_years import without_offset
 from histories import a_result, write_result
 
 from zerobeam.experiments.history.arm_drift import ArmDrift, arm_drift
+from zerobeam.experiments.history.content import StoredResult
+from zerobeam.experiments.history.documents import FleetDriftRow
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
-from zerobeam.experiments.history.store import StoredResult
-from zerobeam.reports.history.drift_text import drift_blocks
-from zerobeam.reports.history.fleet_text import fleet_blocks, fleet_drift_json
+from zerobeam.reports.history.drift_text import drift_blocks, fleet_blocks
 from zerobeam.reports.style.blocks import Block, Paragraph, Table
 
 
@@ -41,18 +42,16 @@ def arm(
     random = np.random.default_rng([ord(letter) for letter in serial])
     alone = one.without_prior
     assert alone is not None
-    made, state = [], np.zeros(len(alone["names"]))
+    made, state = [], np.zeros(len(alone.names))
     for t, instrument in enumerate(instruments):
-        own = copy.deepcopy(alone)
-        values = random.multivariate_normal(state, np.array(own["covariance"]))
+        values = random.multivariate_normal(state, np.array(alone.covariance))
         values[1] += bias * (instrument == "B")
-        own["values"] = values.tolist()
         state[1] += rate * random.normal() / 2
         fields = {
             **one.__dict__,
             "serial": serial,
             "model": model,
-            "without_prior": own,
+            "without_prior": replace(alone, values=values.tolist()),
             "measured_at": datetime(2024, 1, 15) + t * timedelta(days=91),
             "instrument": instrument.replace(".", ""),
         }
@@ -137,20 +136,17 @@ def test_arms_with_few_results_borrow_and_say_so(one: StoredResult) -> None:
 def test_an_offset_that_no_arm_determines_twice_is_not_known(one: StoredResult) -> None:
     alone = arm(one, "a", "A")
     base = alone.used[0]
-    less = copy.deepcopy(base.without_prior)
-    assert less is not None
-    kept = [i for i, name in enumerate(less["names"]) if name != "delta2"]
-    for key in ("names", "values", "units", "by_geometry"):
-        less[key] = [less[key][i] for i in kept]
-    less["covariance"] = np.array(less["covariance"])[np.ix_(kept, kept)].tolist()
-    later = StoredResult(
-        **{**base.__dict__, "without_prior": less, "measured_at": base.measured_at + timedelta(days=91)}
+    assert base.without_prior is not None
+    later = replace(
+        base,
+        without_prior=without_offset(base.without_prior, "delta2"),
+        measured_at=base.measured_at + timedelta(days=91),
     )
     found = fleet_drift([arm_drift(("a", "irb1600"), [base, later], [], 0.5)])
     (own,) = [own for own in found.models if own.offset == "delta2"]
     assert (own.arms, own.median, own.probability, own.drifts) == (0, None, None, False)
     assert "not known" in texts(list(fleet_blocks(found)))
-    told = fleet_drift_json(found)
+    told = FleetDriftRow.of(found).to_json()
     assert told["models"][0]["rate"] is None
     assert told["arms"][0]["offsets"][0]["rate"] is None
 

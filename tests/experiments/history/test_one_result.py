@@ -13,10 +13,9 @@ import sqlalchemy as sa
 from certificates import kept, only
 from histories import a_result
 
+from zerobeam.experiments.history.database import document, result
 from zerobeam.experiments.history.entry import read_entry
-from zerobeam.experiments.history.one_result import choose, whole_answer
-from zerobeam.experiments.history.store import add, results
-from zerobeam.experiments.history.tables import document, result
+from zerobeam.experiments.history.store import add, choose, results, whole_answer
 from zerobeam.model.errors import BadInput
 
 

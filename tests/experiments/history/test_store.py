@@ -17,10 +17,10 @@ from child import ZEROBEAM, child
 from histories import a_result, adding, postgresql, write_result
 
 from zerobeam.experiments.history import store
+from zerobeam.experiments.history.content import Event
 from zerobeam.experiments.history.database import Database, back_up, open_history, restore
 from zerobeam.experiments.history.entry import Entry, read_entry
 from zerobeam.experiments.history.store import (
-    Event,
     add,
     add_event,
     arm_of,
@@ -55,8 +55,8 @@ def test_a_result_comes_back_as_it_was(history: Database, tmp_path: Path) -> Non
         *("Hamamatsu 17", "J. Doe"),
     )
     assert found.measured_at.isoformat() == "2026-03-31T12:05:00"
-    assert found.without_prior == answer["without_prior"]
-    assert [row["estimate"] for row in found.offsets] == [
+    assert vars(found.without_prior) == answer["without_prior"]
+    assert [row.estimate for row in found.offsets] == [
         row["estimate"] for row in answer["parameters"] if row["group"] == "offset"
     ]
     ((sha256, text),) = documents(history, [answer["inputs"]["sha256"]])
@@ -77,7 +77,7 @@ def test_a_result_is_added_once(history: Database, tmp_path: Path) -> None:
     assert add(history, [elsewhere, moved]) == ["added", "refused"]
     assert [arm.serial for arm in arms(history)] == ["A-1"]
     assert add(history, [differs, moved], replace=True) == ["replaced", "refused"]
-    assert [own.offsets[1]["estimate"] for own in results(history)].count(
+    assert [own.offsets[1].estimate for own in results(history)].count(
         other["parameters"][1]["estimate"]
     ) == 1
     ((_, text),) = documents(history, [first.sha256])
@@ -99,10 +99,10 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
     answer = a_result(demo="x-pattern")
     add(history, [entry(tmp_path, answer)])
     (found,) = results(history)
-    lost = [row["name"] for row in found.offsets if row["status"] == "unidentifiable"]
+    lost = [row.name for row in found.offsets if row.status == "unidentifiable"]
     assert lost
     assert found.without_prior is not None
-    assert not set(lost) & set(found.without_prior["names"])
+    assert not set(lost) & set(found.without_prior.names)
     claimed = a_result(demo="x-pattern")
     next(row for row in claimed["parameters"] if row["name"] == lost[0])["estimate"] = 0.1
     with pytest.raises(BadInput, match="unidentifiable, yet it has a number"):

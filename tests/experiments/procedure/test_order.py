@@ -106,7 +106,7 @@ def test_what_cannot_be_told_is_never_enough(tmp_path: Path) -> None:
     assert len(done.shots) == 9
     assert order.reason == "all postures of the plan are measured"
     assert done.state is not None
-    assert done.state.std["delta2"] is None
+    assert done.state.offset_std["delta2"] is None
     assert done.state.worst is None
 
 

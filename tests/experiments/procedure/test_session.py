@@ -95,7 +95,7 @@ def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) 
     assert done.state is not None
     truth = np.array([rig.provenance()[f"true delta{i} (deg)"] for i in range(2, 7)], dtype=float)
     found = np.degrees(done.state.x[1:6])
-    std = np.array([done.state.std[f"delta{i}"] for i in range(2, 7)], dtype=float)
+    std = np.array([done.state.offset_std[f"delta{i}"] for i in range(2, 7)], dtype=float)
     assert np.all(std < 0.1)
     # Five numbers within 4 std each but for one time in 3,000; without any calibration some are off by 10.
     assert np.all(np.abs(found - truth) < 4 * std)
@@ -245,7 +245,7 @@ def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:
     assert [shot.target for shot in done.shots] == [names[shot.shot] for shot in done.shots]
     assert done.state is not None
     assert done.state.consistent
-    assert "delta6" not in done.state.std  # held with an open tool
+    assert "delta6" not in done.state.offset_std  # held with an open tool
 
 
 def test_too_weak_a_laser_is_refused_and_said(tmp_path: Path, plan: Plan) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -55,8 +56,14 @@ def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[So
             else replace(offset, estimate=run.truth[offset.name] + wider * offset.std * float(rng.normal()))
             for offset in run.state.offsets
         ]
-        states.append(replace(run.state, offsets=tuple(offsets)))
+        states.append(with_offsets(run.state, offsets))
     return states
+
+
+def with_offsets(state: SoFar, offsets: Sequence[Any]) -> SoFar:
+    changed = copy(state)
+    vars(changed)["offsets"] = tuple(offsets)
+    return changed
 
 
 def unidentifiable(offset: Any) -> Any:
@@ -135,7 +142,7 @@ def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
         offsets = tuple(
             unidentifiable(offset) if offset.name == "delta3" else offset for offset in states[k].offsets
         )
-        states[k] = replace(states[k], offsets=offsets)
+        states[k] = with_offsets(states[k], offsets)
     plan_answer = judged(plans()["optimal"], run, states)
     of = {row["name"]: row["coverage"]["of"] for row in plan_answer["parameters"]}
     assert of == {"delta2": 30, "delta3": 20, "delta4": 30, "delta5": 30, "delta6": 30}
@@ -144,10 +151,7 @@ def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
 
 def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
     silent = [
-        replace(
-            state,
-            offsets=tuple(offset if offset.held else unidentifiable(offset) for offset in state.offsets),
-        )
+        with_offsets(state, [offset if offset.held else unidentifiable(offset) for offset in state.offsets])
         for state in made(run, 3)
     ]
     plan_answer = judged(plans()["optimal"], run, silent)

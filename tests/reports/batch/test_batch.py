@@ -9,15 +9,14 @@ import pytest
 from command_line import zerobeam
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
+from zerobeam.experiments.batch import Batch, BatchDocument, BatchOffset, BatchRow, BatchSettings
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
-from zerobeam.reports.batch import carried_out, solving
-from zerobeam.reports.batch.batch_folder import batch_json
-from zerobeam.reports.batch.batch_page import Batch, batch_page
+from zerobeam.reports.batch import carried_out
+from zerobeam.reports.batch import carried_out as solving
+from zerobeam.reports.batch.batch_page import batch_page, uncertainty_picture
 from zerobeam.reports.batch.carried_out import batch
-from zerobeam.reports.batch.uncertainty_figure import uncertainty_picture
 from zerobeam.words.result_json import dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())
@@ -114,7 +113,7 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     assert len(solved) == 4
     again = carried(runs)
     assert len(solved) == 4
-    assert batch_json(again) == batch_json(first)
+    assert BatchDocument.of(again) == BatchDocument.of(first)
     # A file that changed, and a result that somebody removed.
     shutil.copy(UNCALIBRATED, runs / "monday" / "arm.jsonl")
     shutil.rmtree(runs / "out" / "pattern")
@@ -187,9 +186,9 @@ def row(name, estimate, status="identified"):
 
 def test_an_odd_arm_is_named_and_one_without_a_number_is_not_asked():
     rows = [row(str(k), 0.01 * ((7 * k) % 20 - 10)) for k in range(40)]
-    assert Batch(tuple(rows), SETTINGS, {}).odd == ()
+    assert Batch(tuple(rows), SETTINGS, {}).outliers == ()
     odd = Batch((*rows, row("odd", 2.0), row("none", 9.0, "unidentifiable")), SETTINGS, {})
-    assert [own.run for own in odd.odd] == ["odd"]
+    assert [own.run for own in odd.outliers] == ["odd"]
     section = next(own for own in batch_page(odd).sections if own.title == "Odd arms")
     assert "Sodd" in str(section.all)
     assert odd.rows[-1].worst is None

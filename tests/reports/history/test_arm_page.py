@@ -14,9 +14,8 @@ from chromium import PAPER, PHONE, Size, chromium
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
-from zerobeam.reports.history.arm_state import state_json
-from zerobeam.reports.history.history_folder import arm_json, safe_name, write_arm, write_fleet
+from zerobeam.reports.history.arm_page import ArmHistory, arm_page, fleet_arm, headline
+from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
 from zerobeam.reports.history.trend_figure import trend_pictures
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.canvas import Picture
@@ -27,7 +26,7 @@ LABEL = "J3 (δ3)"
 
 @cache
 def pictures(own: ArmHistory) -> dict[str, Picture]:
-    return {one.name: one for one in trend_pictures(own.found, own.events, own.never)}
+    return {one.name: one for one in trend_pictures(own.arm, own.events, own.never)}
 
 
 def shown(own: ArmHistory, *, drawn: bool = False) -> Page:
@@ -42,7 +41,7 @@ def points(svg: str) -> int:
 
 def test_the_due_date_comes_first_and_every_calibration_is_listed() -> None:
     own = arm_history(over_years(6, walk=0.01, psd="Hamamatsu 17", who="J. Doe"))
-    due = own.found.due
+    due = own.arm.due
     assert due is not None
     said = headline(own)
     assert (said.key, said.word) == ("pass", "On schedule")
@@ -124,7 +123,7 @@ def test_what_happened_after_the_last_result_makes_a_calibration_due(what: str) 
 
 def test_overdue_is_said_of_the_day_that_is_asked_about() -> None:
     results = over_years(4, walk=0.01)
-    due = arm_history(results).found.due
+    due = arm_history(results).arm.due
     assert due is not None
     late = arm_history(results, as_of=due + timedelta(days=1))
     assert late.state.state == "overdue"
@@ -154,13 +153,13 @@ def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state:
         row = page.row(LABEL)
         assert row[1].endswith(f"{own.results[1].measured_at:%Y-%m-%d}")
         assert row[-1] == "none logged"
-        (change,) = arm_json(own)["drift"]["undecided"]
+        (change,) = arm_document(own).to_json()["drift"]["undecided"]
         assert change["offset"] == LOST
         assert abs(change["size"]) < change["least_jump"]
-        assert state_json(own.state)["undecided"] == 1
+        assert fleet_arm(own.state, None).undecided == 1
     else:
         assert own.state.state == state
-        assert arm_json(own)["drift"]["undecided"] == []
+        assert arm_document(own).drift.undecided == []
 
 
 def test_two_results_that_agree_say_nothing_of_jumps() -> None:
@@ -263,7 +262,7 @@ def test_two_hundred_results() -> None:
     page = shown(own, drawn=True)
     assert len([row for row in page.rows if row[1:2] in (["Pass"], ["Misfit"])]) == 200
     assert any(tag == "details" for tag, _ in page.tags)
-    assert [one.jump.offset for one in own.found.jumps] == ["delta5"]
+    assert [one.change.offset for one in own.arm.jumps] == ["delta5"]
 
 
 @pytest.mark.long
@@ -273,7 +272,7 @@ def test_the_pages_fit_every_screen_and_everybody_can_read_them(tmp_path: Path, 
     results = over_years(30, jump=(8, 1, 0.3), misfits=(5,), lost=(3,), serial="Ж" * 300, who="J. Doe")
     bump = happened("collision", results[20].measured_at, "table 3, " * 40, results[0].serial)
     arms = [arm_history(results, [bump]), arm_history(over_years(4, lost=range(4), serial="A-1"))]
-    given = {(own.found.serial, own.found.model): own for own in arms}
+    given = {(own.arm.serial, own.arm.model): own for own in arms}
     found = write_fleet(
         tmp_path / "out", list(given), given.__getitem__, 0.5, datetime(2031, 1, 1), lambda stage, share: None
     )

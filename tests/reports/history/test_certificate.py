@@ -19,7 +19,6 @@ from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.experiments.history.entry import read_entry
-from zerobeam.experiments.history.one_result import whole_answer
 from zerobeam.experiments.history.signing import (
     fingerprint,
     grouped,
@@ -29,10 +28,15 @@ from zerobeam.experiments.history.signing import (
     read_signed,
     why_not_signed,
 )
-from zerobeam.experiments.history.store import add, results
+from zerobeam.experiments.history.store import add, results, whole_answer
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.history.certificate import SCHEMA, certificate_json, why_history_differs
-from zerobeam.reports.history.certificate_folder import files_of_certificate, write_certificate
+from zerobeam.reports.history.certificate import (
+    SCHEMA,
+    certificate_json,
+    files_of_certificate,
+    why_history_differs,
+    write_certificate,
+)
 from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output import whole_folder as page_files
 from zerobeam.reports.output.html import html

@@ -17,11 +17,16 @@ from zerobeam.experiments.history.arm_drift import NOT_SOON
 from zerobeam.experiments.history.fleet_drift import fleet_drift
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history import history_folder
-from zerobeam.reports.history.arm_page import ArmHistory
-from zerobeam.reports.history.arm_state import STATES, ArmState, State
-from zerobeam.reports.history.due_figure import due_counts, due_picture
-from zerobeam.reports.history.fleet_page import MOST_ROWS, Fleet, fleet_page, headline
-from zerobeam.reports.history.fleet_text import fleet_blocks
+from zerobeam.reports.history.arm_page import STATES, ArmHistory, ArmState, State
+from zerobeam.reports.history.drift_text import fleet_blocks
+from zerobeam.reports.history.fleet_page import (
+    MOST_ROWS,
+    Fleet,
+    due_counts,
+    due_picture,
+    fleet_page,
+    headline,
+)
 from zerobeam.reports.history.history_folder import write_arm, write_fleet
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
@@ -112,7 +117,7 @@ def test_models_and_instruments_are_on_the_page(tmp_path: Path) -> None:
 
 
 def test_every_row_of_every_table_has_a_cell_for_each_column() -> None:
-    arms = [arm_history(over_years(3, serial=serial, psd="no. 1")).found for serial in ("A", "B")]
+    arms = [arm_history(over_years(3, serial=serial, psd="no. 1")).arm for serial in ("A", "B")]
     alone = fleet_drift(arms)
     biased = replace(alone, models=tuple(replace(own, biased=("no. 2",)) for own in alone.models))
     for found in (alone, biased):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_line import zerobeam
-from histories import a_result, postgresql, write_result
+from histories import a_result, as_misfit, postgresql, write_result
 
 
 def fill(folder: Path, url: object) -> None:
@@ -28,7 +28,7 @@ def test_sqlite_and_postgresql_give_the_same_pages(tmp_path: Path) -> None:
             answer = a_result(serial, f"{year}-0{len(serial) % 9 + 1}-15", psd=f"no. {number % 2}")
             answer["without_prior"]["values"][1] += 1.0 if (serial, year) == ("Ä-1", 2025) else 0.0
             if (serial, year) == ("B", 2025):
-                answer["verdict"] = "misfit"
+                answer = as_misfit(answer)
             write_result(tmp_path / "in" / str(number) / "result.json", answer)
             number += 1
     pages: list[dict[Path, bytes]] = []

@@ -26,11 +26,10 @@ from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output.html import html
 from zerobeam.reports.repeatability.comparison_folder import write_comparison
-from zerobeam.reports.repeatability.comparison_json import comparison_json
-from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison
-from zerobeam.reports.repeatability.figure_runs import runs_picture
+from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison, runs_picture
 from zerobeam.reports.style import blocks
 from zerobeam.reports.style.canvas import Picture
+from zerobeam.words.comparison_json import ComparisonDocument
 
 
 @functools.cache
@@ -115,7 +114,7 @@ def test_the_folder(tmp_path: Path) -> None:
     told, folder = answer(odd=0.2), tmp_path / "out"
     for name in (str(folder), folder):
         paths = write_comparison(name, told)
-    assert json.loads(paths.compare.read_text(encoding="utf-8")) == comparison_json(told)
+    assert json.loads(paths.compare.read_text(encoding="utf-8")) == ComparisonDocument.of(told).to_json()
     rows = list(csv.DictReader(io.StringIO(paths.table.read_text(encoding="utf-8"))))
     assert len(rows) == 15
     assert float(rows[4]["estimate"]) == told.runs[4].offsets[0].estimate

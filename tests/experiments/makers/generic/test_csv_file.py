@@ -39,9 +39,14 @@ def out(tmp_path) -> Path:
     return tmp_path / "run.jsonl"
 
 
-def test_several_files_go_into_one_run_numbered_on(tmp_path, header, out):
+@pytest.fixture
+def read(header, out):
+    return lambda files, names, layout: import_csv(files, names, layout, header, out)
+
+
+def test_several_files_go_into_one_run_numbered_on(tmp_path, read, out):
     files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2]), csv(tmp_path, "c.csv", ROWS[1:])]
-    found = import_csv(files, ["one", "two", "one"], CsvLayout("deg"), header, out)
+    found = read(files, ["one", "two", "one"], CsvLayout("deg"))
     assert [shot.shot for shot in found.shots] == list(range(7))
     assert [shot.target for shot in found.shots] == ["one"] * 3 + ["two"] * 2 + ["one"] * 2
     assert not out.exists()
@@ -66,16 +71,16 @@ def test_the_collector_of_circles_rests_within_an_import_alone():
     gc.enable()
 
 
-def test_radians_are_turned_into_degrees(tmp_path, header, out):
+def test_radians_are_turned_into_degrees(tmp_path, read):
     file = csv(tmp_path, "a.csv", np.radians(ROWS))
-    found = import_csv([file], ["one"], CsvLayout("rad"), header, out)
+    found = read([file], ["one"], CsvLayout("rad"))
     np.testing.assert_allclose([shot.joints_deg for shot in found.shots], ROWS, rtol=1e-14)
     assert "angles in radians, converted to degrees" in found.understood
 
 
-def test_what_was_understood_is_told(tmp_path, header, out):
+def test_what_was_understood_is_told(tmp_path, read):
     files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2])]
-    told = import_csv(files, ["one", "two"], CsvLayout("deg"), header, out).understood
+    told = read(files, ["one", "two"], CsvLayout("deg")).understood
     assert told[0] == "2 files, 5 measurements, robot irb1600 (6 joints)"
     assert told[1].endswith("a.csv: 3 measurements of target 'one', numbered 0 to 2")
     assert told[2].endswith("b.csv: 2 measurements of target 'two', numbered 3 to 4")
@@ -85,59 +90,44 @@ def test_what_was_understood_is_told(tmp_path, header, out):
     assert len(told) == 11
 
 
-def test_columns_by_name(tmp_path, header, out, refused):
+def test_columns_by_name(tmp_path, read, refused):
     order = [5, 0, 1, 2, 3, 4]
     top = "time,j6,j1,j2,j3,j4,j5\n"
     rows = [[i, *(row[order])] for i, row in enumerate(ROWS)]
     file = csv(tmp_path, "a.csv", rows, top)
     names = [f"j{i}" for i in range(1, 7)]
-    found = import_csv([file], ["one"], CsvLayout("deg", header_row=True, columns=names), header, out)
+    found = read([file], ["one"], CsvLayout("deg", header_row=True, columns=names))
     np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
     assert "columns by name, joint 1 first: j1, j2, j3, j4, j5, j6" in found.understood
-    error = refused(
-        import_csv,
-        [file],
-        ["one"],
-        CsvLayout("deg", header_row=True, columns=[*names[:5], "j7"]),
-        header,
-        out,
-    )
+    error = refused(read, [file], ["one"], CsvLayout("deg", header_row=True, columns=[*names[:5], "j7"]))
     assert error.found == "j7"
     assert error.allowed == "time, j6, j1, j2, j3, j4, j5"
     assert error.line == 1
-    unnamed = refused(import_csv, [file], ["one"], CsvLayout("deg", header_row=True), header, out)
+    unnamed = refused(read, [file], ["one"], CsvLayout("deg", header_row=True))
     assert "not just the joints in their order" in unnamed.what
     assert (
         "one column is required"
-        in refused(
-            import_csv, [file], ["one"], CsvLayout("deg", header_row=True, columns=names[:5]), header, out
-        ).what
+        in refused(read, [file], ["one"], CsvLayout("deg", header_row=True, columns=names[:5])).what
     )
-    assert (
-        "no header row"
-        in refused(import_csv, [file], ["one"], CsvLayout("deg", columns=names), header, out).what
-    )
+    assert "no header row" in refused(read, [file], ["one"], CsvLayout("deg", columns=names)).what
 
 
-def test_a_header_row_that_names_the_joints_in_another_order(tmp_path, header, out, refused):
+def test_a_header_row_that_names_the_joints_in_another_order(tmp_path, read, refused):
     names = [f"joint{i}" for i in range(1, 7)]
     right = csv(tmp_path, "a.csv", ROWS, ",".join(names) + "\n")
-    assert len(import_csv([right], ["one"], CsvLayout("deg", header_row=True), header, out).shots) == 3
+    assert len(read([right], ["one"], CsvLayout("deg", header_row=True)).shots) == 3
     turned = csv(tmp_path, "b.csv", ROWS[:, ::-1], ",".join(reversed(names)) + "\n")
-    assert (
-        "in their order"
-        in refused(import_csv, [turned], ["one"], CsvLayout("deg", header_row=True), header, out).what
-    )
+    assert "in their order" in refused(read, [turned], ["one"], CsvLayout("deg", header_row=True)).what
 
 
-def test_a_header_row_must_be_stated_and_be_one(tmp_path, header, out, refused):
+def test_a_header_row_must_be_stated_and_be_one(tmp_path, read, refused):
     file = csv(tmp_path, "a.csv", ROWS, "j1,j2,j3,j4,j5,j6\n")
-    error = refused(import_csv, [file], ["one"], CsvLayout("deg"), header, out)
+    error = refused(read, [file], ["one"], CsvLayout("deg"))
     assert "the first row holds no numbers" in error.what
     assert "header row" in error.remedy
     assert error.line == 1
     plain = csv(tmp_path, "b.csv", ROWS)
-    error = refused(import_csv, [plain], ["one"], CsvLayout("deg", header_row=True), header, out)
+    error = refused(read, [plain], ["one"], CsvLayout("deg", header_row=True))
     assert "not a header row" in error.what
 
 
@@ -159,52 +149,49 @@ def test_a_header_row_must_be_stated_and_be_one(tmp_path, header, out, refused):
         (",,\n", "no rows", None),
     ],
 )
-def test_rows_that_cannot_be_used(tmp_path, header, out, refused, content, what, line):
+def test_rows_that_cannot_be_used(tmp_path, read, refused, content, what, line):
     good = csv(tmp_path, "good.csv", ROWS)
     bad = tmp_path / "bad.csv"
     bad.write_text(content)
-    error = refused(import_csv, [good, bad], ["one", "two"], CsvLayout("deg"), header, out)
+    error = refused(read, [good, bad], ["one", "two"], CsvLayout("deg"))
     assert any(part in error.what for part in what.split("|")), error
     assert error.line == line
     assert error.file == str(bad)
 
 
-def test_another_delimiter(tmp_path, header, out, refused):
+def test_another_delimiter(tmp_path, read, refused):
     file = csv(tmp_path, "a.csv", ROWS, delimiter=";")
-    found = import_csv([file], ["one"], CsvLayout("deg", delimiter=";"), header, out)
+    found = read([file], ["one"], CsvLayout("deg", delimiter=";"))
     np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
-    assert "delimiter" in refused(import_csv, [file], ["one"], CsvLayout("deg"), header, out).remedy
-    assert (
-        "not a delimiter"
-        in refused(import_csv, [file], ["one"], CsvLayout("deg", delimiter=";;"), header, out).what
-    )
+    assert "delimiter" in refused(read, [file], ["one"], CsvLayout("deg")).remedy
+    assert "not a delimiter" in refused(read, [file], ["one"], CsvLayout("deg", delimiter=";;")).what
 
 
-def test_what_must_be_stated(tmp_path, header, out, refused):
+def test_what_must_be_stated(tmp_path, read, header, refused):
     file = csv(tmp_path, "a.csv", ROWS)
-    assert "unit" in refused(import_csv, [file], ["one"], CsvLayout("grad"), header, out).what
-    assert "one target name" in refused(import_csv, [file], [], CsvLayout("deg"), header, out).what
-    assert "no file" in refused(import_csv, [], [], CsvLayout("deg"), header, out).what
-    assert "duplicate" in refused(import_csv, [file, file], ["a", "b"], CsvLayout("deg"), header, out).what
-    assert "'tool'" in refused(import_csv, [file], ["tool"], CsvLayout("deg"), header, out).what
+    assert "unit" in refused(read, [file], ["one"], CsvLayout("grad")).what
+    assert "one target name" in refused(read, [file], [], CsvLayout("deg")).what
+    assert "no file" in refused(read, [], [], CsvLayout("deg")).what
+    assert "duplicate" in refused(read, [file, file], ["a", "b"], CsvLayout("deg")).what
+    assert "'tool'" in refused(read, [file], ["tool"], CsvLayout("deg")).what
     absent = [tmp_path / "x.csv"]
-    assert "no such file" in refused(import_csv, absent, ["a"], CsvLayout("deg"), header, out).what
+    assert "no such file" in refused(read, absent, ["a"], CsvLayout("deg")).what
     header.write_text(HEADER + "distances: [{between: [one, two], mm: 50, sigma_mm: 0.1}]\n")
-    assert refused(import_csv, [file], ["one"], CsvLayout("deg"), header, out).found == "two"
+    assert refused(read, [file], ["one"], CsvLayout("deg")).found == "two"
 
 
-def test_the_wrong_unit_is_asked_about(tmp_path, header, out, refused):
+def test_the_wrong_unit_is_asked_about(tmp_path, read, refused):
     small = csv(tmp_path, "a.csv", np.radians(ROWS))
-    assert "--units rad" in refused(import_csv, [small], ["one"], CsvLayout("deg"), header, out).remedy
+    assert "--units rad" in refused(read, [small], ["one"], CsvLayout("deg")).remedy
     large = csv(tmp_path, "b.csv", ROWS)
-    assert "radians?" in refused(import_csv, [large], ["one"], CsvLayout("rad"), header, out).remedy
+    assert "radians?" in refused(read, [large], ["one"], CsvLayout("rad")).remedy
 
 
-def test_limits_warn_is_respected(tmp_path, header, out):
+def test_limits_warn_is_respected(tmp_path, read, header):
     far = ROWS.astype(float)
     far[1, 4] = 140
     header.write_text(HEADER + "limits: warn\n")
-    found = import_csv([csv(tmp_path, "a.csv", far)], ["one"], CsvLayout("deg"), header, out)
+    found = read([csv(tmp_path, "a.csv", far)], ["one"], CsvLayout("deg"))
     assert found.understood[-1].endswith("up to 140, in 1 of 3 measurements: 1")
 
 

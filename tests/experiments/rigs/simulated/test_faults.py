@@ -313,7 +313,7 @@ def test_the_bump_is_found_where_it_was(sessions: Sessions) -> None:
     assert carried.state is not None
     # Links within their tolerance explain as much, so that nothing is claimed; nominal geometry finds it.
     assert carried.state.displaced is None
-    moved = displacement(carried.state.solution.fit)
+    moved = displacement(carried.state.fit)
     assert moved is not None
     assert (moved.at.after_shot, moved.at.before_shot) == (2, 3)
     assert moved.size_mm is not None

@@ -1,4 +1,4 @@
-"""Which runs the app has begun, and by which command: so that they can be resumed after the server's end.
+"""Which runs the app has started, and by which command: so that they can be resumed after the server's end.
 
 It is kept in the folder, `.zerobeam/runs.json`. What was measured is in the run files alone.
 """
@@ -7,48 +7,66 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Any
+from typing import Literal
+
+from pydantic import Field
 
 from ...model.errors import BadInput
+from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import write_whole
 from .folder import Folder
 
 _FILE = "runs.json"
-_SCHEMA = "zerobeam/app-runs/1"
+_SCHEMA: Literal["zerobeam/app-runs/1"] = "zerobeam/app-runs/1"
 _MOST = 200  # the oldest are forgotten
 _RESUME = "--resume"
 _OURS = ("--json-lines", "--scene", "--")  # what the server adds to what was asked for
 
 
-class BegunRuns:
+class StartedRun(JsonDocument):
+    """A run that the app has started."""
+
+    command: list[str]
+    ended: bool
+
+
+class _RunsFile(JsonDocument):
+    """The content of the file, by the names of run files."""
+
+    schema_: Literal["zerobeam/app-runs/1"] = Field(default=_SCHEMA, alias="schema")
+    runs: dict[str, StartedRun]
+
+
+class StartedRuns:
     """By the name of the run file in the folder; `ended` ones reached their end."""
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
 
     def command(self, file: str) -> list[str] | None:
-        """The command that goes on with a run, None where the app has not begun it."""
+        """The command that goes on with a run, None where the app has not started it."""
         entry = self._read().get(file)
         if entry is None:
             return None
-        command = list(entry["command"])
+        command = entry.command
         return [*command[:1], _RESUME, *(word for word in command[1:] if word not in (_RESUME, *_OURS))]
 
     def unfinished(self) -> list[str]:
         """Run files that are there and have not reached their end, the newest first."""
-        names = [name for name, entry in self._read().items() if not entry["ended"]]
+        names = [name for name, entry in self._read().items() if not entry.ended]
         return [name for name in reversed(names) if self._there(name)]
 
     def ended(self, file: str) -> bool:
-        return bool(self._read().get(file, {}).get("ended"))
+        entry = self._read().get(file)
+        return entry is not None and entry.ended
 
     def begin(self, command: Sequence[str]) -> None:
         """A run begins, or goes on."""
-        self._put(run_file(command), {"command": list(command), "ended": False})
+        self._put(run_file(command), StartedRun(command=list(command), ended=False))
 
     def end(self, command: Sequence[str]) -> None:
         """It has reached its end."""
-        self._put(run_file(command), {"command": list(command), "ended": True})
+        self._put(run_file(command), StartedRun(command=list(command), ended=True))
 
     def _there(self, name: str) -> bool:
         try:
@@ -56,27 +74,23 @@ class BegunRuns:
         except BadInput:
             return False
 
-    def _read(self) -> dict[str, Any]:
+    def _read(self) -> dict[str, StartedRun]:
         """What is not as it was written counts as nothing: it only spares a person the typing."""
         try:
             content = json.loads(self._folder.private(_FILE).read_text(encoding="utf-8"))
-            runs = content["runs"] if content["schema"] == _SCHEMA else {}
-            return {
-                str(name): {"command": list(map(str, own["command"])), "ended": bool(own["ended"])}
-                for name, own in runs.items()
-            }
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, BadInput):
+            return _RunsFile.from_json(content).runs
+        except (OSError, ValueError, BadInput):
             return {}
 
-    def _put(self, name: str, entry: dict[str, Any]) -> None:
+    def _put(self, name: str, entry: StartedRun) -> None:
         runs = self._read()
         runs.pop(name, None)
         runs[name] = entry
-        kept = dict(list(runs.items())[-_MOST:])
+        content = _RunsFile(runs=dict(list(runs.items())[-_MOST:])).to_json()
         try:
             path = self._folder.private(_FILE)
             path.parent.mkdir(exist_ok=True)
-            write_whole(path, json.dumps({"schema": _SCHEMA, "runs": kept}, indent=1) + "\n", force=True)
+            write_whole(path, json.dumps(content, indent=1) + "\n", force=True)
         except (OSError, BadInput):
             return  # a folder that cannot be written is said by the run itself
 

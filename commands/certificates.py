@@ -5,17 +5,19 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ...model.errors import BadInput
-from ..console import out, plain, print_json
-from ..options import Json
-from .shared import Model, Serial, Url, opened
+from ..model.errors import BadInput
+from .console import print_json, say
+from .history import Model, Serial, Url, opened
+from .options import Json
+
+if TYPE_CHECKING:
+    from ..reports.history.certificate import VerificationCheck
 
 VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
-SCHEMA = "zerobeam/verification/1"
 _LONGEST = 1000  # bytes of a passphrase
 
 
@@ -32,16 +34,16 @@ def key(
     ] = False,
 ) -> None:
     """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
-    from ...experiments.history.signing import grouped, make_key, public_file, require_library
+    from ..experiments.history.signing import grouped, make_key, public_file, require_library
 
     require_library()
-    found = make_key(file, _passphrase(twice=True) if passphrase else None)
+    made = make_key(file, _passphrase(twice=True) if passphrase else None)
     if passphrase:
-        _say(f"Private key, encrypted: {file}. Keep it to yourself.")
+        say(f"Private key, encrypted: {file}. Keep it to yourself.")
     else:
-        _say(f"Private key: {file}. Keep it to yourself: whoever can read it can sign.")
-    _say(f"Public key: {public_file(file)}. Give it to whoever is to verify.")
-    _say(f"Fingerprint: {grouped(found)}")
+        say(f"Private key: {file}. Keep it to yourself: whoever can read it can sign.")
+    say(f"Public key: {public_file(file)}. Give it to whoever is to verify.")
+    say(f"Fingerprint: {grouped(made)}")
 
 
 def certify(
@@ -64,19 +66,18 @@ def certify(
     db: Url = None,
 ) -> None:
     """Write a certificate of a result (JSON, HTML, PDF), each file signed."""
-    from ...experiments.history.signing import grouped, private_key, require_library
+    from ..experiments.history.signing import grouped, private_key, require_library
 
     require_library()
     with opened(db) as history:
-        from ...experiments.history.one_result import choose, whole_answer
-        from ...experiments.history.store import find_arm, results
-        from ...reports.history.certificate_folder import write_certificate
+        from ..experiments.history.store import choose, find_arm, results, whole_answer
+        from ..reports.history.certificate import write_certificate
 
-        own = choose(list(results(history, find_arm(history, serial, model))), run, date)
-        answer = whole_answer(history, own)
-        by = write_certificate(folder, own, answer, private_key(private, _passphrase))
-    _say(f"Certificate of {plain(own.run)}, {own.measured_at:%Y-%m-%d}, verdict {own.verdict}: {folder}")
-    _say(f"Signed by: {grouped(by)}")
+        result = choose(list(results(history, find_arm(history, serial, model))), run, date)
+        answer = whole_answer(history, result)
+        by = write_certificate(folder, result, answer, private_key(private, _passphrase))
+    say(f"Certificate of {result.run}, {result.measured_at:%Y-%m-%d}, verdict {result.verdict}: {folder}")
+    say(f"Signed by: {grouped(by)}")
 
 
 def verify(
@@ -105,7 +106,7 @@ def verify(
 ) -> None:
     """Check the signatures of certificates, whether the files of each state one result, and with --db whether
     the history still holds it."""
-    from ...experiments.history.signing import (
+    from ..experiments.history.signing import (
         fingerprint,
         grouped,
         public_key,
@@ -113,38 +114,43 @@ def verify(
         require_library,
         why_not_signed,
     )
-    from ...reports.history.certificate_folder import files_of_certificate
+    from ..reports.history.certificate import Verification, files_of_certificate
 
     require_library()
     by = public_key(public)
-    read = {file: read_signed(file) for given in files for file in files_of_certificate(given)}
-    found = [_verdict(file, why_not_signed(*signed, by)) for file, signed in read.items()]
+    read = {file: read_signed(file) for path in files for file in files_of_certificate(path)}
+    checks = [_verdict(file, why_not_signed(*signed, by)) for file, signed in read.items()]
     signed = {
-        file: content for (file, (content, _)), row in zip(read.items(), found, strict=True) if row["valid"]
+        file: content for (file, (content, _)), row in zip(read.items(), checks, strict=True) if row.valid
     }
-    found += _of_one_result(signed)
+    checks += _of_one_result(signed)
     if db is not None:
-        found += _against_history(db, list(read), signed)
+        checks += _against_history(db, list(read), signed)
     if as_json:
-        print_json({"schema": SCHEMA, "fingerprint": fingerprint(by), "checks": found})
+        print_json(Verification(fingerprint=fingerprint(by), checks=checks).to_json())
     else:
-        _say(f"Key: {grouped(fingerprint(by))}")
-        for row in found:
-            words = f"NOT VALID: {row['reason']}" if not row["valid"] else "valid"
-            _say(f"{row['file']}, {row['check']}: {words}")
-    raise typer.Exit(0 if all(row["valid"] for row in found) else 1)
+        say(f"Key: {grouped(fingerprint(by))}")
+        for row in checks:
+            words = f"NOT VALID: {row.reason}" if not row.valid else "valid"
+            say(f"{row.file}, {row.check}: {words}")
+    raise typer.Exit(0 if all(row.valid for row in checks) else 1)
 
 
-def _verdict(file: Path, reason: str | None, check: str = "signature") -> dict[str, Any]:
-    return {"file": str(file), "check": check, "valid": reason is None, "reason": reason}
+def _verdict(
+    file: Path, reason: str | None, check: Literal["signature", "certificate", "history"] = "signature"
+) -> VerificationCheck:
+    from ..reports.history.certificate import VerificationCheck
+
+    return VerificationCheck(file=str(file), check=check, valid=reason is None, reason=reason)
 
 
-def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
+def _of_one_result(signed: dict[Path, bytes]) -> list[VerificationCheck]:
     """Of each file beside a certificate.json whether it is of that certificate."""
-    from ...reports.history.certificate import read_certificate
-    from ...reports.history.certificate_folder import JSON, why_not_of_certificate
+    from ..reports.history.certificate import JSON, read_certificate, why_not_of_certificate
 
-    beside = {file.parent: read_certificate(own, file) for file, own in signed.items() if file.name == JSON}
+    beside = {
+        file.parent: read_certificate(content, file) for file, content in signed.items() if file.name == JSON
+    }
     return [
         _verdict(file, why_not_of_certificate(beside[file.parent], file.name, content), "certificate")
         for file, content in signed.items()
@@ -152,9 +158,9 @@ def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
     ]
 
 
-def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[dict[str, Any]]:
+def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[VerificationCheck]:
     """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
-    from ...reports.history.certificate import read_certificate, why_history_differs
+    from ..reports.history.certificate import read_certificate, why_history_differs
 
     if not any(file.suffix == ".json" for file in files):
         raise BadInput(
@@ -172,33 +178,29 @@ def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> l
 
 def _passphrase(*, twice: bool = False) -> str:
     """From the environment, or asked for on the terminal."""
-    stated = os.environ.get(VARIABLE)
-    if stated is None:
+    passphrase = os.environ.get(VARIABLE)
+    if passphrase is None:
         if not sys.stdin.isatty():
             raise BadInput(
                 "the private key needs its passphrase, and there is no terminal to ask for it",
                 remedy=f"state it in the environment variable {VARIABLE}",
             )
-        stated = _asked("Passphrase of the private key: ")
-        if twice and _asked("Again: ") != stated:
+        passphrase = _typed("Passphrase of the private key: ")
+        if twice and _typed("Again: ") != passphrase:
             raise BadInput("the two passphrases differ", remedy="the same command asks again")
-    if not 0 < len(stated.encode()) <= _LONGEST:
+    if not 0 < len(passphrase.encode()) <= _LONGEST:
         raise BadInput(
             "the passphrase cannot be used",
-            found=f"{len(stated.encode())} bytes",
+            found=f"{len(passphrase.encode())} bytes",
             allowed=f"1 to {_LONGEST} bytes",
         )
-    return stated
+    return passphrase
 
 
-def _asked(question: str) -> str:
+def _typed(question: str) -> str:
     from getpass import getpass
 
     try:
         return getpass(question)
     except EOFError:  # Ctrl-D
         return ""
-
-
-def _say(text: str) -> None:
-    out.print(plain(text), soft_wrap=True, markup=False, highlight=False)

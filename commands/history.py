@@ -1,0 +1,424 @@
+"""`zerobeam history`: a database of results of many arms: kept, listed, copied; their drift, their pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from ..model.errors import BadInput, missing_extra
+from .console import err, out, print_json, print_json_pieces, progress, say
+from .options import Force, Json, Seed
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from ..experiments.history.content import StoredResult
+    from ..experiments.history.database import Database
+    from ..experiments.history.entry import Entry
+    from ..experiments.history.store import Damaged
+    from ..model.files.json_document import JsonDocument
+    from ..reports.history.arm_page import ArmHistory
+    from ..reports.style.blocks import Block
+
+Url = Annotated[
+    str | None,
+    typer.Option(
+        "--db",
+        envvar="ZEROBEAM_HISTORY",
+        help="SQLite file, or postgresql://user@host/database. Default: history.sqlite in your data folder.",
+        metavar="URL",
+        show_default=False,
+    ),
+]
+Serial = Annotated[
+    str, typer.Argument(help="Serial number of the arm.", metavar="SERIAL", show_default=False)
+]
+Model = Annotated[
+    str | None,
+    typer.Option(help="Model of the arm, where several have this serial number.", show_default=False),
+]
+
+
+@contextmanager
+def opened(db: str | None, *, create: bool = False) -> Iterator[Database]:
+    if find_spec("sqlalchemy") is None:
+        raise missing_extra("a history", "history")
+    from ..experiments.history.database import open_history
+
+    history = open_history(db, create=create)
+    try:
+        yield history
+    finally:
+        history.engine.dispose()
+
+
+@contextmanager
+def damage_named() -> Iterator[Damaged]:
+    """Damaged results and events are named as errors, the rest goes on; at the end the exit status is 2."""
+    errors: list[BadInput] = []
+
+    def name(error: BadInput) -> None:
+        errors.append(error)
+        say(f"error: {error}", to=err)
+
+    yield name
+    if errors:
+        raise typer.Exit(BadInput.exit_status)
+
+
+histories = typer.Typer(
+    help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
+    no_args_is_help=True,
+)
+
+_AT_ONCE = 100  # results in one transaction
+
+What = Literal["collision", "motor", "mastering", "other"]
+
+
+@histories.command("add")
+def add(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Results (result.json), runs (.jsonl: solved first), or folders of results.",
+            metavar="FILE...",
+            show_default=False,
+        ),
+    ],
+    db: Url = None,
+    serial: Annotated[
+        str | None,
+        typer.Option(help="Serial number of the arm, where a run states none.", show_default=False),
+    ] = None,
+    when: Annotated[
+        str | None,
+        typer.Option(help="Date of the measurements, where a run states none.", show_default=False),
+    ] = None,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace another result of the same run.")
+    ] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Add results, each once; runs are solved first. A bad file is named, and the others are added."""
+    from ..experiments.history.entry import files_of, is_run, read_entry
+    from ..experiments.history.store import add as add_entries
+    from ..experiments.history.store import arm_of
+
+    counts: dict[str, int] = dict.fromkeys(("added", "replaced", "already there", "refused"), 0)
+    failed: list[dict[str, str]] = []
+    waiting: list[tuple[Path, Entry]] = []
+
+    def refuse(path: Path, why: str) -> None:
+        failed.append({"file": str(path), "message": why})
+        say(f"error: {why}", to=err)
+
+    def flush() -> None:
+        for (path, entry), outcome in zip(
+            waiting, add_entries(history, [entry for _, entry in waiting], replace=replace), strict=True
+        ):
+            counts[outcome] += 1
+            if outcome == "refused":
+                refuse(path, str(_other_result(path, entry, replace)))
+        waiting.clear()
+
+    with opened(db, create=True) as history:
+        paths = list(files_of(files))
+
+        def held(sha256: str) -> tuple[str, str] | None:
+            return None if replace else arm_of(history, sha256)
+
+        with progress("history") as tell:
+            for number, path in enumerate(paths):
+                tell(f"{number} of {len(paths)}", number / len(paths))
+                try:
+                    entry = read_entry(path, held, serial=serial, when=when, seed=seed)
+                except BadInput as error:
+                    refuse(path, str(error.at(path, None)))
+                    continue
+                if entry is None:
+                    counts["already there"] += 1
+                    continue
+                waiting.append((path, entry))
+                if len(waiting) >= _AT_ONCE or is_run(path):
+                    flush()
+            flush()
+    if as_json:
+        print_json({**{name.replace(" ", "_"): count for name, count in counts.items()}, "failed": failed})
+    else:
+        parts = [f"{count} {name}" for name, count in counts.items() if count or name == "added"]
+        if unread := len(failed) - counts["refused"]:
+            parts.append(f"{unread} not added")
+        say(f"{', '.join(parts)}: {history.name}")
+    raise typer.Exit(2 if failed or not paths else 0)
+
+
+def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
+    remedy = "name one arm for it" if replace else "--replace takes this one instead, for the same arm"
+    return BadInput(
+        "the history has another result of the same run",
+        found=f"run {entry.run}, SHA-256 {entry.sha256[:12]}…",
+        allowed="one result of each run",
+        remedy=remedy,
+        file=path,
+    )
+
+
+@histories.command("list")
+def list_arms(db: Url = None, as_json: Json = False) -> None:
+    """List the arms with their last results; with --json every result."""
+    from ..experiments.history.store import arms, results
+    from ..reports.history.lists import arms_table, history_text
+
+    with damage_named() as damaged, opened(db) as history:
+        if as_json:
+            print_json_pieces(history_text(results(history, damaged=damaged)))
+        else:
+            _print(None, [arms_table(arms(history, damaged))])
+
+
+@histories.command("show")
+def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
+    """Show the results and events of an arm, in the order of time."""
+    from ..experiments.history.documents import HistoryDocument, HistoryEvent, HistoryResult
+    from ..experiments.history.store import events, find_arm, results
+    from ..reports.history.lists import events_table, results_table
+
+    with damage_named() as damaged:
+        with opened(db) as history:
+            arm = find_arm(history, serial, model)
+            stored, logged = list(results(history, arm, damaged)), events(history, arm, damaged)
+        if as_json:
+            answer = HistoryDocument(
+                serial=arm[0],
+                model=arm[1],
+                results=[HistoryResult.of(result) for result in stored],
+                events=[HistoryEvent.of(event) for event in logged],
+            )
+            print_json(answer.to_json())
+        else:
+            _print(arm, (results_table(stored), events_table(logged)))
+
+
+def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
+    """What there is of an arm (serial number, model), or of all."""
+    from ..reports.style.console import print_block
+
+    if arm is not None:
+        say(f"{arm[0]}, {arm[1]}")
+    for block in blocks:
+        if block is not None:
+            print_block(out, block)
+
+
+@histories.command("event")
+def event(
+    serial: Serial,
+    date: Annotated[str, typer.Option(help="When it happened (ISO 8601).", show_default=False)],
+    what: Annotated[
+        What,
+        typer.Option(
+            help="collision, motor (changed), mastering (new zeros in the controller) or other.",
+            show_default=False,
+        ),
+    ],
+    note: Annotated[str, typer.Option(help="What is to be remembered of it.", show_default=False)] = "",
+    model: Model = None,
+    db: Url = None,
+) -> None:
+    """Log what happened to an arm."""
+    from ..experiments.history.content import Event
+    from ..experiments.history.entry import moment
+    from ..experiments.history.store import add_event, find_arm
+
+    with opened(db) as history:
+        arm = find_arm(history, serial, model)
+        new = add_event(history, Event(*arm, moment(date), what, note))
+    say("logged" if new else "already there")
+
+
+@histories.command("export")
+def export(
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="File to write: .csv or .json.", show_default=False)
+    ],
+    serial: Annotated[
+        str | None,
+        typer.Argument(help="Serial number of one arm.", metavar="[SERIAL]", show_default=False),
+    ] = None,
+    model: Model = None,
+    db: Url = None,
+    force: Force = False,
+) -> None:
+    """Write the results as a table (a row for each offset) or as JSON."""
+    from ..experiments.history.store import events, find_arm, results
+    from ..model.files.whole_file import write_whole
+    from ..reports.history.lists import history_text, offset_rows
+    from ..words.spreadsheet import csv_lines
+
+    if file.suffix not in (".csv", ".json"):
+        raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")
+    with opened(db) as history:
+        arm = None if serial is None else find_arm(history, serial, model)
+        count = 0
+
+        def counted_results() -> Iterator[StoredResult]:
+            nonlocal count
+            for count, result in enumerate(results(history, arm), start=1):  # noqa: B007 - told below
+                yield result
+
+        csv = file.suffix == ".csv"
+        text = (
+            csv_lines(offset_rows(counted_results()))
+            if csv
+            else history_text(counted_results(), events(history, arm))
+        )
+        write_whole(file, text, force=force)
+    say(f"{count} results: {file}")
+
+
+@histories.command("backup")
+def backup(
+    file: Annotated[Path, typer.Argument(help="SQLite file to write.", show_default=False)],
+    db: Url = None,
+    force: Force = False,
+) -> None:
+    """Copy the whole history into one SQLite file, while others go on working with it."""
+    from ..experiments.history.database import back_up
+
+    with opened(db) as history:
+        count = back_up(history, file, force=force)
+    say(f"{count} results: {file}")
+
+
+@histories.command("restore")
+def restore(
+    file: Annotated[Path, typer.Argument(help="A backup.", show_default=False)],
+    db: Url = None,
+) -> None:
+    """Copy a backup into an empty history, of SQLite or PostgreSQL."""
+    from ..experiments.history.database import restore as copy_back
+
+    with opened(db, create=True) as history:
+        count = copy_back(file, history)
+        say(f"{count} results: {history.name}")
+
+
+_SerialOrAll = Annotated[
+    str | None,
+    typer.Argument(help="Serial number of one arm (all).", metavar="[SERIAL]", show_default=False),
+]
+_Tolerance = Annotated[
+    float, typer.Option("--tolerance-mm", min=1e-6, max=1e6, help="TCP error that is tolerated, mm.")
+]
+
+
+@histories.command("drift")
+def drift(
+    serial: _SerialOrAll = None,
+    tolerance_mm: _Tolerance = 0.5,
+    model: Model = None,
+    db: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
+    from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.documents import DriftDocument
+    from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
+    from ..experiments.history.store import arms, events, find_arm, results
+    from ..reports.history.drift_text import arms_drift_table, drift_blocks, fleet_blocks
+
+    with opened(db) as history, progress("drift") as tell:
+        arm, fleet = None, None
+        if serial is None:
+            every = [(one.serial, one.model) for one in arms(history) if one.results]
+            jobs = ((job, list(results(history, job)), events(history, job)) for job in every)
+            drifts = drift_of_each(
+                jobs, len(every), tolerance_mm, lambda stage, share: tell(stage, share / 2)
+            )
+            fleet = fleet_drift(drifts, lambda stage, share: tell(stage, (1 + share) / 2))
+        else:
+            arm = find_arm(history, serial, model)
+            tell(serial, 0.0)
+            drifts = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
+    if as_json:
+        print_json(DriftDocument.of(drifts, fleet).to_json())
+    elif fleet is not None:
+        _print(None, (arms_drift_table(drifts), *fleet_blocks(fleet)))
+    else:
+        _print(arm, drift_blocks(drifts[0]))
+
+
+@histories.command("report")
+def report(
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the pages.", show_default=False)],
+    serial: _SerialOrAll = None,
+    tolerance_mm: _Tolerance = 0.5,
+    as_of: Annotated[
+        str | None,
+        typer.Option(
+            help="Day for which it is said what is overdue (default: of the last result in the history).",
+            show_default=False,
+        ),
+    ] = None,
+    model: Model = None,
+    db: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
+    from ..experiments.history.entry import moment
+    from ..experiments.history.store import arms, find_arm
+    from ..reports.history.arm_page import headline as arm_headline
+    from ..reports.history.fleet_page import headline as fleet_headline
+    from ..reports.history.history_folder import (
+        ARM_PAGE,
+        FLEET_PAGE,
+        arm_document,
+        check_arm_target,
+        check_fleet_target,
+        fleet_document,
+        write_arm,
+        write_fleet,
+    )
+
+    when = None if as_of is None else moment(as_of)
+    (check_fleet_target if serial is None else check_arm_target)(folder)
+    with opened(db) as history, progress("report") as tell:
+        every = arms(history)
+        when = when or max((arm.last for arm in every if arm.last is not None), default=None)
+
+        def of(arm: tuple[str, str]) -> ArmHistory:
+            return _history_of(history, arm, tolerance_mm, when)
+
+        if serial is not None:
+            arm_history = of(find_arm(history, serial, model))
+            tell("writing", 0.5)
+            write_arm(folder, arm_history)
+            summary, page = arm_headline(arm_history), ARM_PAGE
+            answer: JsonDocument = arm_document(arm_history)
+        else:
+            named = [(one.serial, one.model) for one in every if model in (None, one.model)]
+            fleet = write_fleet(folder, named, of, tolerance_mm, when, tell)
+            summary, page, answer = fleet_headline(fleet), FLEET_PAGE, fleet_document(fleet)
+    if as_json:
+        print_json(answer.to_json())
+    else:
+        say(f"{summary.word}. {summary.sentence}")
+        say(f"Report: {folder / page}")
+
+
+def _history_of(
+    history: Database, arm: tuple[str, str], tolerance_mm: float, as_of: datetime | None
+) -> ArmHistory:
+    from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.store import events, results
+    from ..reports.history.arm_page import ArmHistory
+
+    stored, logged = tuple(results(history, arm)), tuple(events(history, arm))
+    return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, logged, as_of)

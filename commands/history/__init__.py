@@ -1,1 +1,0 @@
-"""`zerobeam history`: a database of results of many arms over the years."""

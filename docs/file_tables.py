@@ -1,0 +1,114 @@
+"""The tables of keys in the pages, made of the models that read and write the files.
+
+`python docs/file_tables.py` writes them between their marks: `<!-- keys NAME PART … -->` begins the table of
+a schema (`zerobeam schema NAME`), `<!-- end -->` ends it. With parts it has the keys below these alone, with
+`-PART` none below that one. `tests/experiments/test_schema.py` holds the page and the models equal.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from zerobeam.experiments.schema import FILE_SCHEMAS, json_schema
+
+PAGES = [Path(__file__).parent / name for name in ("files.md", "compare.md", "how-to/plant.md")]
+_MARK = re.compile(r"(<!-- keys (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+class Row(NamedTuple):
+    """A key: dotted below the file's, its default in words, its meaning."""
+
+    key: str
+    default: str
+    meaning: str
+
+
+def rows(name: str, *parts: str) -> Iterator[Row]:
+    """The keys of a schema in the order of the models: those below `parts` alone, if there are any, and none
+    below those that begin with a minus."""
+    schema = json_schema(name)
+    chosen = [part for part in parts if not part.startswith("-")]
+    without = [f"{part[1:]}." for part in parts if part.startswith("-")]
+    for row in _below(schema, schema, ""):
+        if chosen and not any(row.key.startswith(f"{part}.") for part in chosen):
+            continue
+        if not any(row.key.startswith(part) for part in without):
+            yield row
+
+
+def _below(part: dict[str, Any], whole: dict[str, Any], above: str) -> Iterator[Row]:
+    required = part.get("required", [])
+    for name, content in part.get("properties", {}).items():
+        inner = list(_objects(content, whole))
+        default = "" if inner else _in_words(content.get("default"))
+        words = [word for word in _words(content, whole) if word not in content.get("description", "")]
+        allowed = f" ({', '.join(f'`{word}`' for word in words)})" if words and not inner else ""
+        meaning = f"{content.get('description', '')}{allowed}".strip().replace("|", "\\|")
+        yield Row(f"{above}{name}", "required" if name in required else default, meaning)
+        for joint, model in inner:
+            yield from _below(model, whole, f"{above}{name}.{joint}")
+
+
+def _objects(content: dict[str, Any], whole: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The objects that a value may be or hold, with what stands for their place in it."""
+    if "$ref" in content:
+        content = whole["$defs"][content["$ref"].rpartition("/")[2]]
+    if "properties" in content:
+        yield "", content
+    for other in (*content.get("anyOf", ()), *content.get("allOf", ()), *content.get("oneOf", ())):
+        yield from _objects(other, whole)
+    if isinstance(content.get("items"), dict):
+        yield from _objects(content["items"], whole)
+    if isinstance(content.get("additionalProperties"), dict):
+        for joint, model in _objects(content["additionalProperties"], whole):
+            yield f"<name>.{joint}", model
+
+
+def _in_words(default: object) -> str:
+    if default is None or default in ([], {}, ""):
+        return ""
+    if isinstance(default, float):
+        return f"`{default:g}`"
+    if isinstance(default, list):
+        return f"`[{', '.join(_in_words(part).strip('`') for part in default)}]`"
+    return f"`{default if isinstance(default, str) else json.dumps(default)}`"
+
+
+def _words(content: dict[str, Any], whole: dict[str, Any]) -> list[str]:
+    """The words that a value may be."""
+    if "$ref" in content:
+        content = whole["$defs"][content["$ref"].rpartition("/")[2]]
+    named = content.get("enum", [content["const"]] if "const" in content else [])
+    others = [
+        *content.get("anyOf", ()),
+        *([content["items"]] if isinstance(content.get("items"), dict) else []),
+    ]
+    return [
+        *filter(lambda word: isinstance(word, str), named),
+        *(w for o in others for w in _words(o, whole)),
+    ]
+
+
+def table(name: str, *parts: str) -> str:
+    """The table of a schema, as Markdown; what zerobeam writes has no defaults."""
+    if name not in FILE_SCHEMAS:
+        lines = ["| key | meaning |", "|---|---|"]
+        lines += [f"| `{row.key}` | {row.meaning} |" for row in rows(name, *parts)]
+    else:
+        lines = ["| key | default | meaning |", "|---|---|---|"]
+        lines += [f"| `{row.key}` | {row.default} | {row.meaning} |" for row in rows(name, *parts)]
+    return "\n".join(lines) + "\n"
+
+
+def written(page: str) -> str:
+    """The page with its tables made anew."""
+    return _MARK.sub(lambda mark: f"{mark[1]}{table(*mark[2].split())}{mark[3]}", page)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")

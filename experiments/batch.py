@@ -1,0 +1,290 @@
+"""Many runs at once: which files, what they are called, what is kept of each."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..analysis.analyse import Sampling
+from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
+from ..analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than, versions
+from ..model.errors import BadInput
+from ..model.files.json_document import JsonDocument
+from ..model.files.run import Run
+from ..model.kinematics.robot import Robot
+from .source import source_hash
+
+Outcome = Verdict | Literal["failed"]
+# The gravest first.
+OUTCOMES: tuple[Outcome, ...] = ("failed", "misfit", "degenerate", "weak", "pass")
+OUTLIER_ALARM = 0.01  # probability of any false alarm over all arms and offsets
+BATCH_SCHEMA: Literal["zerobeam/batch/1"] = "zerobeam/batch/1"
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """How all runs of a batch are solved."""
+
+    seed: Annotated[int, Field(description="random seed")]
+    ess: Annotated[float, Field(description="effective sample size that is required of the posteriors")]
+    sampling: Annotated[Sampling, Field(description="which posteriors are sampled")]
+    report: Annotated[bool, Field(description="whether each run has its whole report")]
+
+
+@dataclass(frozen=True)
+class BatchOffset:
+    """An offset of a run: no estimate, u and interval where the data do not determine it."""
+
+    name: str
+    unit: str
+    status: Status
+    estimate: Annotated[float | None, Field(description="null where the data do not determine it")]
+    u: Annotated[float | None, Field(description="standard uncertainty")]
+    interval95: Annotated[tuple[float, float] | None, Field(description="95 % interval")]
+
+    def __post_init__(self) -> None:
+        claims = {"u": self.u, "interval95": self.interval95}
+        if self.status != "held":
+            claims["estimate"] = self.estimate
+        require_no_more_than(self.name, self.status, **claims)
+
+
+@dataclass(frozen=True)
+class BatchRow:
+    """One run. `outcome` is its verdict, or `failed`: then `message` says why, and there is nothing else.
+
+    `factor` is the root of chi-squared over its degrees of freedom, `p_value` that of the residuals by the
+    stated noise (None where it is estimated); `posterior` says what became of it.
+    """
+
+    name: Annotated[str, Field(description="of its folder")]
+    file: Annotated[str, Field(description="path of the run file, relative to the batch")]
+    outcome: Annotated[
+        Outcome,
+        Field(description="the verdict, or `failed`: then `message` says why, and there is nothing else"),
+    ]
+    message: Annotated[str, Field(description="the headline, or why the run failed")]
+    sha256: Annotated[str | None, Field(description="of the run")] = None
+    robot: Annotated[str | None, Field(description="its name")] = None
+    serial: Annotated[str | None, Field(description="its serial number, where the run states it")] = None
+    when: Annotated[str | None, Field(description="date of the run, where it states it")] = None
+    measurements: Annotated[int | None, Field(description="how many")] = None
+    factor: Annotated[float | None, Field(description="root of chi-squared over its degrees of freedom")] = (
+        None
+    )
+    p_value: Annotated[
+        float | None, Field(description="of the residuals by the stated noise; null where that is estimated")
+    ] = None
+    misfit: Annotated[
+        tuple[str, ...], Field(description="criteria by which the model does not describe the measurements")
+    ] = ()
+    posterior: Annotated[str | None, Field(description="what became of it")] = None
+    offsets: Annotated[tuple[BatchOffset, ...], Field(description="rows of its offsets")] = ()
+
+    def __post_init__(self) -> None:
+        if self.outcome == "failed" and self.offsets:
+            raise UnsoundResult(f"{self.name!r} failed, yet it has offsets")
+
+    @property
+    def worst(self) -> BatchOffset | None:
+        """The offset with the largest u, of those that are measured in degrees if any is; None where one of
+        them is not determined, or all are held."""
+        free = [row for row in self.offsets if row.status != "held"]
+        if not free or not all(known(row.status) for row in free):
+            return None
+        angles = [row for row in free if row.unit == "deg"]
+        return max(angles or free, key=lambda row: row.u or 0.0)
+
+
+@dataclass(frozen=True)
+class OutlierArm:
+    """An identified offset that is so many standard deviations of the other arms of its model off theirs."""
+
+    run: Annotated[str, Field(description="its name in the batch")]
+    robot: str
+    serial: str | None
+    offset: str
+    unit: str
+    estimate: Annotated[float, Field(description="of the offset")]
+    off: Annotated[float, Field(description="standard deviations of the other arms of its model off theirs")]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """All runs of a batch, in the order of their files."""
+
+    rows: tuple[BatchRow, ...]
+    settings: BatchSettings
+    versions: Mapping[str, str]
+
+    @cached_property
+    def counts(self) -> dict[Outcome, int]:
+        """How many runs have each outcome, the gravest first."""
+        numbers_of = Counter(row.outcome for row in self.rows)
+        return {outcome: numbers_of[outcome] for outcome in OUTCOMES}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every run is a pass."""
+        return self.counts["pass"] == len(self.rows)
+
+    @cached_property
+    def outliers(self) -> tuple[OutlierArm, ...]:
+        """Offsets that do not belong to those of the other arms of a model, the furthest first."""
+        groups: dict[tuple[str, str, str], list[tuple[BatchRow, float]]] = {}
+        for row in self.rows:
+            for offset in row.offsets:
+                if offset.status == "identified" and offset.estimate is not None and row.robot is not None:
+                    key = (row.robot, offset.name, offset.unit)
+                    groups.setdefault(key, []).append((row, offset.estimate))
+        tested = {key: group for key, group in groups.items() if len(group) >= FEWEST_VALUES}
+        rows = []
+        for (robot, name, unit), group in tested.items():
+            for index, off in outlying_values([value for _, value in group], OUTLIER_ALARM / len(tested)):
+                row, value = group[index]
+                rows.append(OutlierArm(row.name, robot, row.serial, name, unit, value, off))
+        return tuple(sorted(rows, key=lambda arm: -abs(arm.off)))
+
+
+class BatchDocument(JsonDocument):
+    """`batch.json`: all runs, outliers, settings."""
+
+    schema_: Literal["zerobeam/batch/1"] = Field(default=BATCH_SCHEMA, alias="schema")
+    outcomes: dict[Outcome, int] = Field(description="how many runs have each outcome, the gravest first")
+    runs: list[BatchRow] = Field(description="in the order of their files")
+    odd: list[OutlierArm] = Field(description="identified offsets that are outliers among those of a model")
+    settings: BatchSettings = Field(description="how all runs are solved")
+    versions: dict[str, str] = Field(description="of Python and the libraries")
+
+    @classmethod
+    def of(cls, done: Batch) -> BatchDocument:
+        """The document of a batch."""
+        return cls.filled(done, outcomes=done.counts, runs=list(done.rows), odd=list(done.outliers))
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run that is done, and by what that is recognised."""
+
+    key: str
+    row: BatchRow
+
+
+def key_of(run: Run, settings: BatchSettings) -> str:
+    """What a result depends on: the run's content, the arm, the settings, the program."""
+    content = [
+        [run.path.name, run.sha256],
+        _arm(run.robot),
+        asdict(settings),
+        versions(),
+        source_hash(),
+    ]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+@lru_cache(maxsize=16)
+def _arm(robot: Robot) -> str:
+    """All numbers of an arm."""
+    joints = [
+        [joint.name, joint.kind, joint.fixed.tolist(), joint.axis.tolist(), joint.lower, joint.upper]
+        for joint in robot.joints
+    ]
+    return json.dumps([robot.name, robot.vendor, robot.flange.tolist(), joints, asdict(robot.conventions)])
+
+
+PATTERN = "**/*.jsonl"
+
+
+def run_files(paths: Sequence[Path], pattern: str, out: Path) -> list[Path]:
+    """The files that are `given`, and those in folders given that match `pattern`; each once, in the order of
+    their paths. What lies in `out` is no input."""
+    files: dict[Path, Path] = {}
+    for path in paths:
+        if not path.exists():
+            raise BadInput(
+                "there is no such file or folder", found=path, allowed="run files, or folders of run files"
+            )
+        if not path.is_dir():
+            files.setdefault(path.resolve(), path)
+            continue
+        try:
+            matching = sorted(path.glob(pattern))
+        except (ValueError, NotImplementedError) as error:
+            raise BadInput(
+                f"the pattern cannot be used: {error}",
+                found=pattern,
+                allowed="a pattern relative to the folders given, such as 2026-*/*.jsonl",
+                argument="--glob",
+            ) from None
+        inside = [path for path in matching if path.is_file() and not _within(path, out)]
+        for file in inside:
+            files.setdefault(file.resolve(), file)
+        if not inside:
+            raise BadInput(
+                "no file in this folder matches the pattern",
+                found=path,
+                allowed=f"files that match {pattern}",
+                remedy="name another folder, or another pattern with --glob",
+            )
+    return [files[path] for path in sorted(files)]
+
+
+def names_of(files: Sequence[str], kept: Mapping[str, str], reserved: Collection[str]) -> dict[str, str]:
+    """A name for each of `files` (paths with /): the stem; with the folders above it before it as far as
+    it takes where several have that stem. No two are the same for a file system that ignores case.
+
+    A file that has one in `kept` keeps it, so that results stay where they are.
+    """
+    names = {file: kept[file] for file in files if file in kept}
+    taken = {name.casefold() for name in (*kept.values(), *reserved)}
+    left = [file for file in files if file not in names]
+    depth = 1
+    while left:
+        tried = {file: _name(file, depth) for file in left}
+        count = Counter(name.casefold() for name in tried.values())
+        again = []
+        for file, name in tried.items():
+            if count[name.casefold()] == 1 and name.casefold() not in taken:
+                names[file] = name
+            else:
+                again.append(file)
+        taken.update(names[file].casefold() for file in left if file in names)
+        if len(again) == len(left) and all(depth >= len(file.split("/")) for file in again):
+            for file in again:  # the whole paths differ in case, or where a hyphen is, alone
+                number = 2
+                while f"{_name(file, depth)}-{number}".casefold() in taken:
+                    number += 1
+                names[file] = f"{_name(file, depth)}-{number}"
+                taken.add(names[file].casefold())
+            again = []
+        left, depth = again, depth + 1
+    return names
+
+
+def _name(file: str, depth: int) -> str:
+    """The last `depth` parts of a path, without the ending, joined."""
+    parts = [part for part in file.split("/") if part not in ("", ".", "..")]
+    last, _, ending = parts[-1].rpartition(".")
+    stem = last if last and ending else parts[-1]
+    return "-".join((*parts[-depth:-1], stem)) if depth > 1 else stem
+
+
+def _within(path: Path, folder: Path) -> bool:
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+def shown_path(path: Path, folder: Path) -> str:
+    """A path relative to a folder, with /: it moves along with both."""
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive of Windows
+        return path.resolve().as_posix()

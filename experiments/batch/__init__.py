@@ -1,1 +1,0 @@
-"""Many runs at once: which files, what is kept of each."""

@@ -1,1 +1,0 @@
-"""Alembic's environment: how a history of an earlier version of zerobeam becomes one of this."""

@@ -1,0 +1,74 @@
+"""What is written of a result is read back; what contradicts itself is refused."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from example_results import EXAMPLES
+from small_results import small_result
+
+from zerobeam.analysis.answer.document import ParameterDocument, from_json
+from zerobeam.words.result_json import dumps, to_json
+
+OFFSET = {"name": "delta2", "status": "identified", "estimate": 1.0, "std": 0.1, "data_std": 0.1}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_is_written_is_read_back(name: str) -> None:
+    result, text = EXAMPLES[name], dumps(to_json(EXAMPLES[name]))
+    document = from_json(text)
+    assert (document.verdict, document.fits.likelihood.chi2) == (result.verdict, result.likelihood.chi2)
+    assert [(row.status, row.estimate, row.std, row.interval95) for row in document.parameters] == [
+        (row.status, row.estimate, row.std, row.interval95) for row in result.parameters
+    ]
+    assert document.shots == result.shots or name == "hostile"
+    assert [row.sentence for row in document.diagnosis] == [
+        row["sentence"] for row in json.loads(text)["diagnosis"]
+    ]
+    assert document.offsets == tuple(row for row in document.parameters if row.group == "offset")
+    assert all("tolerance_share" in row.to_json() for row in document.offsets)
+
+
+def test_half_a_surrogate_pair_is_read_as_a_replacement() -> None:
+    document = from_json(dumps(to_json(EXAMPLES["hostile"])))
+    assert "lone\ufffdsurrogate" in document.inputs.targets
+
+
+def test_a_result_of_before_a_key_is_read_without_it() -> None:
+    """Those that came later than the schema: none of them is needed."""
+    document = from_json(json.dumps(small_result([OFFSET])))
+    assert (document.without_prior, document.misfit, document.next_steps) == (None, None, None)
+    assert (document.diagnosis, document.accuracy) == ((), None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"schema": "zerobeam/result/2"}, "schema"),
+        ({"schema": 7}, "schema"),
+        ({"verdict": "misfit"}, "`misfit` says otherwise"),
+        (
+            {
+                "verdict": "weak",
+                "next_steps": {"enter": [{"name": "d", "value": "1", "expanded_u": "1"}], "steps": []},
+            },
+            "values to enter",
+        ),
+        ({"parameters": [{**OFFSET, "status": "unidentifiable"}]}, "yet it has a number"),
+        ({"parameters": [{**OFFSET, "std": None}]}, "yet it lacks a number"),
+        ({"parameters": [{**OFFSET, "std": True}]}, "parameters.0.std"),
+        ({"notes": [3]}, "notes.0"),
+    ],
+)
+def test_a_contradiction_is_refused(changes: dict[str, Any], message: str) -> None:
+    answer = small_result(changes.pop("parameters", [OFFSET])) | changes
+    with pytest.raises(ValueError, match=message):
+        from_json(json.dumps(answer))
+
+
+def test_only_an_offset_has_a_share_of_the_tolerances() -> None:
+    answer = to_json(EXAMPLES["good"])
+    assert {row["group"] for row in answer["parameters"] if "tolerance_share" not in row} == {"target"}
+    assert "tolerance_share" in ParameterDocument.model_json_schema()["properties"]
