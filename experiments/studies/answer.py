@@ -1,4 +1,4 @@
-"""What the answers of all studies have in common, and the one writer of `study.json` (docs/files.md).
+"""The common fields of the answers of all studies, and the one writer of `study.json` (docs/files.md).
 
 Units are those that people read (deg, mm, s). What a plan does not identify has no number, save in a
 control, which is wrong on purpose: the dataclasses refuse to be made otherwise.
@@ -60,7 +60,7 @@ class Share:
     agrees: bool
 
 
-class Accuracy(NamedTuple):
+class ErrorStatistics(NamedTuple):
     """Bias with its Monte Carlo standard error, rmse and predicted standard uncertainty, or None for each."""
 
     bias: float | None = None
@@ -120,12 +120,12 @@ def to_json(answer: StudyAnswer) -> dict[str, JsonValue]:
     return {"schema": SCHEMA, **content}
 
 
-def accuracy(error: Matrix, std: Matrix) -> Accuracy:
+def accuracy(error: Matrix, std: Matrix) -> ErrorStatistics:
     """Of R estimates of one parameter: `error` (R,) is estimate minus truth, `std` (R,) the standard
     uncertainty stated with each; without any number where there are fewer than two."""
     if len(error) < 2:
-        return Accuracy()
-    return Accuracy(
+        return ErrorStatistics()
+    return ErrorStatistics(
         bias=float(error.mean()),
         bias_mcse=float(error.std(ddof=1) / np.sqrt(len(error))),
         rmse=float(np.sqrt((error**2).mean())),
@@ -150,7 +150,7 @@ def share_interval(held: int, of: int) -> tuple[float, float]:
 
 
 def agreement_words(agrees: bool, control: bool) -> str:
-    """Whether intervals hold the truth as often as stated; of a control, whether it is detected."""
+    """The verdict on intervals: as stated, or not; on a control: detected, or not."""
     if control:
         return "not detected" if agrees else "detected as wrong"
     return "as stated" if agrees else "not as stated"

@@ -136,7 +136,7 @@ class CaseStore(Closing, Generic[Case]):
 
 
 def heading_of(study: str, seed: int, **settings: object) -> dict[str, object]:
-    """What the finished cases of a study must have in common to belong together."""
+    """The first line of a store: all that the finished cases of a study must have in common."""
     return {"study": study, "seed": seed, **settings, "versions": versions()}
 
 

@@ -25,7 +25,7 @@ from ...words.wording import label, listed
 from ..procedure.session import PHASES, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
 from .answer import (
-    Accuracy,
+    ErrorStatistics,
     NoiseLevel,
     ParameterWithShare,
     StudyAnswer,
@@ -299,7 +299,7 @@ def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[SoFa
         error, std = _of_offset(item.name, runs, states)
         # An unidentifiable offset has no number, even if single runs were lucky enough to claim one.
         determined = status[i] != "unidentifiable" or plan.control
-        errors, share = Accuracy(), None
+        errors, share = ErrorStatistics(), None
         if determined and len(error):
             held = int((np.abs(error) <= normal_half_width(_LEVEL) * std).sum())
             errors, share = accuracy(error, std), held_share(held, len(error), _LEVEL, _ALARM / len(free))

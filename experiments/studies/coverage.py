@@ -32,7 +32,7 @@ from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
 from .answer import (
-    Accuracy,
+    ErrorStatistics,
     NoiseLevel,
     ObservedParameter,
     Share,
@@ -109,7 +109,7 @@ class RankedParameter:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class RankCalibration:
     """The rank histograms of one sampler; `power` says which errors the test would detect."""
 
     name: str
@@ -134,7 +134,7 @@ class CoveragePlan:
     failed: int
     acceptance: float
     estimators: tuple[Estimator, ...]
-    sbc: tuple[Calibration, ...]
+    sbc: tuple[RankCalibration, ...]
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def studied_plans(seed: int) -> list[StudiedPlan]:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class CoveragePiece:
     """Data sets of one plan, and the random numbers of their posteriors."""
 
     data: DataSets
@@ -211,7 +211,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class PieceAnswer:
+class CoveragePieceAnswer:
     """The estimates of a piece, the posterior's second; `ranks` of the truths among the draws; the share of
     proposals that were `accepted`."""
 
@@ -302,7 +302,7 @@ def studied(
     """The answers of the plans, `count` data sets each. Data sets and random numbers are those of the seed,
     the plan and the piece, whoever works it out."""
     data: list[DataSets] = []
-    pieces: list[list[Piece]] = []
+    pieces: list[list[CoveragePiece]] = []
     for plan in plans:
         rng = np.random.default_rng([seed, *plan.name.encode()])
         with one_blas_thread(), compiled_at_once():
@@ -311,12 +311,14 @@ def studied(
         data.append(data_sets)
         pieces.append(
             [
-                Piece(data_sets.some(slice(start, start + SIZE)), plan.degenerate, piece_rng)
+                CoveragePiece(data_sets.some(slice(start, start + SIZE)), plan.degenerate, piece_rng)
                 for start, piece_rng in zip(starts, rng.spawn(len(starts)), strict=True)
             ]
         )
     heading = heading_of("coverage", seed, data_sets=count, piece=SIZE)
-    answers = iter(each_piece(store, heading, PieceAnswer, answer_of, [*chain(*pieces)], progress, processes))
+    answers = iter(
+        each_piece(store, heading, CoveragePieceAnswer, answer_of, [*chain(*pieces)], progress, processes)
+    )
     return [
         _joined(plan, data_sets, [next(answers) for _ in of_plan])
         for plan, data_sets, of_plan in zip(plans, data, pieces, strict=True)
@@ -329,7 +331,7 @@ def estimated(problem: Problem) -> Index:
     return np.flatnonzero(parameters.free & parameters.group("offset"))
 
 
-def answer_of(piece: Piece) -> PieceAnswer:
+def answer_of(piece: CoveragePiece) -> CoveragePieceAnswer:
     """All estimators of the data sets of a piece."""
     data, problem = piece.data, piece.data.problem
     which, parameters = estimated(problem), problem.parameters
@@ -352,10 +354,10 @@ def answer_of(piece: Piece) -> PieceAnswer:
         fits.converged,
     )
     estimates.insert(1, of_draws)
-    return PieceAnswer(tuple(estimates), ranks.astype(float), accepted)
+    return CoveragePieceAnswer(tuple(estimates), ranks.astype(float), accepted)
 
 
-def joined(answers: Sequence[PieceAnswer], offsets: int) -> tuple[list[Estimates], Index]:
+def joined(answers: Sequence[CoveragePieceAnswer], offsets: int) -> tuple[list[Estimates], Index]:
     """The estimators of all pieces of a plan with so many `offsets`, and the ranks (W, m)."""
 
     def table(parts: Sequence[Matrix]) -> Matrix:
@@ -373,7 +375,7 @@ def joined(answers: Sequence[PieceAnswer], offsets: int) -> tuple[list[Estimates
     return estimates, table([answer.ranks for answer in answers]).astype(np.int64)
 
 
-def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[PieceAnswer]) -> CoveragePlan:
+def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[CoveragePieceAnswer]) -> CoveragePlan:
     problem, which = plan.problem, estimated(plan.problem)
     items = [problem.parameters.items[i] for i in which]
     nominal = identify(problem, problem.nominal()).status
@@ -415,7 +417,7 @@ def _estimator(
     alarm = _ALARM / max(sum(judged) * len(LEVELS), 1)
     rows = []
     for j, item in enumerate(items):
-        errors = Accuracy()
+        errors = ErrorStatistics()
         shares: tuple[Share, ...] = ()
         if judged[j]:
             errors = accuracy(error[:, j] * item.display, estimates.std[kept, j] * item.display)
@@ -468,7 +470,7 @@ def _sentence(rows: Sequence[CoveredParameter], agrees: bool, control: bool) -> 
     return f"{worst}: {agreement_words(agrees, control)}{on_this_plan}"
 
 
-def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) -> Calibration:
+def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) -> RankCalibration:
     """The ranks (W, m) of the parameters `items` among DRAWS draws.
 
     It agrees if no p-value is below `false_alarm` over the number of parameters (Bonferroni).
@@ -480,7 +482,7 @@ def calibration(items: Sequence[Parameter], ranks: Index, false_alarm: float) ->
         rows.append(RankedParameter(item.name, item.unit, tuple(map(int, counts)), float(chi2), float(p)))
     least = min((float(row.p_value or 0.0) for row in rows), default=1.0)
     alarm = false_alarm / max(len(rows), 1)
-    return Calibration(
+    return RankCalibration(
         name="posterior",
         control=False,
         agrees=least >= alarm,

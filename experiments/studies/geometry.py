@@ -36,7 +36,7 @@ from ...words.wording import label, listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner, Proposal
 from .answer import (
-    Accuracy,
+    ErrorStatistics,
     NoiseLevel,
     ParameterWithShare,
     StudyAnswer,
@@ -199,7 +199,7 @@ def with_tolerance(header: Header, tolerance: ToleranceLevel | None) -> Header:
 
 @lru_cache(maxsize=1)
 def studied_plans(seed: int, count: int = CANDIDATES) -> list[Callable[[], GeometryPlanStudied]]:
-    """What makes each plan of the study: choosing the plans takes as long as the arms do.
+    """Makers of the plans of the study: choosing the plans takes as long as the arms do.
 
     The candidates of the last study are kept: every piece is one of its plans."""
     nominal_header = laser_header(0.01, 0.05)
@@ -468,7 +468,7 @@ def _parameter(
     alarm: float,
 ) -> GeometryParameter:
     if kept.sum() < 2:
-        return GeometryParameter(item.name, item.unit, status, *Accuracy())
+        return GeometryParameter(item.name, item.unit, status, *ErrorStatistics())
     error, std = errors.error[kept, j], errors.std[kept, j]
     off = np.abs(error) / std
     squares, count = float((off**2).sum()), len(off)

@@ -487,7 +487,7 @@ def _on_eq_8(prediction: Prediction, joint_deg: float) -> str:
 
 
 def _on_the_paper() -> list[str]:
-    """What is printed against what follows from the printed experiments, to the last printed digit."""
+    """The printed means and stds against those of the printed experiments, to the last printed digit."""
     sentences = []
     for word, printed, recomputed in (
         ("mean", PRINTED_MEAN, EXPERIMENTS.mean(axis=0)),

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import stats
 
 from ...experiments.studies.answer import ObservedParameter, Share
 from ...experiments.studies.coverage import (
-    Calibration,
     CoveragePlan,
     CoverageSettings,
     CoveredParameter,
+    RankCalibration,
     RankedParameter,
 )
 from ...model.arrays import NORMAL_95
@@ -266,9 +267,7 @@ def ranks_picture(plan: CoveragePlan, settings: CoverageSettings, name: str) -> 
 
 def _band(ranks: Sequence[int]) -> tuple[float, float]:
     """Between which counts a bin of uniform ranks lies with probability 99 % (binomial)."""
-    from scipy.stats import binom
-
-    low, high = binom.interval(_BAND, sum(ranks), 1 / len(ranks))
+    low, high = stats.binom.interval(_BAND, sum(ranks), 1 / len(ranks))
     return float(low), float(high)
 
 
@@ -294,7 +293,7 @@ def _histogram(axes: Axes, row: RankedParameter, highest: float, *, first: bool)
     return int(out.sum())
 
 
-def _ranks_in_words(part: Calibration, rows: Sequence[RankedParameter], beyond: int) -> str:
+def _ranks_in_words(part: RankCalibration, rows: Sequence[RankedParameter], beyond: int) -> str:
     bins = sum(len(row.ranks) for row in rows)
     text = f"{clipped(part.name, 40)} ({standing(part)[1]}): {beyond} of {bins} bins lie outside the band"
     tests = [f"{label(row.name)} {numbers.p_value(row.p_value)}" for row in rows if row.p_value is not None]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ...experiments.studies.coverage import (
-    Calibration,
     CoveragePlan,
     CoverageSettings,
     CoverageStudy,
     CoveredParameter,
+    RankCalibration,
     RankedParameter,
 )
 from ...words import numbers
@@ -138,7 +138,7 @@ def _plan(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[S
     ]
 
 
-def _powers(parts: Sequence[Calibration]) -> str:
+def _powers(parts: Sequence[RankCalibration]) -> str:
     """The power of the tests for uniform ranks, once where it is the same for all."""
     powers: dict[str, list[str]] = {}
     for part in parts:
@@ -175,7 +175,7 @@ def solved(plan: CoveragePlan) -> int:
     return max(1, plan.data_sets)
 
 
-def _ranks_table(parts: Sequence[Calibration], bins: int) -> Table | None:
+def _ranks_table(parts: Sequence[RankCalibration], bins: int) -> Table | None:
     def cells(row: RankedParameter, control: bool) -> list[str | Cell] | None:
         if row.chi2 is None or row.p_value is None:
             return None

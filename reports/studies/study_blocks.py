@@ -1,4 +1,4 @@
-"""What the pages of studies are made of: facts, shares of intervals that hold the truth, errors, verdicts.
+"""Parts of the pages of studies: facts, shares of intervals that hold the truth, errors, verdicts.
 
 The mark of an estimator (or of a plan) says whether its intervals hold the truth as often as stated; a
 control is wrong on purpose, so that it must fail.
@@ -57,18 +57,18 @@ _MEANING = {
 PlainRow = dict[str, object]  # a row of a CSV file by the names of its columns
 
 
-class Named(Protocol):
+class NamedParameter(Protocol):
     """A parameter."""
 
     @property
     def name(self) -> str: ...
 
 
-Parameter = TypeVar("Parameter", bound=Named, covariant=True)
+Parameter = TypeVar("Parameter", bound=NamedParameter, covariant=True)
 
 
 class Marked(Protocol):
-    """What has a verdict: an estimator, its ranks, or a plan."""
+    """A part with a verdict: an estimator, its ranks, or a plan."""
 
     @property
     def name(self) -> str: ...

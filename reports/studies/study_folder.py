@@ -51,7 +51,7 @@ def check_target(folder: Path | str) -> None:
 
 
 def _kind(folder: Path) -> Kind:
-    """What may be replaced in `folder`: the files of the study that is there, and of no other study.
+    """The files that may be replaced in `folder`: those of the study that is there, and of no other study.
 
     So a table of somebody's own is safe even if another study has one of that name.
     """

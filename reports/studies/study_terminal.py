@@ -1,4 +1,4 @@
-"""What a person reads of a study in the terminal: the same words and roundings as HTML and PDF."""
+"""A study in the terminal: the same words and roundings as HTML and PDF."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class GridCase:
 
 @dataclass(frozen=True)
 class GridAxis:
-    """What changes from case to case; `changes` are the settings of each value, by their dotted names."""
+    """An axis of the grid; `changes` are the settings of each of its values, by their dotted names."""
 
     key: str
     label: str

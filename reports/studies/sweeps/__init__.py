@@ -1,1 +1,1 @@
-"""What a study over a grid of settings shows: page, tables and figures, whose form follows from the axes."""
+"""Page, tables and figures of a study over a grid of settings; their form follows from the axes."""

@@ -7,6 +7,8 @@ import math
 from collections.abc import Collection, Iterable
 from typing import Literal
 
+from scipy.special import chdtri
+
 from ....analysis.status import Verdict
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy, RunErrors
 from ....experiments.studies.sweeps.study_file import overlap
@@ -117,7 +119,7 @@ def is_varied(study: GridStudy, setting: str) -> bool:
 
 
 def tolerance(study: GridStudy, one: CaseParameter) -> float | None:
-    """What counts as identified for a parameter, in its unit; None where the cases differ in it."""
+    """The largest u that counts as identified, in the parameter's unit; None where the cases differ in it."""
     if is_varied(study, "tolerance") or one.unit not in ("deg", "mm"):
         return None
     limits = study.settings.tolerance
@@ -127,7 +129,5 @@ def tolerance(study: GridStudy, one: CaseParameter) -> float | None:
 
 def rmse_interval(errors: RunErrors) -> tuple[float, float]:
     """The 95 % interval of an RMSE of normal errors: chi-squared has as many dof as there are runs."""
-    from scipy.special import chdtri
-
     low, high = (math.sqrt(errors.runs / float(chdtri(errors.runs, tail))) for tail in (0.025, 0.975))
     return errors.rmse * low, errors.rmse * high

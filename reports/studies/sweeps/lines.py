@@ -37,7 +37,7 @@ _LOG_FROM = 5.0  # ratio of the largest value of the axis to the smallest
 
 
 @dataclass(frozen=True)
-class _Point:
+class _SeriesPoint:
     """A value of the axis as number and text, the case there, and the parameter, if the case has it."""
 
     x: float
@@ -100,13 +100,13 @@ def lines_picture(study: GridStudy) -> Picture | None:
     return Picture("lines", title, _alt(axis, panels_shown), svg)
 
 
-def _points(axis: GridAxis, along: int, cases: list[GridCase], name: str) -> list[_Point]:
+def _points(axis: GridAxis, along: int, cases: list[GridCase], name: str) -> list[_SeriesPoint]:
     """By rising value of the axis."""
     points = []
     for case in cases:
         i = case.at[along]
         one = next((one for one in case.parameters if one.name == name), None)
-        points.append(_Point((axis.numeric or ())[i], value_text(axis, i), case, one))
+        points.append(_SeriesPoint((axis.numeric or ())[i], value_text(axis, i), case, one))
     return sorted(points, key=lambda point: point.x)
 
 
@@ -126,7 +126,7 @@ def _titles(
         axes.set_ylabel(words, color=light("ink"), fontweight="bold", fontsize=8.5)
 
 
-def _panel(axes: Axes, study: GridStudy, points: list[_Point], width: float) -> set[str]:
+def _panel(axes: Axes, study: GridStudy, points: list[_SeriesPoint], width: float) -> set[str]:
     """Draw one panel, so many inches wide; the words of its gaps."""
     estimated = [(point.x, point.one) for point in points if point.one is not None]
     if estimated:
@@ -177,7 +177,7 @@ def _edges(values: Sequence[float], log: bool) -> list[float]:
     return [math.exp(edge) if log else edge for edge in (first, *inner, last)]
 
 
-def _bands(axes: Axes, points: list[_Point], width: float) -> set[str]:
+def _bands(axes: Axes, points: list[_SeriesPoint], width: float) -> set[str]:
     """A hatched band with its words for each run of values that have no number."""
     log = axes.get_xscale() == "log"
     edges = _edges([point.x for point in points], log)
@@ -204,7 +204,7 @@ def _bands(axes: Axes, points: list[_Point], width: float) -> set[str]:
     return {point.gap for point in points} - {""}
 
 
-def _alt(axis: GridAxis, panels_shown: Sequence[tuple[GridPoint, CaseParameter, list[_Point]]]) -> str:
+def _alt(axis: GridAxis, panels_shown: Sequence[tuple[GridPoint, CaseParameter, list[_SeriesPoint]]]) -> str:
     """Of each series and parameter the first and the last prediction, and where there is none."""
     parts: dict[str, list[str]] = {}
     for series_point, one, points in panels_shown:

@@ -1,4 +1,4 @@
-"""What the figures of a study over settings share: marks of either fit, gaps in words, scales, legend."""
+"""Parts of the figures of a study over settings: marks of either fit, gaps in words, scales, legend."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def draw_fits(axes: Axes, at: float, one: CaseParameter, *, upright: bool) -> No
 
 
 def tolerance_line(draw: Callable[..., Drawn], *at: object, **options: object) -> Drawn:
-    """What `draw` makes of the line of a tolerance: `axhline`, `vlines`, `Line2D`."""
+    """The line of a tolerance, drawn by `axhline`, `vlines` or `Line2D`."""
     return draw(*at, linestyle=(0, (4, 2)), linewidth=1.0, color=light("weak"), **options)
 
 
@@ -89,7 +89,7 @@ def gap(case: GridCase, one: CaseParameter | None) -> str:
 
 
 def hatch(draw: Callable[..., Drawn], *at: object, words: str, **options: object) -> Drawn:
-    """What `draw` makes of the patch of a gap; without a plan, or held, it is hatched the other way."""
+    """The patch of a gap, drawn by `axhspan` or `Patch`; hatched the other way if held or without a plan."""
     look = {
         "facecolor": "none",
         "edgecolor": light("line"),
@@ -148,7 +148,7 @@ def legend_above(figure: Figure, handles: list[Artist] | None, ncols: int) -> No
 
 
 def legend(figure: Figure, study: GridStudy, gaps: set[str], **prediction: Any) -> None:
-    """What the marks that occur mean; `prediction` has the properties of that of the prediction."""
+    """The legend of the marks that occur; `prediction` has the properties of that of the prediction."""
     from matplotlib.lines import Line2D
 
     handles: list[Artist] = [Line2D([], [], color=light("identified"), label="predicted u", **prediction)]

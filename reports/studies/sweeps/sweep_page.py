@@ -283,7 +283,7 @@ def _plain(value: object) -> str:
 
 
 def _words(study: GridStudy) -> list[Section]:
-    """What each case is, in words, where they say more than the axes do: on no grid of numbers."""
+    """The cases in words, where they say more than the axes do: not on a grid of numbers."""
     if len(study.cases) > MOST_ROWS or all(axis.numeric for axis in study.axes):
         return []
     rows = [(case_name(study, case), sentence(case.words)) for case in study.cases]

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from cells import PROBE, TABLE_2, good_plan, simulated_problem
 from made_once import made_once
+from plain_json import plain
+from pydantic import TypeAdapter
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -19,7 +21,7 @@ from zerobeam.experiments.studies.coverage import (
     power,
     studied_plans,
 )
-from zerobeam.experiments.studies.data_sets import drawn, fitted
+from zerobeam.experiments.studies.data_sets import Estimates, drawn, fitted
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
 
@@ -150,6 +152,19 @@ def test_the_same_seed_gives_the_same_study(plans):
     (first, _), (again, _), (other, _) = (study_of(plans, ["weak"], 10, seed) for seed in (1, 1, 2))
     assert without_clock(first) == without_clock(again)
     assert first["plans"] != other["plans"]
+
+
+def test_a_piece_is_kept_to_the_last_bit():
+    rng = np.random.default_rng(0)
+    kept = np.array([True, False, True])
+    one = Estimates("likelihood", "words", False, rng.normal(size=(3, 2)), rng.random((3, 2)), kept)
+    answer = coverage.CoveragePieceAnswer((one,), np.arange(6.0).reshape(3, 2), 0.5)
+    stored = json.loads(json.dumps(plain(answer)))
+    again = TypeAdapter(coverage.CoveragePieceAnswer).validate_python(stored)
+    (two,), ranks = coverage.joined([again], 2)
+    for name in ("value", "std", "kept"):
+        np.testing.assert_array_equal(getattr(two, name), getattr(one, name))
+    np.testing.assert_array_equal(ranks, np.arange(6).reshape(3, 2))
 
 
 @pytest.mark.long
