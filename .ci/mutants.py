@@ -37,7 +37,9 @@ BINARY: dict[type[ast.operator], str] = {
     ast.Div: "*",
     ast.Pow: "*",
 }
-COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
+COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<"}
+# Of a bound that is a whole number: off by one. Of others nothing is ever equal to them.
+WHOLE: dict[type[ast.cmpop], str] = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
 TOKENS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 TOKENS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 BOUNDS = {
@@ -112,6 +114,8 @@ class Sites(ast.NodeVisitor):
         ):
             if type(operator) in COMPARISON:
                 self.between(left, right, TOKENS[type(operator)], COMPARISON[type(operator)])
+                if isinstance(right, ast.Constant) and type(right.value) is int:
+                    self.between(left, right, TOKENS[type(operator)], WHOLE[type(operator)])
         self.generic_visit(node)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
@@ -166,10 +170,11 @@ def mutants(folders: list[str]) -> Iterator[Mutant]:
 def suites(file: Path, mirrored: bool) -> Iterator[list[str]]:
     """The tests to run for a module, the likeliest to notice first."""
     folder = Path("tests", file.parent)
-    own = folder / f"test_{file.stem}.py"
-    beside = [str(test) for test in sorted((ROOT / folder).glob("test_*.py")) if test.name != own.name]
-    if (ROOT / own).exists():
-        yield ["-n0", str(own)]
+    mirrored_test = folder / f"test_{file.stem}.py"
+    tests = [test.relative_to(ROOT) for test in sorted((ROOT / folder).glob("test_*.py"))]
+    beside = [str(test) for test in tests if test != mirrored_test]
+    if (ROOT / mirrored_test).exists():
+        yield ["-n0", str(mirrored_test)]
     if beside:
         yield ["-n0", *beside]
     if not mirrored:

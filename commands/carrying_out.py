@@ -248,12 +248,12 @@ def controller(
     from ..controller.egm_server import PacketFaults
     from ..controller.sensor_server import CellSensors
     from ..controller.service import SimulatedController, own_plan
-    from ..experiments.rigs.simulated.cell_file import Cell, read_cell
+    from ..experiments.rigs.simulated.cell_file import CellFile, read_cell
     from ..experiments.sensors.stand_in import stand_ins
     from ..model.files.plan import read_plan
 
     planned = own_plan() if plan is None else read_plan(plan)
-    stands = Cell() if cell is None else read_cell(cell)
+    stands = CellFile() if cell is None else read_cell(cell)
     faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
     with ExitStack() as opened:
         try:

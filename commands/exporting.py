@@ -1,26 +1,21 @@
-"""`zerobeam export`: the offsets of a run in the form in which they are applied."""
-
-from __future__ import annotations
+"""`zerobeam export`: offsets of a run in the form in which they are applied, plans and whole programs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from ..experiments.makers.maker import Holds, OffsetFile, in_order, makers, program_languages
 from .console import EXIT_STATUS, out, print_json
-from .options import Force, J3Origin, Json, RunFile
+from .formats import Command, options_of, with_parameters
+from .options import Force, J3Origin, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
-    from ..experiments.exporters.calibration import Calibration
-    from ..experiments.exporters.corrected import Holds
+    from ..experiments.makers.calibration import RobotCalibration
+    from ..model.files.plan import Plan
     from ..model.files.run import Run
-
-exports = typer.Typer(
-    help="Write what a run determines in the form in which it is applied: only what is identifiable.",
-    no_args_is_help=True,
-)
 
 ExportFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.", show_default=False)]
 AllowWeak = Annotated[
@@ -45,239 +40,74 @@ Without = Annotated[
         show_default=False,
     ),
 ]
+# As help lists them; those of other makers are behind.
+_OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
+_PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 
-
-Text = Callable[["Run", "Calibration"], str]
-Made = tuple[Mapping[Path, str | bytes], Sequence[str]]  # the files, and what is said of them
+Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]  # of the files; notes
 
 
 @dataclass(frozen=True)
 class Allowed:
-    """What is exported although something speaks against it; `as_data`: the file states every status. `holds`
-    is what the kind of file has room for."""
+    """Exceptions that options allow, and names to leave out; `holds` and `as_data` are those of the kind of
+    file."""
 
     weak: bool
     displaced: bool
     unvalidated: bool
+    without: Sequence[str]
+    holds: Holds
     as_data: bool = False
-    holds: Holds = "offsets"
 
 
-def _format(name: str, *, as_data: bool = False, holds: Holds = "offsets") -> Callable[[Text], Text]:
-    """Make a command, which its docstring describes, of a function that needs nothing else to be stated."""
-
-    def command(text: Text) -> Text:
-        def export(
-            run: RunFile,
-            file: ExportFile,
-            allow_weak: AllowWeak = False,
-            allow_displaced: AllowDisplaced = False,
-            unvalidated: Unvalidated = False,
-            without: Without = None,
-            force: Force = False,
-            as_json: Json = False,
-        ) -> None:
-            allowed = Allowed(allow_weak, allow_displaced, unvalidated, as_data, holds)
-            _export(run, file, allowed, without, force, as_json, text)
-
-        exports.command(name, help=text.__doc__)(export)
-        return text
-
-    return command
+def exports() -> typer.Typer:
+    """The commands of the group: one for each kind of offset file, plans, programs."""
+    group = typer.Typer(
+        help="Write what a run determines in the form in which it is applied: only what is identifiable.",
+        no_args_is_help=True,
+    )
+    for kind in in_order([kind for maker in makers() for kind in maker.offsets], _OFFSETS):
+        group.command(kind.name, help=kind.text.__doc__)(_offsets_command(kind))
+    group.command("plan")(_plan_command())
+    group.command("program")(_program_command())
+    return group
 
 
-@_format("robot", holds="links")
-def export_robot(recorded: Run, calibration: Calibration) -> str:
-    """A corrected robot file: offsets, link lengths and angles in its Denavit-Hartenberg rows."""
-    from ..experiments.exporters.robot_rows import robot_text
+def _offsets_command(kind: OffsetFile) -> Command:
+    def export(
+        run: RunFile,
+        file: ExportFile,
+        allow_weak: AllowWeak = False,
+        allow_displaced: AllowDisplaced = False,
+        unvalidated: Unvalidated = False,
+        without: Without = None,
+        force: Force = False,
+        as_json: Json = False,
+        **options: object,
+    ) -> None:
+        def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
+            return {file: kind.text(recorded, calibration, **options)}, ()
 
-    return robot_text(recorded, calibration)
+        allowed = Allowed(allow_weak, allow_displaced, unvalidated, without or (), kind.holds, kind.as_data)
+        read = [option for option in options.values() if isinstance(option, Path)]
+        _export(run, file, allowed, force, as_json, texts, read)
 
-
-@_format("urdf", holds="links")
-def export_urdf(recorded: Run, calibration: Calibration) -> str:
-    """A corrected URDF: offsets, link lengths and angles in the origins of its joints."""
-    from ..experiments.exporters.urdf_origins import urdf_text
-
-    return urdf_text(recorded, calibration)
-
-
-@exports.command("moc")
-def export_moc(
-    run: RunFile,
-    file: ExportFile,
-    against: Annotated[
-        Path | None,
-        typer.Option(help="The controller's MOC.cfg: write a diff against it.", show_default=False),
-    ] = None,
-    motor_sign: Annotated[
-        str | None,
-        typer.Option(
-            help="1 if a reading rises with cal_offset (at a positive ratio), -1 if it falls; one, or one a"
-            " joint: 1,-1,…",
-            show_default=False,
-        ),
-    ] = None,
-    ratio: Annotated[
-        str | None,
-        typer.Option(
-            help="Motor turns for one turn of each joint: R1,R2,…, negative if in opposite directions.",
-            show_default=False,
-        ),
-    ] = None,
-    unit: Annotated[str, typer.Option(help="Mechanical unit: its motors are UNIT_1, UNIT_2, …")] = "rob1",
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    unvalidated: Unvalidated = False,
-    without: Without = None,
-    force: Force = False,
-    as_json: Json = False,
-) -> None:
-    """ABB: changes of the motors' calibration offsets, as a diff to look at. Nothing is applied."""
-    from ..experiments.exporters.moc_offsets import Gears, moc_text
-
-    def text(recorded: Run, calibration: Calibration) -> str:
-        gears = Gears.stated(ratio, motor_sign, recorded.robot.n)
-        return moc_text(calibration, gears, against, unit)
-
-    allowed = Allowed(allow_weak, allow_displaced, unvalidated)
-    _export(run, file, allowed, without, force, as_json, text, against)
-
-
-@_format("rapid")
-def export_rapid(_: Run, calibration: Calibration) -> str:
-    """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
-    from ..experiments.exporters.rapid_module import rapid_text
-
-    return rapid_text(calibration)
-
-
-@_format("ur")
-def export_ur(recorded: Run, calibration: Calibration) -> str:
-    """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
-    from ..experiments.exporters.controller_sheets import ur_text
-
-    return ur_text(recorded.robot, calibration)
-
-
-@exports.command("ur-calibration")
-def export_ur_calibration(
-    run: RunFile,
-    file: ExportFile,
-    against: Annotated[
-        Path | None,
-        typer.Option(
-            help="The arm's present calibration.yaml: its hash is kept, which ROS compares with the robot's.",
-            show_default=False,
-        ),
-    ] = None,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    unvalidated: Unvalidated = False,
-    without: Without = None,
-    force: Force = False,
-    as_json: Json = False,
-) -> None:
-    """Universal Robots: a corrected calibration.yaml for ROS, of offsets, link lengths and angles."""
-    from ..experiments.exporters.ur_kinematics import ur_calibration_text
-
-    def text(recorded: Run, calibration: Calibration) -> str:
-        return ur_calibration_text(recorded, calibration, against)
-
-    allowed = Allowed(allow_weak, allow_displaced, unvalidated, holds="links")
-    _export(run, file, allowed, without, force, as_json, text, against)
-
-
-@_format("kuka")
-def export_kuka(recorded: Run, calibration: Calibration) -> str:
-    """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""
-    from ..experiments.exporters.controller_sheets import kuka_text
-
-    return kuka_text(recorded.robot, calibration)
-
-
-@exports.command("fanuc")
-def export_fanuc(
-    run: RunFile,
-    file: ExportFile,
-    j3: Annotated[
-        J3Origin | None,
-        typer.Option(
-            help="What the pendant counts joint 3 from, if not as the robot file states.", show_default=False
-        ),
-    ] = None,
-    master_counts: Annotated[
-        str | None, typer.Option(help="Present master counts: C1,C2,…", show_default=False)
-    ] = None,
-    pulses_per_degree: Annotated[
-        str | None,
-        typer.Option(help="$ENCSCALES of each joint: P1,P2,…, negative if they fall.", show_default=False),
-    ] = None,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    unvalidated: Unvalidated = False,
-    without: Without = None,
-    force: Force = False,
-    as_json: Json = False,
-) -> None:
-    """FANUC: a sheet for a person, the new master counts. Nothing is applied."""
-    from ..experiments.exporters.controller_sheets import FanucCounts, fanuc_text
-
-    def text(recorded: Run, calibration: Calibration) -> str:
-        counts = FanucCounts.stated(master_counts, pulses_per_degree, recorded.robot.n)
-        return fanuc_text(recorded.robot, calibration, counts, j3)
-
-    allowed = Allowed(allow_weak, allow_displaced, unvalidated)
-    _export(run, file, allowed, without, force, as_json, text)
-
-
-@_format("json", as_data=True, holds="all")
-def export_json(_: Run, calibration: Calibration) -> str:
-    """All parameters with uncertainty and covariance as JSON, for programs."""
-    from ..experiments.exporters.offsets_data import json_text
-
-    return json_text(calibration)
-
-
-@_format("csv", as_data=True)
-def export_csv(_: Run, calibration: Calibration) -> str:
-    """The offsets with their uncertainty as a table, for spreadsheets."""
-    from ..experiments.exporters.offsets_data import csv_text
-
-    return csv_text(calibration)
+    run, file, *rest = options_of(export)
+    return with_parameters(export, [run, file, *options_of(kind.text), *rest])
 
 
 def _export(
     run: Path,
     file: Path,
     allowed: Allowed,
-    without: list[str] | None,
     force: bool,
     as_json: bool,
-    text: Text,
-    against: Path | None = None,
-) -> None:
-    """One file of the text that is made of a run and its calibration."""
-
-    def made(recorded: Run, judged: Calibration) -> Made:
-        return {file: text(recorded, judged)}, ()
-
-    export_made(run, file, allowed, without, force, as_json, made, [against])
-
-
-def export_made(
-    run: Path,
-    file: Path,
-    allowed: Allowed,
-    without: list[str] | None,
-    force: bool,
-    as_json: bool,
-    made: Callable[[Run, Calibration], Made],
-    read: Sequence[Path | None],
+    texts: Callable[["Run", "RobotCalibration"], Texts],
+    read: Sequence[Path],
 ) -> None:
     """Judge a run, write what may be applied, say what was written; never over a file that is `read`."""
-    from ..experiments.exporters.calibration import calibration
-    from ..experiments.exporters.offsets_data import document
+    from ..experiments.makers.calibration import calibration
+    from ..experiments.makers.generic.offsets_data import document
     from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
@@ -292,10 +122,10 @@ def export_made(
         allow_displaced=allowed.displaced,
         unvalidated=allowed.unvalidated,
         as_data=allowed.as_data,
-        without=without or (),
+        without=allowed.without,
         holds=allowed.holds,
     )
-    files, said = made(recorded, judged)
+    files, notes = texts(recorded, judged)
     for path in files:
         refuse_existing(path, force=force, keep=keep)
     for path, content in files.items():
@@ -303,7 +133,180 @@ def export_made(
     if as_json:
         print_json(document(judged))
     else:
-        for line in [*judged.head, *said, *(f"Written to {path}" for path in files)]:
+        for line in [*judged.head, *notes, *(f"Written to {path}" for path in files)]:
             out.print(line, markup=False, soft_wrap=True)
     if judged.misfit:
         raise typer.Exit(EXIT_STATUS["misfit"])
+
+
+def _plan_command() -> Command:
+    programs = in_order([program for maker in makers() for program in maker.program], _PROGRAMS)
+
+    kinds = [*(program.name for program in programs), "pdf"]
+
+    def export_plan(
+        kind: Annotated[
+            Literal[tuple(kinds)],  # type: ignore[valid-type]
+            typer.Argument(
+                help=f"{', '.join(program.about for program in programs)}; pdf: a sheet for the person at the"
+                " robot.",
+                show_default=False,
+            ),
+        ],
+        plan: PlanFile,
+        file: Annotated[
+            Path,
+            typer.Option("-o", "--out", help="File to write; krl writes a .dat too.", show_default=False),
+        ],
+        speed: Annotated[float, typer.Option(help="Speed of the fastest joint, degrees a second.")] = 10.0,
+        zone: Annotated[
+            float,
+            typer.Option(
+                help="Rounding of intermediate postures: mm (rapid, urscript, robodk), percent (krl, fanuc)."
+            ),
+        ] = 0.0,
+        tool: Annotated[
+            str | None,
+            typer.Option(
+                help="Tool of the controller: a name (rapid), a number (krl, fanuc).", show_default=False
+            ),
+        ] = None,
+        j3: Annotated[
+            J3Origin | None,
+            typer.Option(
+                help="fanuc, robodk, csv, pdf: what the pendant counts joint 3 from, if not as the robot file"
+                " states.",
+                show_default=False,
+            ),
+        ] = None,
+        register: Annotated[
+            int | None,
+            typer.Option(help="fanuc: first position register for the joints (1).", show_default=False),
+        ] = None,
+        listener: Annotated[
+            str | None,
+            typer.Option(help="urscript: HOST:PORT that the joints are sent to as well.", show_default=False),
+        ] = None,
+        force: Force = False,
+    ) -> None:
+        """A plan as a program that goes to each posture, waits until the beam is centred, records the joints.
+
+        zerobeam import reads what it recorded. The command refuses a robot of another vendor.
+        """
+        from ..experiments.makers.plan_programs import ProgramMotion, write_program
+        from ..model.files.plan import read_plan
+        from ..model.files.robot_file import robot_path
+
+        motion, planned = ProgramMotion(speed, zone, tool, j3, register, listener), read_plan(plan)
+        read = [plan, robot_path(planned.header.robot, plan.parent)]
+        if kind == "pdf":
+            motion.require_only("pdf", ("j3",))
+            _write_sheet(planned, file, j3, force, read)
+            return
+        files, notes = write_program(kind, planned, motion, file, force=force, keep=read)
+        for note in notes:
+            out.print(f"note: {note}", markup=False, soft_wrap=True)
+        for path in files:
+            out.print(f"Written to {path}", markup=False, soft_wrap=True)
+
+    return export_plan
+
+
+def _write_sheet(
+    planned: "Plan", file: Path, j3: J3Origin | None, force: bool, read: list[Path | None]
+) -> None:
+    """The operator's sheet of a plan."""
+    from ..analysis.observability.aim import aim_plan
+    from ..experiments.plans.constraints import check_plan, require_constraints
+    from ..model.files.whole_file import refuse_existing, write_whole
+    from ..reports.plan.operator_sheet import operator_sheet
+
+    refuse_existing(file, force=force, keep=read)
+    require_constraints(planned)
+    turned = aim_plan(planned)
+    write_whole(file, operator_sheet(turned, check_plan(planned, turned), j3), force=force)
+    out.print(f"Written to {file}", markup=False, soft_wrap=True)
+
+
+def _program_command() -> Command:
+    languages = ", ".join(files.about for files, _ in program_languages())
+
+    def export_program(
+        run: RunFile,
+        program: Annotated[Path, typer.Argument(help=f"Program: {languages}.", show_default=False)],
+        file: ExportFile,
+        tool: Annotated[
+            list[str] | None,
+            typer.Option(
+                help="Pose of a tool that the program does not state, [NAME=]X,Y,Z,… in the language's own"
+                " form. Repeatable.",
+                metavar="POSE",
+                show_default=False,
+            ),
+        ] = None,
+        frame: Annotated[
+            list[str] | None,
+            typer.Option(
+                help="The same of a work object, base or user frame. Repeatable.",
+                metavar="POSE",
+                show_default=False,
+            ),
+        ] = None,
+        near: Annotated[
+            str | None,
+            typer.Option(
+                help="Joints J1,J2,… in degrees near which Cartesian targets without a configuration are.",
+                show_default=False,
+            ),
+        ] = None,
+        leave: Annotated[
+            list[str] | None,
+            typer.Option(
+                help="Leave this target as it is (taught on this very arm). Repeatable.",
+                metavar="NAME",
+                show_default=False,
+            ),
+        ] = None,
+        call: Annotated[
+            list[str] | None,
+            typer.Option(
+                help="This routine of another file moves no arm, changes no frame, tool or target."
+                " Repeatable.",
+                metavar="NAME",
+                show_default=False,
+            ),
+        ] = None,
+        j3: Annotated[
+            J3Origin | None,
+            typer.Option(
+                help="fanuc: what joint 3 is counted from, if not as the robot file states.",
+                show_default=False,
+            ),
+        ] = None,
+        allow_weak: AllowWeak = False,
+        allow_displaced: AllowDisplaced = False,
+        unvalidated: Unvalidated = False,
+        without: Without = None,
+        force: Force = False,
+        as_json: Json = False,
+    ) -> None:
+        """Entering the offsets at the controller corrects all programs at once; this corrects one program,
+        for controllers where that is not possible.
+
+        The targets change, for the arm to reach what the program means; all else stays as it was. A program
+        with a statement that is not understood is refused, by line. Targets that were taught on this very arm
+        hold its offsets already: do not correct them.
+        """
+        from ..experiments.makers.user_programs import ProgramOptions, corrected_program, files_of
+
+        paths = files_of(program)
+        choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
+
+        def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
+            corrected = corrected_program(recorded.robot, calibration, program, file, choices)
+            return corrected.files, corrected.notes
+
+        allowed = Allowed(allow_weak, allow_displaced, unvalidated, without or (), "links")
+        _export(run, file, allowed, force, as_json, texts, paths)
+
+    return export_program

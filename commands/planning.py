@@ -198,7 +198,7 @@ def verify(
     as_json: Json = False,
 ) -> None:
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
-    from ..experiments.exporters.verification import acceptance_json, accepted
+    from ..experiments.verification import acceptance_json, accepted
     from ..reports.terminal.acceptance import print_acceptance
 
     acceptance = accepted(run, new, _enough(tolerance))
@@ -213,7 +213,7 @@ def _plan_verify(
     run: Path, file: Path, shots: int | None, tolerance: float | None, force: bool, as_json: bool
 ) -> NoReturn:
     """Write the plan of the acceptance test, and say what it would notice."""
-    from ..experiments.exporters.verification import plan_json, write_verification
+    from ..experiments.verification import plan_json, write_verification
     from ..reports.terminal.acceptance import print_verification
 
     made = write_verification(run, file, shots, _enough(tolerance), force=force)

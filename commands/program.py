@@ -7,6 +7,7 @@ import functools
 import sys
 import traceback
 import warnings
+from collections.abc import Callable
 from importlib.metadata import version as installed
 from typing import Annotated, Any
 
@@ -20,11 +21,8 @@ from . import (
     carrying_out,
     certificates,
     exporting,
-    exporting_plans,
-    exporting_programs,
     history,
     importing,
-    importing_points,
     judging,
     planning,
     robots,
@@ -53,12 +51,8 @@ class _Commands(TyperGroup):
             raise _Stopped from None
 
 
-for points, importer in importing_points.COMMANDS.items():
-    importing.imports.command(points, hidden=points == "kuka")(importer)
 for certified in (certificates.certify, certificates.key, certificates.verify):
     history.histories.command(certified.__name__)(certified)
-exporting.exports.command("plan")(exporting_plans.export_plan)
-exporting.exports.command("program")(exporting_programs.export_program)
 _COMMANDS = {
     command.__name__: command
     for command in (
@@ -77,11 +71,11 @@ _COMMANDS = {
         judging.schema,
     )
 }
-_GROUPS = {
+_GROUPS: dict[str, Callable[[], typer.Typer]] = {
     "import": importing.imports,
-    "study": studying.studies,
+    "study": lambda: studying.studies,
     "export": exporting.exports,
-    "history": history.histories,
+    "history": lambda: history.histories,
 }
 
 
@@ -120,11 +114,15 @@ def _program(name_typed: str | None = None) -> typer.Typer:
             app.command()(command)
     for name, group in _GROUPS.items():
         if name == name_typed or not one:
-            app.add_typer(group, name=name)
+            app.add_typer(group(), name=name)
     return app
 
 
-app = _program()
+def __getattr__(name: str) -> typer.Typer:
+    """`app`, the whole program: made where it is asked for, since it needs the formats of all makers."""
+    if name == "app":
+        return _program()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:

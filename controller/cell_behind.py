@@ -7,7 +7,7 @@ import copy
 import numpy as np
 
 from ..experiments.rigs.abb.access import require_six_axes
-from ..experiments.rigs.simulated.cell_file import Cell
+from ..experiments.rigs.simulated.cell_file import CellFile
 from ..experiments.rigs.simulated.simulator import SimulatedRig
 from ..model.arrays import Matrix
 from ..model.errors import BadInput
@@ -22,7 +22,7 @@ class CellBehind(SimulatedRig):
     the laser is off.
     """
 
-    def __init__(self, plan: Plan, cell: Cell, seed: int) -> None:
+    def __init__(self, plan: Plan, cell: CellFile, seed: int) -> None:
         if cell.faults:
             raise BadInput(
                 "the faults of a cell are tied to measurements, of which a controller knows nothing",

@@ -19,8 +19,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..experiments.rigs.abb.egm_client import egm_messages
 from ..model.arrays import Matrix
-from ..model.errors import BadInput, missing_extra
+from ..model.errors import BadInput
 
 _LARGEST = 65536
 Mci = Literal["MCI_STOPPED", "MCI_RUNNING", "MCI_ERROR"]
@@ -31,7 +32,7 @@ class Egm:
     seconds."""
 
     def __init__(self, host: str, client: tuple[str, int], faults: PacketFaults, seed: int) -> None:
-        self._messages = _messages()
+        self._messages, self._unreadable = egm_messages("EGM")
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind((host, 0))
@@ -103,7 +104,7 @@ class Egm:
         sensor = self._messages.EgmSensor()
         try:
             sensor.ParseFromString(packet)
-        except self._messages.DecodeError:
+        except self._unreadable:
             return
         if not self.active or sensor.header.seqno <= self._last:
             return
@@ -129,25 +130,6 @@ class Egm:
         mci = self.mci if running else "MCI_STOPPED"
         message.mciState.state = getattr(pb.EgmMCIState, mci)
         return message
-
-
-class _Messages:
-    """The protobuf messages of `egm.proto`, and the error of what is none."""
-
-    def __init__(self, messages: Any, error: type[Exception]) -> None:
-        self._messages, self.DecodeError = messages, error
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._messages, name)
-
-
-def _messages() -> Any:
-    try:
-        from abb_robot_client._egm_protobuf import egm_pb2
-        from google.protobuf.message import DecodeError
-    except ImportError:
-        raise missing_extra("EGM", "abb") from None
-    return _Messages(egm_pb2, DecodeError)
 
 
 @dataclass(frozen=True)
@@ -192,7 +174,7 @@ class PacketLine:
         self._push(behind, now)
 
     def arrived(self, now: float) -> list[bytes]:
-        """What has come by now, in the order of arrival."""
+        """The packets that have come by now, in the order of arrival."""
         packets = []
         while self._under_way and self._under_way[0][0] <= now:
             packets.append(heapq.heappop(self._under_way)[2])

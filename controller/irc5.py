@@ -253,8 +253,8 @@ class Irc5:
     # What the arm does
 
     def turn(self, now: float, cycles: int = 1) -> None:
-        """What has come by EGM is taken, so many cycles of program and motion are gone through, and where
-        the arm is is passed on; `now` in seconds."""
+        """Take what has come by EGM, go through so many cycles of program and motion, and send where the arm
+        is; `now` in seconds."""
         with self.lock:
             self._now = now
             self.egm.receive(now)

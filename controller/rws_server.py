@@ -228,7 +228,7 @@ class _Session:
 
 
 class SessionGate:
-    """Who comes in: the digest, the sessions and how often they may ask. Times are seconds."""
+    """Authentication by digest, the sessions and the limit of their requests. Times are seconds."""
 
     def __init__(self, users: dict[str, str], left: Callable[[str], None], requests_a_second: int) -> None:
         self._digest, self._left, self._most = Digest(users), left, requests_a_second
@@ -320,16 +320,10 @@ class _RwsHandler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
     timeout = 30
 
-    def do_GET(self) -> None:
-        self._handle()
-
-    def do_POST(self) -> None:
-        self._handle()
-
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing: what a client asks for is not for the terminal."""
 
-    def _handle(self) -> None:
+    def do_GET(self) -> None:
         body = self._body()
         try:
             urlsplit(self.path)
@@ -359,6 +353,8 @@ class _RwsHandler(BaseHTTPRequestHandler):
             session = opened.name
             cookies = (f"{_SESSION}={session}", f"{_CLIENT}={opened.number}")
         self._answer(session, body, [("Set-Cookie", f"{cookie}; path=/; httponly") for cookie in cookies])
+
+    do_POST = do_GET
 
     def _answer(self, session: str, body: str, headers: list[tuple[str, str]]) -> None:
         url = urlsplit(self.path)

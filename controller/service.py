@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from ..experiments.plans.patterns import pattern
-from ..experiments.rigs.simulated.cell_file import Cell
+from ..experiments.rigs.simulated.cell_file import CellFile
 from ..model.errors import BadInput
 from ..model.files.header import Header
 from ..model.files.plan import Plan
@@ -44,7 +44,7 @@ class SimulatedController:
     def __init__(
         self,
         plan: Plan,
-        cell: Cell,
+        cell: CellFile,
         seed: int,
         *,
         port: int = 0,

@@ -1,5 +1,5 @@
-"""How measurements come about: plans, procedure, rigs, sensors, importers, exporters, demo runs, studies.
+"""How measurements come about: plans, procedure, rigs, sensors, makers, demo runs, studies.
 
 Imports go one way: studies, recording, schema > rigs > procedure > sensors; plans (below
-studies), importers and exporters use none of these; simulate and processes are below all.
+studies), makers use none of these; simulate and processes are below all.
 """

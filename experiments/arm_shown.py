@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from ..model.kinematics.orientation import Orientation, orientation
 from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, Robot
 from ..words.wording import counted
-from .importers.typed import typed_joints
+from .makers.joint_text import typed_joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ def typed_arm(
 def shown_arm(
     ref: str | UrdfRef, joints_deg: Sequence[Sequence[float]], *, j3: J3 | None = "link"
 ) -> ShownArm:
-    """The same with joint values (n,) in degrees (mm), joint 1 first, in each posture, joint 3 from link 2 as
+    """A robot with joint values (n,) in degrees (mm), joint 1 first, in each posture, joint 3 from link 2 as
     in files (`j3` None: as the pendant counts it); BadInput where there are not n."""
     robot = load_robot(ref)
     pendant = Pendant(robot, j3)
@@ -86,7 +85,7 @@ def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> Sh
     )
 
 
-def arm_json(arm: ShownArm) -> dict[str, Any]:
+def arm_json(arm: ShownArm) -> dict[str, object]:
     """`zerobeam/arm/1` (docs/files.md)."""
     robot, pendant, facts = arm.robot, arm.pendant, arm.robot.conventions
     lower, upper = (limits.tolist() for limits in pendant.limits)

@@ -17,7 +17,7 @@ import statistics
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -46,7 +46,7 @@ PATIENCE_S = 20.0  # for a scheduler to answer
 
 @dataclass
 class Traffic:
-    """What has gone through the scheduler: pieces, the parcels in which they travelled, those that were lost
+    """Traffic through the scheduler: pieces, the parcels in which they travelled, those that were lost
     or given out twice, bytes."""
 
     pieces: int = 0
@@ -66,9 +66,18 @@ class _Parcel:
     futures: list[Any] = field(default_factory=list)
 
 
-def about(threads: int) -> dict[str, Any]:
-    """What the answers of this process depend on."""
-    return {"threads": threads, "versions": versions(), "source": source_hash()}
+@dataclass(frozen=True)
+class ProcessFacts:
+    """The facts that the answers of a process depend on: threads, versions, and the hash of the sources."""
+
+    threads: int
+    versions: Mapping[str, str]
+    source: str
+
+
+def about(threads: int) -> ProcessFacts:
+    """The facts of this process."""
+    return ProcessFacts(threads, versions(), source_hash())
 
 
 def by_workers(
@@ -108,7 +117,7 @@ def by_workers(
 
 
 class _Dispatch:
-    """What the workers have at hand."""
+    """The parcels that are given out, and the answers that come back."""
 
     def __init__(
         self,
@@ -399,9 +408,7 @@ def _require_alike(client: Any) -> None:
     """BadInput where a worker would give other bytes than this process."""
 
     for address, facts in client.run(_about, on_error="return").items():
-        if isinstance(facts, ImportError):
-            facts = {"missing": str(facts)}
-        elif isinstance(facts, Exception):
+        if isinstance(facts, Exception) and not isinstance(facts, ImportError):
             continue  # it has just gone
         differs = _difference(facts)
         if differs is not None:
@@ -414,26 +421,28 @@ def _require_alike(client: Any) -> None:
             )
 
 
-def _about(dask_worker: Any) -> dict[str, Any]:
+def _about(dask_worker: Any) -> ProcessFacts:
     """On a worker: what its answers depend on."""
     return about(dask_worker.state.nthreads)
 
 
-def _difference(facts: dict[str, Any]) -> str | None:
-    if "missing" in facts:
-        return f"zerobeam cannot be loaded ({facts['missing']})"
-    installed = versions()
+def _difference(facts: ProcessFacts | ImportError) -> str | None:
+    """The first difference of a worker's facts from this process's, in words."""
+    if isinstance(facts, ImportError):
+        return f"zerobeam cannot be loaded ({facts})"
+    installed, source = versions(), source_hash()
     differing = [
-        f"{name} {facts['versions'].get(name, 'is missing')}, here {at}"
-        for name, at in installed.items()
-        if facts["versions"].get(name) != at
+        f"{name} {facts.versions.get(name, 'is missing')}, here {version}"
+        for name, version in installed.items()
+        if facts.versions.get(name) != version
     ]
     if differing:
         return "; ".join(differing)
-    if facts["source"] != source_hash():
-        theirs, ours = facts["source"][:12], source_hash()[:12]
-        return f"zerobeam {installed['zerobeam']} with other sources ({theirs}, here {ours})"
-    return None if facts["threads"] == 1 else f"{facts['threads']} threads"
+    if facts.source != source:
+        return (
+            f"zerobeam {installed['zerobeam']} with other sources ({facts.source[:12]}, here {source[:12]})"
+        )
+    return None if facts.threads == 1 else f"{facts.threads} threads"
 
 
 def _closed(closing: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -16,14 +16,12 @@ from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
-from ..model.files.shot import Shot
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.findings import finding_sentence, headline
 from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed, person
-from .exporters.verification import offsets_to_enter
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Ended, KnownOffset, Listener, RunOpened
 from .procedure.order import Adaptive, InTurn, Order, WithClosing
@@ -33,10 +31,11 @@ from .rigs.abb.driver import AbbRig
 from .rigs.manual.lines import Lines
 from .rigs.manual.session import Manual
 from .rigs.replay import ReplayRig, require_planned
-from .rigs.simulated.cell_file import Cell, read_cell
+from .rigs.simulated.cell_file import CellFile, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
 from .simulate import Truth, simulated_shots
+from .verification import offsets_to_enter
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class CorrectedArm:
         return {"arm": self.run, "arm sha256": self.sha256}
 
 
-def corrected_arm(path: Path, plan: Plan, cell: Cell | None) -> CorrectedArm:
+def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm:
     """The arm of the simulated run at `path`, for a plan of the same robot in the same cell.
 
     BadInput for a run that is not simulated, of another robot, from another cell (which has the arm's
@@ -137,6 +136,11 @@ class RunRequest:
     answers: Answers | None = None
 
 
+Provenance = dict[str, str | int | float]
+# The provenance of the run, what measures into the journal, and who decides the order of an adaptive run.
+_Way = tuple[Provenance, Callable[[RunJournal], ProcedureResult], Adaptive | None]
+
+
 def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
     """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
 
@@ -149,10 +153,20 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
         _refuse({"--arm": request.arm}, "is for the simulated rig")
     if request.rig in ("abb", "manual"):
         require_constraints(plan)
-    if request.rig == "manual":
-        return _led(plan, file, request, listener)
-    if plan.header.tool.kind == "probe":
-        return _rehearsed_probe(plan, file, request, listener)
+    probe = plan.header.tool.kind == "probe"
+    way = _by_hand if request.rig == "manual" else _rehearsed_probe if probe else _by_rig
+    about, measure, adaptive = way(plan, request, listener)
+    header = _header(plan, file, about)
+    with _journal(plan, file, header, request) as journal:
+        listener(_begin(plan, journal, request))
+        result = measure(journal)
+        torn = journal.torn
+    answer = _answer(plan, file, header, result, torn, None if adaptive is None else adaptive.reason)
+    listener(answer)
+    return answer
+
+
+def _by_rig(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     if plan.via and (request.tolerance is not None or request.closing):
         raise BadInput(
             "the plan states intermediate postures (via_deg), which are safe in its own order only",
@@ -160,18 +174,16 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
             file=plan.path,
         )
     rig, about = _rig(plan, request)
-    header = _header(plan, file, {**rig.provenance(), **about})
+    provenance = {**rig.provenance(), **about}
     order, adaptive = _order(plan, request)
-    with _journal(plan, file, header, request) as journal:
-        listener(_begin(plan, journal, request))
-        carried = Procedure(plan, rig, journal, order, listener, request.scene).carry_out()
-        torn = journal.torn
-    answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
-    listener(answer)
-    return answer
+
+    def measure(journal: RunJournal) -> ProcedureResult:
+        return Procedure(plan, rig, journal, order, listener, request.scene).carry_out()
+
+    return provenance, measure, adaptive
 
 
-def _led(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
+def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     """A person, or a robot that goes its own way, says where the arm is."""
     _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for a run by hand")
     answers = request.answers
@@ -179,30 +191,18 @@ def _led(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> End
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
     if plan.header.tool.kind == "probe":
         _refuse({"--adaptive": request.tolerance}, "is for a laser; the plan's tool is a probe")
-    pendant = pendant_of(plan.robot, answers.j3)
+    pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
+    units = answers.units or pendant.unit
     order, adaptive = _order(plan, request)
-    header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
-    with _journal(plan, file, header, request) as journal:
-        listener(_begin(plan, journal, request))
-        led = Manual(
-            plan,
-            journal,
-            order,
-            listener,
-            answers.lines,
-            pendant,
-            answers.units or pendant.unit,
-            request.scene,
-        )
-        carried = led.carry_out()
-        torn = journal.torn
-    answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
-    listener(answer)
-    return answer
+
+    def measure(journal: RunJournal) -> ProcedureResult:
+        return Manual(plan, journal, order, listener, lines, pendant, units, request.scene).carry_out()
+
+    return {"origin": "by hand", "plan sha256": plan.sha256}, measure, adaptive
 
 
-def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
+def _rehearsed_probe(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
@@ -215,46 +215,40 @@ def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, listener: List
     arm = None if request.arm is None else corrected_arm(request.arm, plan, None)
     # An arm that is known was measured before, perhaps with this seed.
     rng = np.random.default_rng(request.seed if arm is None else [request.seed, 1])
-    truth = Truth.drawn(plan, rng)
-    if arm is not None:
-        truth = truth.knowing(arm.values)
-    about: dict[str, str | int | float] = {
-        "origin": SIMULATED,
-        "seed": request.seed,
-        **truth.provenance(),
-        "plan sha256": plan.sha256,
-        **({} if arm is None else arm.provenance()),
-    }
-    shots: tuple[Shot, ...] = ()
-    header = _header(plan, file, about)
-    with _journal(plan, file, header, request) as journal:
-        listener(_begin(plan, journal, request))
+    drawn = Truth.drawn(plan, rng)
+    truth = drawn if arm is None else drawn.knowing(arm.values)
+
+    def measure(journal: RunJournal) -> ProcedureResult:
         done = {shot.shot for shot in journal.shots}
+        state = state_of(truth.problem, journal.shots)
         for shot in simulated_shots(truth, rng):
             if shot.shot not in done:
                 journal.append(shot)
                 state = state_of(truth.problem, journal.shots)
                 assert state is not None
                 listener(recorded_event(shot, len(journal.shots), state))
-        shots, torn = journal.shots, journal.torn
-    carried = ProcedureResult(shots, (), state_of(truth.problem, shots), {})
-    answer = _answer(plan, file, header, carried, torn, None)
-    listener(answer)
-    return answer
+        return ProcedureResult(journal.shots, (), state, {})
+
+    provenance: Provenance = {
+        "origin": SIMULATED,
+        "seed": request.seed,
+        **truth.provenance(),
+        "plan sha256": plan.sha256,
+        **({} if arm is None else arm.provenance()),
+    }
+    return provenance, measure, None
 
 
 def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
-    """Which posture comes next, and who decides that in an adaptive run, and why it ended."""
+    """The order of the postures, and the adaptive order within it (it says why the run ended), if any."""
     adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
     order: Order = adaptive or InTurn(len(plan.postures))
     return WithClosing(order, len(plan.postures)) if request.closing else order, adaptive
 
 
-def _rig(
-    plan: Plan, request: RunRequest
-) -> tuple[SimulatedRig | ReplayRig | AbbRig, dict[str, str | int | float]]:
+def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | AbbRig, Provenance]:
     """The rig, and what the run's provenance says of its making."""
-    about: dict[str, str | int | float] = {"plan sha256": plan.sha256}
+    about: Provenance = {"plan sha256": plan.sha256}
     if request.rig == "abb":
         _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for the ABB rig")
         if request.controller is None:
@@ -276,7 +270,7 @@ def _rig(
         return ReplayRig(plan, run), {**about, "recording sha256": run.sha256}
     if request.recording is not None:
         raise BadInput("--recorded is for a replay", remedy="leave it out, or state --rig replay")
-    cell = Cell()
+    cell = CellFile()
     if request.cell is not None:
         cell = read_cell(request.cell)
         about["cell sha256"] = str(cell.sha256)
@@ -300,7 +294,7 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
             raise BadInput(f"{name} {why}", remedy=f"leave {name} out")
 
 
-def _header(plan: Plan, file: Path, about: dict[str, str | int | float]) -> Header:
+def _header(plan: Plan, file: Path, about: Provenance) -> Header:
     """The plan's header as that of a run in `file`."""
     robot = rebased(plan.header.robot, plan.path.parent, file.parent)
     return plan.header.model_copy(update={"provenance": {**plan.header.provenance, **about}, "robot": robot})
@@ -346,27 +340,27 @@ def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> RunOpened:
 
 
 def _answer(
-    plan: Plan, file: Path, header: Header, carried: ProcedureResult, torn: str | None, why: str | None
+    plan: Plan, file: Path, header: Header, result: ProcedureResult, torn: str | None, why: str | None
 ) -> Ended:
-    state = carried.state
+    state = result.state
     if state is None:
-        why_not = dict.fromkeys(f"{refused.reason}: {refused.found}" for refused in carried.refused)
+        why_not = dict.fromkeys(f"{refused.reason}: {refused.found}" for refused in result.refused)
         if not why_not:
             raise RigFault(f"no measurement is recorded yet: --resume goes on with {file.name}")
         raise RigFault(f"no measurement could be recorded: {'; '.join(why_not)}")
-    notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
+    notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in result.refused]
     notes += [torn] if torn else []
-    if carried.missing:
+    if result.missing:
         notes.append(f"The run ended before the plan was through: --resume goes on with {file.name}")
     # Of a plan that moves a robot there are none.
     broken = violations(aim_plan(plan)) if plan.constraints.model_fields_set else ()
     notes += [f"Posture {each.posture}: {violation_words(each)}" for each in broken]
-    done = {*(shot.shot for shot in carried.shots), *(refused.shot for refused in carried.refused)}
-    saved = set(range(len(plan.postures))) - done - set(carried.missing)
+    done = {*(shot.shot for shot in result.shots), *(refused.shot for refused in result.refused)}
+    saved = set(range(len(plan.postures))) - done - set(result.missing)
     incomplete = ""
-    if carried.missing:
-        numbers = listed([str(number) for number in carried.missing], 99)
-        be = "is" if len(carried.missing) == 1 else "are"
+    if result.missing:
+        numbers = listed([str(number) for number in result.missing], 99)
+        be = "is" if len(result.missing) == 1 else "are"
         incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
     return Ended(
         file=file.name,
@@ -379,13 +373,13 @@ def _answer(
         ),
         p_value=state.p_value,
         consistent=state.consistent,
-        shots=tuple(shot.shot for shot in carried.shots),
-        refused=carried.refused,
+        shots=tuple(shot.shot for shot in result.shots),
+        refused=result.refused,
         saved=None if why is None else len(saved),
         why=why,
-        seconds={name: round(value, 3) for name, value in carried.seconds.items()},
+        seconds={name: round(value, 3) for name, value in result.seconds.items()},
         notes=(*notes, *(finding_sentence(finding) for finding in state.findings)),
         geometry=state.geometry(plan.header),
         true=true_values(header.provenance),
-        missing=carried.missing,
+        missing=result.missing,
     )

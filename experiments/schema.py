@@ -16,7 +16,7 @@ from ..model.files.shot import Shot
 from ..words.comparison_json import ComparisonDocument
 from .batch import BatchDocument
 from .history.documents import HistoryDocument
-from .rigs.simulated.cell_file import Cell
+from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
@@ -28,7 +28,7 @@ FILE_SCHEMAS: dict[str, type[BaseModel]] = {
     "header": Header,
     "robot": RobotFile,
     "obstacles": Obstacles,
-    "cell": Cell,
+    "cell": CellFile,
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,

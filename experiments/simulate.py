@@ -18,7 +18,7 @@ from ..model.likelihood.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What only the simulation knows: the true parameters x (p,), internal units, of a plan's problem."""
+    """The truth of a simulation: the true parameters x (p,), internal units, of a plan's problem."""
 
     problem: Problem
     x: Matrix
@@ -46,7 +46,7 @@ class Truth:
         return cls(problem, problem.nominal()).knowing(values)
 
     def knowing(self, values: Mapping[str, float]) -> Truth:
-        """The same with the stated values (deg, mm) by name; others than the problem's are passed over."""
+        """A copy with these values (deg, mm) by name; others than the problem's are passed over."""
         x, parameters = self.x.copy(), self.problem.parameters
         for i, item in enumerate(parameters.items):
             if item.name in values:
@@ -63,7 +63,7 @@ class Truth:
         }
 
     def provenance(self) -> dict[str, float]:
-        """The same by name with the unit, for the run's header."""
+        """`values` by name with the unit, for the run's header."""
         units = {item.name: item.unit for item in self.problem.parameters.items}
         return {f"true {name} ({units[name]})": value for name, value in self.values().items()}
 
@@ -103,7 +103,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What W simulated runs of one plan recorded: `joints` (W, N, n), `spots` (W, N, d); `met` (W,) where
+    """Readings of W simulated runs of one plan: `joints` (W, N, n), `spots` (W, N, d); `met` (W,) where
     every measurement could be brought onto its target."""
 
     joints: Matrix

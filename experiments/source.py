@@ -1,4 +1,4 @@
-"""Which zerobeam this is, to the byte: another version, or an edited one, may give other numbers."""
+"""The hash of the sources: another version, or an edited one, may give other numbers."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-_ROOMS = ("analysis", "experiments", "model", "reports")
+_ROOMS = ("analysis", "experiments", "model", "reports", "words")
 
 
 @cache
 def source_hash() -> str:
-    """Of the sources by which results are computed and written."""
+    """SHA-256 of the sources by which results are computed and written."""
     root, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
     for room in _ROOMS:
         for path in sorted((root / room).rglob("*.py")):

@@ -16,7 +16,7 @@ from ..analysis.answer.findings import (
     RobustNotConverged,
 )
 from ..analysis.answer.result import LikelihoodSummary, Result
-from ..analysis.diagnostics.accuracy import Accuracy
+from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.displacement import Displacement
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
@@ -214,7 +214,7 @@ def robust_message(robust: Robust) -> str:
     )
 
 
-def tcp_words(accuracy: Accuracy, name: Namer = str) -> str:
+def tcp_words(accuracy: TcpAccuracy, name: Namer = str) -> str:
     """What the point is whose accuracy is stated."""
     match accuracy.place:
         case "stated point":
@@ -229,7 +229,7 @@ def tcp_words(accuracy: Accuracy, name: Namer = str) -> str:
             )
 
 
-def accuracy_reason(accuracy: Accuracy, name: Namer = str) -> str | None:
+def accuracy_reason(accuracy: TcpAccuracy, name: Namer = str) -> str | None:
     """Why no accuracy is claimed; None where it is."""
     if not accuracy.converged:
         return "the fit did not converge"

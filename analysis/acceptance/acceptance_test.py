@@ -78,7 +78,7 @@ class AcceptanceResult:
     mistakes: tuple[Mistake, ...]
 
     @property
-    def unseen(self) -> tuple[EnteredOffset, ...]:
+    def unnoticed(self) -> tuple[EnteredOffset, ...]:
         """Offsets of which an error of the tolerance would likely go unnoticed."""
         return tuple(row for row in self.offsets if row.power < POWER)
 
@@ -99,7 +99,7 @@ class PredictedResiduals:
 
 
 class AcceptancePrediction:
-    """What the calibration predicts of new measurements with its offsets entered.
+    """New measurements as the calibration predicts them, with its offsets entered.
 
     `solution` is the calibration; `header` its header with the targets of the new measurements, `joints`
     (N, n) rad or mm as the corrected robot reads them, `targets` of each, `spots` (N, 2) mm; `entered` are
@@ -179,7 +179,7 @@ class AcceptancePrediction:
         return float(stats.ncf.sf(self.critical(k), k, self.noise_dof, away))
 
     def critical(self, k: int) -> float:
-        """What chi-squared over k exceeds with the probability of a false alarm."""
+        """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
         if self.noise_dof is None:
             return float(stats.chi2.isf(FALSE_ALARM, k) / k)
         return float(stats.f.isf(FALSE_ALARM, k, self.noise_dof))
@@ -228,32 +228,17 @@ def entered_offsets(
     solution: Solution,
     tolerance: Mapping[str, float],
 ) -> tuple[EnteredOffset, ...]:
-    """What the test would notice of each offset."""
-    return tuple(_entered(prediction, predicted, solution, name, tolerance) for name in prediction.entered)
-
-
-def _entered(
-    prediction: AcceptancePrediction,
-    predicted: PredictedResiduals,
-    solution: Solution,
-    name: str,
-    tolerance: Mapping[str, float],
-) -> EnteredOffset:
-    row, parameters = solution[name], prediction.problem.parameters
-    assert row.estimate is not None
-    assert row.std is not None
-    i = parameters.index(name)
-    along = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
-    enough = tolerance[row.unit]
-    return EnteredOffset(
-        name,
-        row.unit,
-        row.estimate,
-        row.std,
-        enough,
-        prediction.power(along * enough),
-        prediction.power(along * row.estimate),
-    )
+    """Each entered offset with the power of the test against an error of it; `tolerance` by unit: deg, mm."""
+    parameters, rows = prediction.problem.parameters, []
+    for name in prediction.entered:
+        row, i = solution[name], parameters.index(name)
+        assert row.estimate is not None
+        assert row.std is not None
+        along = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
+        limit = tolerance[row.unit]
+        powers = prediction.power(along * limit), prediction.power(along * row.estimate)
+        rows.append(EnteredOffset(name, row.unit, row.estimate, row.std, limit, *powers))
+    return tuple(rows)
 
 
 def _mistakes(prediction: AcceptancePrediction) -> tuple[Mistake, ...]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..covariance import OffsetsWithoutPrior
-from ..diagnostics.accuracy import Accuracy
+from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
 from ..diagnostics.diagnosis import Explanation
 from ..diagnostics.hold_out import HoldOut, PlacementResult
@@ -179,7 +179,7 @@ class Result:
     shots: tuple[ShotResult, ...]
     distances: tuple[DistanceResult, ...]
     intervals: tuple[Intervals, ...]
-    accuracy: Accuracy
+    accuracy: TcpAccuracy
     budget: tuple[Budget, ...]
     robust: Robust | None
     hold_out: HoldOut | None

@@ -1,6 +1,6 @@
-"""What the offsets do to the TCP over the workspace: before the calibration, and after it.
+"""The accuracy of the TCP over the workspace: before the calibration, and after it.
 
-The TCP T(q) is a place on the flange, in the base frame **that joint 1's own encoder draws**: the
+The TCP T(q) is a point of the flange, in the base frame **that joint 1's own encoder defines**: the
 offset of joint 1 never enters it, so neither does the gauge of section 3.3, be delta1 held or free.
 
 - *Before*: the error of the arm without offsets, |T(q; 0) - T(q; delta)| at the estimate, with the std of it.
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -96,7 +96,7 @@ class Map:
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class TcpAccuracy:
     """The TCP's accuracy over the workspace.
 
     `point_mm` in the flange frame, `place` says in words what it is. `workspace` is over the joints' limits,
@@ -125,7 +125,7 @@ class Accuracy:
             raise UnsoundResult("accuracy is claimed although it depends on what the data do not determine")
 
 
-def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
+def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
     """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above."""
     problem, fit = solution.problem, solution.fit
     parameters, offsets = problem.parameters, problem.parameters.block("offset")
@@ -151,12 +151,12 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     if not len(undetermined):
         errors = _errors(solution, point, joints, position, jacobian)
         whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
-        workspace, near_shots = _region(errors.select(whole)), _region(errors.select(near))
-        maps = _maps(problem, position[whole], position[near.stop :], errors.select(whole))
+        workspace, near_shots = _region(errors[:, whole]), _region(errors[:, near])
+        maps = _maps(problem, position[whole], position[near.stop :], errors[:, whole])
         shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
         sensitivity = tuple(map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / _POSTURES).tolist()))
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
-    return Accuracy(
+    return TcpAccuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
         place=location,
         workspace=workspace,
@@ -174,7 +174,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
 
 def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
     """(P, 3) mm where the `point` (3,) of the flange is at recorded `joints` (P, n) with the offsets and the
-    geometry of x (p,), in the base frame as joint 1's encoder draws it; and (P, 3, a) by these, 0 by the
+    geometry of x (p,), in the base frame as joint 1's encoder defines it; and (P, 3, a) by these, 0 by the
     first offset."""
     arm = problem.parameters.arm
     x = x.copy()
@@ -233,26 +233,15 @@ def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, Place]:
     return foot, "last axis"
 
 
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """(P,) mm each, as in `Region`."""
-
-    before: Matrix
-    before_std: Matrix
-    after95: Matrix
-    after_rms: Matrix
-
-    def select(self, rows: slice) -> _Errors:
-        return _Errors(self.before[rows], self.before_std[rows], self.after95[rows], self.after_rms[rows])
-
-
 def _errors(
     solution: Solution,
     point: Matrix,
     joints: Matrix,
     position: Matrix,
     jacobian: Matrix,
-) -> _Errors:
+) -> Matrix:
+    """(4, P) mm: before the calibration, the std of that, the 95 % radius after it, and the rms: see
+    `Region`."""
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
     (nominal,) = problem.functions.kernel("place")(joints, np.zeros(problem.parameters.arm.stop), point)
@@ -263,7 +252,7 @@ def _errors(
     rms = np.sqrt(np.trace(of_point, axis1=1, axis2=2))
     # Of no length at all every direction is as good: the std of the worst is at most the rms.
     std = np.where(length > 0, np.sqrt(along) / np.where(length > 0, length, 1.0), rms)
-    return _Errors(length, std, radius95(of_point, dof), rms)
+    return np.array([length, std, radius95(of_point, dof), rms])
 
 
 def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:
@@ -277,27 +266,28 @@ def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:
     return result.transpose(2, 0, 1)
 
 
-def _region(errors: _Errors) -> Region:
-    count = len(errors.before)
+def _region(errors: Matrix) -> Region:
+    before, before_std, after95, after_rms = errors
+    count = len(before)
     middle = (count - 1) // 2
 
     def level(value: Matrix) -> Level:
         return Level(float(np.partition(value, middle)[middle]), float(value.max()))
 
     def std_where(error: float) -> float:
-        return float(errors.before_std[errors.before == error].max())
+        return float(before_std[before == error].max())
 
-    before = level(errors.before)
+    before_mm = level(before)
     return Region(
         postures=count,
-        before_mm=before,
-        before_std_mm=Level(std_where(before.median), std_where(before.worst)),
-        after95_mm=level(errors.after95),
-        after_rms_mm=level(errors.after_rms),
+        before_mm=before_mm,
+        before_std_mm=Level(std_where(before_mm.median), std_where(before_mm.worst)),
+        after95_mm=level(after95),
+        after_rms_mm=level(after_rms),
     )
 
 
-def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) -> tuple[Map, Map]:
+def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: Matrix) -> tuple[Map, Map]:
     first = problem.robot.joints[0]
     axis, origin, name = np.array([0.0, 0.0, 1.0]), np.zeros(3), "the base's z axis"
     if first.kind == "revolute":
@@ -307,9 +297,7 @@ def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) ->
         away = points - origin
         return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis]).T
 
-    before, after = (
-        _Ranked(order := np.argsort(values), values[order]) for values in (errors.before, errors.after95)
-    )
+    before, after = ((order := np.argsort(values), values[order]) for values in (errors[0], errors[2]))
     across = (f"distance from {name}", "height")
     return (
         _map("vertical", across, beside_axis(position), beside_axis(shots), before, after),
@@ -317,22 +305,16 @@ def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) ->
     )
 
 
-class _Ranked(NamedTuple):
-    """Values in their order: whose each is, and the value."""
-
-    order: Index
-    value: Matrix
-
-
 def _map(
     plane: Literal["vertical", "horizontal"],
     axes: tuple[str, str],
     at: Matrix,
     shots: Matrix,
-    before: _Ranked,
-    after: _Ranked,
+    before: tuple[Index, Matrix],
+    after: tuple[Index, Matrix],
 ) -> Map:
-    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm."""
+    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm; `before` and `after`
+    are the errors in rising order: the index of the posture, and the value."""
     every = np.concatenate([at, shots])
     size = _round_up(float(np.ptp(every, axis=0).max()) / (_CELLS - 1))
     corner = np.floor(every.min(axis=0) / size)
@@ -351,8 +333,9 @@ def _map(
     filled = np.flatnonzero(count)
     end, count = np.cumsum(count)[filled], count[filled]
 
-    def levels(ranked: _Ranked) -> LevelMap:
-        value = ranked.value[np.argsort(where[ranked.order], kind="stable")]
+    def levels(ranked: tuple[Index, Matrix]) -> LevelMap:
+        order, value = ranked
+        value = value[np.argsort(where[order], kind="stable")]
 
         def grid(pick: Index) -> Grid:
             numbers = np.full(rows * columns, None, dtype=object)

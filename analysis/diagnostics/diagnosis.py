@@ -42,7 +42,7 @@ class Explanation:
 
     `factor` is the residual over the noise that it leaves, `before` the same as recorded; `farthest` and
     `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
-    the parameters that it frees (of links within tolerances their effective number), `p_value` is the chance
+    the parameters that it frees (of links within tolerances their effective number), `p_value` is that
     of such a gain after all that was tried, and `agrees` says that what it leaves agrees with the noise.
     """
 
@@ -112,7 +112,8 @@ def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
 def _explanations(
     base: HypothesisFit, fits: Sequence[HypothesisFit], slack: float
 ) -> tuple[Explanation, ...]:
-    """Those that explain, by the criterion: what is left, with a price for what was freed and for choice."""
+    """The hypotheses that explain, by the criterion: the residuals, with a price for estimated parameters and
+    for the choice among hypotheses."""
     choices = Counter(left.cause for left in fits)
     log_tried = float(np.logaddexp.reduce([0.0, *(left.log_choices for left in fits)]))
     agreeing = {i for i, left in enumerate(fits) if left.agrees(slack)}
@@ -133,13 +134,27 @@ def _explanations(
         for i in explaining
         if fits[i].cause not in _BLAMES_THE_DATA or criterion(fits[i]) < links + 2 * np.log(SIGNIFICANCE)
     }
-    p_values = {i: _chance(base, fits[i], log_tried, free_scale) for i in claimed}
+    p_values = {i: _p_value(base, fits[i], log_tried, free_scale) for i in claimed}
     rows = sorted((criterion(fits[i]), i) for i in claimed if p_values[i] < SIGNIFICANCE)
+    explained = [(fits[i], i) for value, i in rows if value <= rows[0][0] - 2 * np.log(SIGNIFICANCE)]
     return tuple(
-        _explanation(base, fits[i], p_values[i], i in agreeing)
-        for value, i in rows
-        if value <= rows[0][0] - 2 * np.log(SIGNIFICANCE)
-    )[:_MOST]
+        Explanation(
+            cause=left.cause,
+            joints=left.joints,
+            targets=left.targets,
+            measurements=left.measurements,
+            amount=left.amount,
+            factor=left.factor,
+            before=base.factor,
+            farthest=left.farthest,
+            farthest_before=base.farthest,
+            freed=left.freed,
+            p_value=p_values[i],
+            agrees=i in agreeing,
+        )
+        for left, i in explained[:_MOST]
+        if left.cause is not None
+    )
 
 
 def _log_ratio(base: HypothesisFit, left: HypothesisFit, free_scale: bool) -> float:
@@ -150,26 +165,8 @@ def _log_ratio(base: HypothesisFit, left: HypothesisFit, free_scale: bool) -> fl
     return drop / 2 - base.numbers * left.volume
 
 
-def _explanation(base: HypothesisFit, left: HypothesisFit, p_value: float, agrees: bool) -> Explanation:
-    assert left.cause is not None
-    return Explanation(
-        cause=left.cause,
-        joints=left.joints,
-        targets=left.targets,
-        measurements=left.measurements,
-        amount=left.amount,
-        factor=left.factor,
-        before=base.factor,
-        farthest=left.farthest,
-        farthest_before=base.farthest,
-        freed=left.freed,
-        p_value=p_value,
-        agrees=agrees,
-    )
-
-
-def _chance(base: HypothesisFit, left: HypothesisFit, log_tried: float, free_scale: bool) -> float:
-    """Of a gain as large by chance, by Bonferroni's bound over all that was tried.
+def _p_value(base: HypothesisFit, left: HypothesisFit, log_tried: float, free_scale: bool) -> float:
+    """Of the gain of a hypothesis, by Bonferroni's bound over all that was tried.
 
     Without a freed parameter by the likelihood ratio (Markov's inequality), with some by the drop's
     chi-squared, or its F where the noise has a free scale.

@@ -1,7 +1,7 @@
 """Has a target been displaced during the run: did someone bump the PSD between two shots?
 
 For each target and each change point between two of its shots the likelihood-ratio test of two places against
-one, at the linearised fit. Residuals count there only as far as no offset, place or tool can explain them,
+one, at the linearised fit. Residuals count there only as far as no offset, target or tool can explain them,
 whatever the priors: the drop of their sum of squares is then exactly chi-squared (or an F ratio, where the
 noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3). What a rival of stated
 size can do, such as links within their tolerance, is taken out too, as far as it is that small.
@@ -18,6 +18,7 @@ import scipy
 
 from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
+from ..recordings.recordings import by_targets
 
 _SIGNIFICANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
@@ -39,12 +40,12 @@ class ChangePoint(NamedTuple):
 class Displacement:
     """The most likely displacement of a run: at the change point `at`.
 
-    `p_value` is the chance of one as clear anywhere in a run without any, by Bonferroni's bound over the
-    change points. `shift_mm` (base frame) and its `std_mm` have None for a component that the shots do not
-    tell; `size_mm` and `size_std_mm` are None while one is. `elsewhere` are the change points that explain
-    the residuals nearly as well (likelihood ratio within 20), `alone` is the measurement that does so if it
-    alone is off, and `better_alone` says that it does so better. `rest_agrees` says that with the
-    displacement the residuals agree with the stated noise (True where its scale is estimated).
+    `p_value` is that of one as clear anywhere in the run, by Bonferroni's bound over the change points.
+    `shift_mm` (base frame) and its `std_mm` have None for an undetermined component; `size_mm` and
+    `size_std_mm` are None while one is. `elsewhere` are the change points that explain the residuals nearly
+    as well (likelihood ratio within 20), `alone` is the measurement that does so if it alone is off, and
+    `better_alone` says that it does so better. `rest_agrees` says that with the displacement the residuals
+    agree with the stated noise (True where its scale is estimated).
     """
 
     at: ChangePoint
@@ -60,7 +61,7 @@ class Displacement:
 
     @property
     def significant(self) -> bool:
-        """Not chance, not better explained by one measurement that is off, and enough to explain the
+        """Beyond noise, not better explained by one measurement that is off, and enough to explain the
         residuals: where the model does not fit, a displacement takes up a part of that too."""
         return self.p_value < _SIGNIFICANCE and not self.better_alone and self.rest_agrees
 
@@ -68,7 +69,7 @@ class Displacement:
 def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacement | None:
     """The most likely displacement in the run of `fit`, whether it is significant or not.
 
-    `rival` (M, g) are whitened columns of another explanation of the misses, times the prior stds of its
+    `rival` (M, g) are whitened columns of another explanation of the residuals, times the prior stds of its
     parameters (`link_columns`): it is marginalised.
 
     None where no change point can be tested: no target has two shots, or the shots are so few that offsets,
@@ -120,7 +121,7 @@ class _Explained(NamedTuple):
 
 
 class _Residuals(NamedTuple):
-    """What is left of the residuals once all that offsets, places and tool can do is taken out.
+    """What is left of the residuals once all that offsets, targets and tool can do is taken out.
 
     `basis` (N, d, r) of what they can do, by shots; `residual` (N, d) what is left, in stds; `chi2` its sum
     of squares (with that of the stated distances) and `numbers` its degrees of freedom; `known` the scale is.
@@ -161,14 +162,14 @@ class _Residuals(NamedTuple):
         )
 
     def explained(self, gram: Matrix, slope: Matrix, floor: float) -> _Explained:
-        """Of explanations with the information `gram` (C, a, a) and the slopes (C, a) of the sum of squares;
+        """Explanations with the information `gram` (C, a, a) and the slopes (C, a) of the sum of squares;
         directions with less information than `floor` are not determined, and explain nothing."""
         values, vectors = np.linalg.eigh(gram)
         along = (vectors.transpose(0, 2, 1) @ slope[:, :, None])[:, :, 0]
         determined = values > floor
         rank = determined.sum(axis=1)
         if not self.known:
-            # Nothing would be left to tell the scale from.
+            # No degrees of freedom would be left for the scale.
             rank = np.where(rank < self.numbers, rank, 0)
         drop = (along**2 / np.maximum(values, floor)).sum(axis=1, where=determined & (rank > 0)[:, None])
         drop = np.minimum(drop, self.chi2)
@@ -191,7 +192,7 @@ class _Residuals(NamedTuple):
         )
 
     def p_value(self, explained: _Explained, i: int) -> float:
-        """Of a drop as large by noise."""
+        """Of the drop of the sum of squares by noise."""
         drop, rank = float(explained.drop[i]), int(explained.rank[i])
         if self.known:
             return float(scipy.special.chdtrc(rank, drop))
@@ -210,13 +211,8 @@ class _Residuals(NamedTuple):
 def _displaced(fit: LikelihoodFit, left: _Residuals) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
     """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
     and the information below which a direction is not determined."""
-    problem, parameters = fit.problem, fit.problem.parameters
-    shots, d = left.residual.shape
-    rows = np.arange(shots)
-    columns = problem.columns[:, parameters.in_shot("target")]
-    by_place = fit.whitened.jacobian[: shots * d].reshape(shots, d, -1)
-    by_place = by_place[rows[:, None, None], np.arange(d)[:, None], columns[:, None, :]]
-    by_place = by_place / parameters.prior_std[columns][:, None, :]
+    problem = fit.problem
+    by_place = by_targets(problem, fit.whitened)
     by_residual = -(by_place.transpose(0, 2, 1) @ left.residual[:, :, None])[:, :, 0]
     squares = by_place.transpose(0, 2, 1) @ by_place
     shared = left.basis.transpose(0, 2, 1) @ by_place

@@ -20,7 +20,7 @@ from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem, rms_length
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
-from ..observability.gauges import information_root
+from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
 from ..recordings.recordings import Effective
 from ..recordings.steps import RecordingSteps, steps
@@ -34,12 +34,11 @@ _STEPS = 12
 _SETTLED = (
     0.02  # size of the gradient, in posterior stds: what is left is along gauges, where only priors pull
 )
-_ROUNDING = 1e-11  # singular values below this share are rounding
 
 
 @dataclass(frozen=True)
 class HoldOut:
-    """How offsets and tool by the other placements' measurements do at placements that they have not seen.
+    """The residuals at held-out placements, with offsets and tool from the other placements.
 
     `targets` are those of the held-out `placements`. `rms_mm` of the residuals once each held-out target is
     placed, `rms_before_mm` the same without any offset, `expected_mm` what `rms_mm` would be by the noise and
@@ -144,18 +143,18 @@ def judged(
     Analysis, 2003, section 3.10), solved as an ordinary one by the rows of C's root.
     """
     names = tuple(name for placement in groups for name in placement.targets)
-    unseen = problem.without_targets(set(problem.targets) - set(names))
-    parameters, fitted_parameters = unseen.parameters, fitted.parameters
+    held_out = problem.without_targets(set(problem.targets) - set(names))
+    parameters, fitted_parameters = held_out.parameters, fitted.parameters
     carried = [item.name for item in fitted_parameters.items if item.group != "target"]
-    start = unseen.nominal()
-    before = _settled(unseen, start, weight)
+    start = held_out.nominal()
+    before = _settled(held_out, start, weight)
     start[[parameters.index(name) for name in carried]] = x[
         [fitted_parameters.index(name) for name in carried]
     ]
-    after = _settled(unseen, start, weight)
-    whitened = unseen.whiten(after)
-    rows = unseen.shots * unseen.tool.residual_size
-    scale = _row_scale(unseen, weight)
+    after = _settled(held_out, start, weight)
+    whitened = held_out.whiten(after)
+    rows = held_out.shots * held_out.tool.residual_size
+    scale = _row_scale(held_out, weight)
     residual, jacobian = whitened.residual * scale, whitened.jacobian * scale[:, None]
     by_place = jacobian[:, parameters.group("target") & parameters.free]
     free = [name for name in carried if fitted_parameters.free[fitted_parameters.index(name)]]
@@ -171,20 +170,20 @@ def judged(
     rank = int(np.linalg.matrix_rank(by_place))
     basis = np.linalg.svd(by_place, full_matrices=False)[0][:, :rank]
     noise = whitened.factor / np.sqrt(weight)
-    d = unseen.tool.residual_size
-    placed = basis[:rows].reshape(unseen.shots, d, -1)
+    d = held_out.tool.residual_size
+    placed = basis[:rows].reshape(held_out.shots, d, -1)
     squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
     rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
-    squares += float(((whitened.factor @ rest.reshape(unseen.shots, d, -1)) ** 2).sum())
-    chi2, dof = float(left @ left), unseen.measured_size - rank
+    squares += float(((whitened.factor @ rest.reshape(held_out.shots, d, -1)) ** 2).sum())
+    chi2, dof = float(left @ left), held_out.measured_size - rank
     return HoldOut(
         targets=names,
         placements=tuple(placement.name for placement in groups),
-        shots=unseen.shots,
+        shots=held_out.shots,
         shots_fitted=fitted.shots,
         rms_mm=rms_length(whitened.residual_mm),
-        rms_before_mm=rms_length(unseen.linearise(before)[0]),
-        expected_mm=float(np.sqrt(max(squares, 0.0) / unseen.shots)),
+        rms_before_mm=rms_length(held_out.linearise(before)[0]),
+        expected_mm=float(np.sqrt(max(squares, 0.0) / held_out.shots)),
         chi2=chi2 if dof > 0 else None,
         dof=max(dof, 0),
         p_value=_p_value(fitted, chi2, dof) if dof > 0 else None,
@@ -302,7 +301,7 @@ def known_factors(solution: Solution) -> tuple[Problem, Matrix]:
 def fit_without(
     problem: Problem, x: Matrix, placement: Placement, settled: float = _SETTLED
 ) -> FitWithoutPlacement:
-    """The fit of all but a placement, begun at `x` (p,), until the gradient is below `settled`."""
+    """The fit of all but a placement from `x` (p,), until the gradient is below `settled`."""
     rest = problem.without_targets(placement.targets)
     start = x[[problem.parameters.index(name) for name in rest.parameters.names]]
     density = Density(rest)
@@ -416,7 +415,7 @@ def _determined(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Mask
         )
         _, singular, right = np.linalg.svd(np.linalg.qr(jacobian[np.ix_(rows, stay)], mode="r"))
         singular = np.append(singular, np.zeros(right.shape[1] - len(singular)))
-        floor = _ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
+        floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
         std = np.sqrt(((right.T / np.maximum(singular, floor)) ** 2).sum(axis=1))
         result[row, np.flatnonzero(free)[stay]] = std < 1.0
     return result

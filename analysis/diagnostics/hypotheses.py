@@ -45,12 +45,12 @@ _PARALLEL = 1e-6  # sine of a twist below which it has no sign
 _TWO_TURNS = 4 * np.pi  # rad: further no arm goes, and no angle is recorded
 _QUARTERS = (90.0, -90.0, 180.0)
 _Z = np.array([0.0, 0.0, 1.0])
-SIGNIFICANCE = 1e-3  # that what is left is noise, that a gain is chance, that a rival is the better one
+SIGNIFICANCE = 1e-3  # p-value of residuals by noise and of a gain by chance; likelihood ratio to a rival
 HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
 REDUCED = 0.75  # the same of link geometry: beyond it arms deflect, by as much again
 _FAR = 4.0  # prior stds beyond which an estimate contradicts its prior
 _FEW_STEPS = 60  # of a first try
-_ROUNDS = 10  # in which measurements that stand out are left out
+_ROUNDS = 10  # of leaving outliers out
 _EXACT = 60  # measurements up to which each is left out in turn, and every change point is tried
 _CHANGE_POINTS = 5  # that the linearised test proposes, of more measurements
 _LARGEST = 1e300
@@ -62,8 +62,8 @@ class Change:
 
     `joints` are numbered from 1: those concerned; of a twist the joints before and behind the link, or the
     last one for the link that ends in the flange. `amount` is what is added to a zero (deg), the factor of
-    units, or how many times joint 2 is added to joint 3. `freed` counts what was chosen to suit the data, and
-    `volume` is the logarithm of the factor by which positions shrink.
+    units, or how many times joint 2 is added to joint 3. `freed` counts the parameters chosen to suit the
+    data, and `volume` is the logarithm of the factor by which positions shrink.
     """
 
     cause: Cause
@@ -452,12 +452,12 @@ def _without_measurements(
 
 
 def _without_outlying(problem: Problem, x: Matrix, base: HypothesisFit) -> list[HypothesisFit]:
-    """Of many measurements: without those that stand out, again and again until no more do."""
+    """Of many measurements: without the outliers, again and again until there are no more."""
     density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
     d, left = problem.tool.residual_size, None
     for _ in range(_ROUNDS):
         quads = density.quads(x)
-        # One far off pulls all: what stands out is judged by the rest, as long as that is too large.
+        # One far off pulls all: an outlier is judged by the scale of the rest, as long as that is too large.
         scale = max(1.0, float(np.median(quads[~gone]) / scipy.special.chdtri(d, 0.5)))
         off = scipy.special.chdtrc(d, quads / scale) * problem.shots < SIGNIFICANCE
         if not (off & ~gone).any() or (off | gone).sum() > max(3, problem.shots // 10):

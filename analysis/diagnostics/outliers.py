@@ -16,7 +16,7 @@ from ..estimation.robust import Loss, fit_robust, outlying
 from ..solution import ParameterResult, Solution
 from ..status import Status, UnsoundResult, require_no_more_than
 
-OUTLYING = 1e-3  # chance, over all measurements together, of a residual as long as an outlying one
+OUTLYING = 1e-3  # p-value, over all measurements together, of an outlying residual
 FEWEST_VALUES = 15  # from here on the level of `outlying_values` holds (Rosner 1983, table 3)
 _MOST_OUTLYING = 0.1  # of all values: more are no outliers but another population
 _SIGNIFICANT = 1e-3  # of a single outlier, after Bonferroni's correction
@@ -46,8 +46,8 @@ class RobustParameter:
 @dataclass(frozen=True)
 class Robust:
     """A fit in which a large residual weighs less: `loss` with its `tuning` (Huber's threshold in stds,
-    Student's nu), `weights` of the measurements in their order, `outliers` the numbers of those too far off
-    for chance.
+    Student's nu), `weights` of the measurements in their order, `outliers` the numbers of those beyond
+    `OUTLYING`.
 
     `with_uncertainty` is False where a measurement has leverage 1, or there are no more numbers than
     unknowns.

@@ -76,18 +76,11 @@ class JumpTest:
         return high
 
 
-def jump_tests(
-    series: Series,
-    rates: Matrix,
-    smoothed: Smoothed,
-    passes: Sequence[Pass],
-    jumps: Matrix,
-    *,
-    nodes: int,
-    seed: int,
+def _jump_tests(
+    series: Series, rates: Matrix, smoothed: Smoothed, passes: Sequence[Pass], jumps: Matrix, seed: int
 ) -> dict[tuple[int, int], JumpTest]:
     """The tests by interval and offset, none where a jump is allowed already or one side has no result of the
-    offset. `smoothed` is of the `rates` (K, m), which were sampled from the `passes`, `nodes` from each."""
+    offset. `smoothed` is of the `rates` (K, m), which were sampled from the `passes`."""
     observed = series.observed
     over = over_passes(np.log(rates), passes)
     tests = {}
@@ -101,7 +94,7 @@ def jump_tests(
             if not (smoothed.power[:, t, j] > 0).all():
                 continue
             scored = _Scored.of(rates, smoothed, t, j)
-            tests[t, j] = _test(series, scored, over, passes, jumps, t, j, nodes, seed)
+            tests[t, j] = _jump_test(series, scored, over, passes, jumps, (t, j), seed)
     return tests
 
 
@@ -124,19 +117,18 @@ class _Scored:
         return normalised(self.log_likelihood + self.score**2 / 2 - np.log(self.power) / 2 + over)
 
 
-def _test(
+def _jump_test(
     series: Series,
     scored: _Scored,
     over: Matrix,
     passes: Sequence[Pass],
     jumps: Matrix,
-    t: int,
-    j: int,
-    nodes: int,
+    interval: tuple[int, int],
     seed: int,
 ) -> JumpTest:
-    """The test by these rates; where too few of them count, by more: first with the prior of the rate of the
-    tested offset, then about those that count."""
+    """The test of one `interval` and offset by these rates; where too few of them count, by more: first with
+    the prior of the rate of the tested offset, then about those that count."""
+    t, j = interval
     weights = scored.weights(over)
     prior, more = passes[0], list(passes)
     while effective(weights) < ENOUGH and len(more) < len(passes) + MOST:
@@ -145,7 +137,7 @@ def _test(
             if len(more) == len(passes)
             else about(np.log(scored.rates), weights)
         )
-        rates = np.exp(from_pass(more[-1], nodes, seed + len(more) - 1))
+        rates = np.exp(from_pass(more[-1], _NODES, seed + len(more) - 1))
         added = _Scored.of(rates, smooth(series, rates, jumps), t, j)
         scored = _Scored(*map(np.concatenate, zip(astuple(scored), astuple(added), strict=True)))
         weights = scored.weights(over_passes(np.log(scored.rates), more))
@@ -173,7 +165,7 @@ def _with_prior_of(j: int, about: Pass, prior: Pass) -> Pass:
 
 @dataclass(frozen=True)
 class Jump:
-    """A change of one offset between the results `after` and `after` + 1 that the walk does not explain.
+    """A change of one offset between the results `after` and `after` + 1 that the drift does not explain.
 
     `p_value` is multiplied by the number of tests; `size` is in the unit of the offset.
     """
@@ -206,7 +198,7 @@ class Undecided:
 class Drift:
     """The offsets of an arm over time.
 
-    `smoothed` is of the K walk rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
+    `smoothed` is of the K drift rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
     p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
     the offset on one side. `jumps` and `undecided` are in the order of time; `changed` is whether any change
     that is no jump exceeds its uncertainty. `effective` is the effective number of rates, `passes` what they
@@ -249,23 +241,24 @@ class Drift:
             raise UnsoundResult(f"no result since the last reset determines {names}")
 
     def shared_variance(self, along: Matrix) -> float:
-        """What deviations of the geometry add, which many results do not average out: the most of any."""
+        """The variance by deviations of the geometry, which many results do not average out: the largest of
+        any."""
         variances = [0.0]
         for observation in self.series.observations:
             part = along[[self.series.names.index(name) for name in observation.names]]
             variances.append(float(part @ observation.shared @ part))
         return max(variances)
 
-    def walks(self, offset: str) -> bool:
-        """Whether the results say anything of an offset's walk: two determine it without a jump or a reset in
-        between. Where not, its rate is the prior alone."""
+    def determines_rate(self, offset: str) -> bool:
+        """Whether the results say anything of an offset's drift rate: two determine it without a jump or a
+        reset in between. Where not, its rate is the prior alone."""
         j = self.series.names.index(offset)
         breaks = {*self.series.reset, *(jump.after for jump in self.jumps if jump.offset == offset)}
         segment = np.cumsum([0, *(t in breaks for t in range(len(self.series.observations) - 1))])
         return bool(np.bincount(segment[self.series.observed[:, j]], minlength=1).max() > 1)
 
     def rate(self, offset: str) -> tuple[float, tuple[float, float]]:
-        """Median and 95 % interval of an offset's walk, per root year."""
+        """Median and 95 % interval of an offset's drift rate, per root year."""
         return median_interval(self.rates[:, self.series.names.index(offset)], self.weights)
 
     @property
@@ -298,7 +291,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
     jumps_found: list[tuple[int, int, float]] = []
     while True:
         rates, log_weight, smoothed, passes = integrated(series, jumps, seed)
-        tests = jump_tests(series, rates, smoothed, passes, jumps, nodes=_NODES, seed=seed)
+        tests = _jump_tests(series, rates, smoothed, passes, jumps, seed)
         p_values = {interval: test.p_value for interval, test in tests.items()}
         if not jumps_found:
             for interval, p_value in p_values.items():
@@ -376,7 +369,7 @@ def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix
 
 
 def _jump(series: Series, smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:
-    """The size of a jump that is allowed for, the walk of that interval in it."""
+    """The size of a jump that is allowed for, the drift of that interval in it."""
     step = smoothed.mean[:, t + 1, j] - smoothed.mean[:, t, j]
     variance = smoothed.step_variance[:, t, j]
     low, high = mixture_interval(step, np.sqrt(variance), weights, LEVEL)
@@ -386,7 +379,7 @@ def _jump(series: Series, smoothed: Smoothed, weights: Matrix, t: int, j: int, p
 def _undecided(
     series: Series, tests: Mapping[tuple[int, int], JumpTest], p_value: float
 ) -> Iterator[Undecided]:
-    """Of the tests that found no jump at this (single) p-value."""
+    """The changes that are no jump at this (single) p-value, and may be one."""
     for (t, j), test in sorted(tests.items()):
         if test.rate_known or test.p_same > p_value or test.p_value <= p_value:
             continue

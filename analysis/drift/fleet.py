@@ -1,6 +1,6 @@
-"""How fast the offsets of a model walk, by all of its arms: shrinkage between arms.
+"""Drift rates of the offsets of a robot model, by all of its arms: shrinkage between arms.
 
-The logarithm of the walk rate of an offset is normal between the arms of a model,
+The logarithm of the drift rate of an offset is normal between the arms of a model,
 
     log rate ~ N(mu, tau^2),   tau^2 = rho SPREAD^2,   mu ~ N(log MEDIAN, (1 - rho) SPREAD^2),
 
@@ -12,7 +12,8 @@ integrated over together: the likelihood of an arm, given mu and rho, is a weigh
 its drift was integrated over. Where too few of these agree with mu and rho, more are sampled about a normal
 approximation. mu and rho are integrated over about the mode, as standard normal coordinates.
 
-An offset whose walk no arm determines (`Drift.walks`) is not modelled: nothing is known of it but the prior.
+An offset whose drift rate no arm determines (`Drift.determines_rate`) is not modelled: nothing is known of it
+but the prior.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (t
 ENOUGH = 100  # rates of an arm that agree with mu and rho: with fewer, more are sampled
 _MORE, _ROUNDS, _WIDER = 256, 3, 1.3
 _NODES, _PASSES, _NEAR = 512, 2, 1.2  # of mu and rho; the pass about the mode is so much wider
-_AT_ONCE = 64  # of mu and rho that are asked for at once: what fast memory holds
+_AT_ONCE = 64  # of mu and rho: what fast memory holds
 _SOME = 128  # of mu and rho that an arm's rates are of
 _EXCLUDED = 20.0  # less than the highest log-likelihood
 _STEP = 1e-3
@@ -51,14 +52,15 @@ class ArmRates:
     effective: float
 
     def rate(self, offset: str) -> tuple[float, tuple[float, float]]:
-        """Median and 95 % interval of an offset's walk, per root year."""
+        """Median and 95 % interval of an offset's drift rate, per root year."""
         return median_interval(self.rates[:, self.names.index(offset)], self.weights)
 
 
 @dataclass(frozen=True, eq=False)
 class ModelRates:
-    """The walks of the offsets `names` of a model: `mu` (H, n) and `tau` (H, n) with the `weights` (H,), of
-    the natural logarithm per root year; `effective` is their effective number. `arms` in the order given."""
+    """The drift rates of the offsets `names` of a model: `mu` (H, n) and `tau` (H, n) with the `weights`
+    (H,), of the natural logarithm per root year; `effective` is their effective number. `arms` in the order
+    given."""
 
     names: tuple[str, ...]
     mu: Matrix
@@ -149,9 +151,9 @@ class _Cloud:
 
 
 def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
-    """The walks of the arms of one model, by the drift of each."""
-    walking = {name for arm in drifts for name in arm.series.names if arm.walks(name)}
-    names = tuple(sorted(walking, key=lambda name: (len(name), name)))
+    """The drift rates of the arms of one model, by the drift of each."""
+    with_rate = {name for arm in drifts for name in arm.series.names if arm.determines_rate(name)}
+    names = tuple(sorted(with_rate, key=lambda name: (len(name), name)))
     clouds = [_cloud(arm, names) for arm in drifts]
     for number in range(_ROUNDS):
         mode = _mode(clouds, len(names))

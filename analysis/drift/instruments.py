@@ -121,7 +121,7 @@ class Bias:
 
 @dataclass(frozen=True)
 class ComparableInstruments:
-    """Of an offset, the instruments that determine it in groups: within one they are comparable, between two
+    """The instruments that determine an offset, in groups: within one they are comparable, between two
     nothing is determined."""
 
     offset: str
@@ -130,8 +130,8 @@ class ComparableInstruments:
 
 @dataclass(frozen=True)
 class Instruments:
-    """What the arms say of their instruments together; `unstated` counts the results that state none, which
-    are not used."""
+    """The biases and the groups of comparable instruments; `unstated` counts the results that state no
+    instrument, which are not used."""
 
     biases: tuple[Bias, ...]
     comparable: tuple[ComparableInstruments, ...]
@@ -162,7 +162,7 @@ class _BiasInformation:
 
     @staticmethod
     def of(arm: _CorrectedArm, rows: Mapping[Column, int]) -> _BiasInformation:
-        """Of columns that have no place there is no information: no change of instrument touches them."""
+        """Of the columns in `rows`: no change of instrument touches the others."""
         kept = [k for k, column in enumerate(arm.columns) if column in rows]
         return _BiasInformation(
             [rows[arm.columns[k]] for k in kept], arm.matrix[:, kept][:, :, kept], arm.vector[:, kept]
@@ -207,7 +207,8 @@ def instrument_biases(
         ):
             break
     comparable = tuple(_comparable(now))
-    return Instruments(tuple(_biases(now, comparable, draws, shift, alarm)), comparable, unstated)
+    total = replace(draws, mean=draws.mean + [shift.get(column, 0.0) for column in draws.columns])
+    return Instruments(tuple(_biases(now, comparable, total, alarm)), comparable, unstated)
 
 
 def bias_information(series: Series, rates: Matrix, allowed: Matrix, design: Matrix) -> tuple[Matrix, Matrix]:
@@ -357,7 +358,6 @@ def _biases(
     arms: Sequence[_CorrectedArm],
     comparable: Sequence[ComparableInstruments],
     draws: _BiasDraws,
-    shift: Mapping[Column, float],
     alarm: float,
 ) -> Iterator[Bias]:
     units = {
@@ -371,31 +371,23 @@ def _biases(
             rest = [name for name in group if name not in biased]
             named = group[1:] if len(group) == 2 else group
             biases = [
-                _bias(
-                    draws,
-                    shift,
-                    (offset, units[offset]),
-                    instrument,
-                    [other for other in rest if other != instrument],
-                    tests,
-                    alarm,
-                )
+                _bias(draws, (offset, units[offset]), instrument, set(rest) - {instrument}, tests, alarm)
                 for instrument in named
                 if rest != [instrument]
             ]
             outlying = [bias.instrument for bias in biases if bias.alarm and bias.instrument not in biased]
             if not outlying:
                 break
-            explained = _explained(draws, shift, offset, rest)
+            explained = _explained(draws, offset, rest)
             biased.append(max(outlying, key=lambda name: explained[rest.index(name)]))
         yield from biases
 
 
-def _explained(draws: _BiasDraws, shift: Mapping[Column, float], offset: str, rest: Sequence[str]) -> Matrix:
+def _explained(draws: _BiasDraws, offset: str, rest: Sequence[str]) -> Matrix:
     """(n,) by how much chi-squared of the differences falls if one instrument is biased and the others are
     equal: the contrasts alone do not say whose bias it is, where that one has few results."""
     at = [draws.columns.index((name, offset)) for name in rest]
-    mean = draws.mean[:, at] + [shift.get((name, offset), 0.0) for name in rest]
+    mean = draws.mean[:, at]
     centred = np.eye(len(rest)) - 1 / len(rest)
     middle = centred @ mean.mean(axis=0)
     covariance = draws.covariance[:, at][:, :, at].mean(axis=0) + np.atleast_2d(np.cov(mean.T))
@@ -405,20 +397,19 @@ def _explained(draws: _BiasDraws, shift: Mapping[Column, float], offset: str, re
 
 def _bias(
     draws: _BiasDraws,
-    shift: Mapping[Column, float],
     of: tuple[str, str],
     instrument: str,
-    against: Collection[str],
+    others: Collection[str],
     tests: int,
     alarm: float,
 ) -> Bias:
-    offset, unit = of
+    """Of an offset and its unit: an instrument against the mean of the others, by the draws of the biases."""
+    (offset, unit), against = of, sorted(others)
     along = np.zeros(len(draws.columns))
     along[draws.columns.index((instrument, offset))] = 1.0
     for name in against:
         along[draws.columns.index((name, offset))] -= 1 / len(against)
-    before = np.array([shift.get(column, 0.0) for column in draws.columns])
-    mean = draws.mean @ along + before @ along
+    mean = draws.mean @ along
     std = np.sqrt(np.einsum("i,dij,j->d", along, draws.covariance, along))
     even = np.full(len(mean), 1 / len(mean))
     below = min(float(special.ndtr(mean / std).mean()), float(special.ndtr(-mean / std).mean()))

@@ -75,8 +75,8 @@ class Series:
         """(T, m, m) and (T, m): the information of each result, 0 in every direction that it does not
         determine, and its product with the values.
 
-        Where an offset is not `determined` between two resets, 1 stands at the first result of these: it
-        bears on nothing else, and the states of the offset there mean nothing.
+        Where an offset is not `determined` between two resets, the first result of these has 1: it affects
+        nothing else, and the states of the offset there mean nothing.
         """
         count, size = len(self.observations), len(self.names)
         matrix, vector = np.zeros((count, size, size)), np.zeros((count, size))

@@ -1,8 +1,8 @@
-"""Postures turned onto their targets: the shots that the model says would hit.
+"""Postures turned onto their targets: the measurements that hit by the model.
 
 A plan's postures only roughly point at the target; the servo turns the wrist until the beam hits.
-A run's shots hit but for noise and misfit. In both cases what the data can tell is a property of
-the shots that hit, so identifiability is judged there.
+A run's measurements hit but for noise and misfit. In both cases what the data determine is a property of
+measurements that hit, so identifiability is judged there.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..estimation.threads import one_blas_thread
 
 _ITERATIONS = 60
 _LARGEST_STEP = 0.2  # rad (or as a share of a metre for prismatic joints): keeps Newton's steps local
-_HIT_MM = 1e-6
+HIT_MM = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +74,18 @@ def moving_joints(joints: Matrix) -> Matrix:
     return np.where(spread > 0, np.var(joints, axis=0), 0.0)
 
 
+def joint_scale(problem: Problem) -> Matrix:
+    """(n,) a radian, or a metre in mm."""
+    return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+
+
 def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
     with own ones for every shot.
 
-    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the miss.
+    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual.
     """
-    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+    scale = joint_scale(problem)
     weights = weights * scale**2
     d = problem.tool.residual_size
     joints = problem.joints.copy()
@@ -91,8 +96,8 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     # Where no joint may be turned there is nothing to do.
     before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
     for _ in range(_ITERATIONS):
-        # One step more than the hit needs: an exact gauge shows as one only where the miss is rounding.
-        going_on = before_last_step[active] >= _HIT_MM * 1e-3
+        # One step more than the hit needs: an exact gauge shows as one only where the residual is rounding.
+        going_on = before_last_step[active] >= HIT_MM * 1e-3
         active, residual, jacobian = active[going_on], residual[going_on], jacobian[going_on]
         if len(active) == 0:
             break
@@ -113,7 +118,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         nearer = active[better]
         best[nearer], smallest[nearer] = joints[nearer], size[better]
     aimed = problem.moved(best)
-    return Aimed(aimed, off, smallest < _HIT_MM, _ahead(aimed, x))
+    return Aimed(aimed, off, smallest < HIT_MM, _ahead(aimed, x))
 
 
 def _ahead(problem: Problem, x: Matrix) -> Mask:

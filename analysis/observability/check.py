@@ -187,7 +187,7 @@ class Check:
         The largest u by number of measurements; u over where the target may be; the single change that helps
         most.
     findings, warnings : tuple
-        What a reader must not miss.
+        Findings and warnings, to be read with the verdict.
     inputs : PlanInputs
         What the check was made from.
 

@@ -1,9 +1,8 @@
-"""Exact gauges: the null space of what shots tell that hit, confirmed at other parameter values near by."""
+"""Exact gauges: the null space of the Jacobian of measurements that hit, confirmed at parameter values near
+by."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,25 +10,24 @@ import numpy as np
 
 from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
-from .aim import aim, moving_joints
+from .aim import HIT_MM, aim, joint_scale, moving_joints
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
-_ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
+_ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements come to hit by small steps only
 PART = 1e-6  # a parameter with more than this in a unit null vector has a part in it, whatever the rounding
 _TARGET_MM, _CONFIRMATIONS = 50.0, 3  # points near by, and the way to them of a target
-# Where points differ in what they tell: one in five that tells less than the rest is missed in one of 5000.
+# Where points differ in rank: one in five with a lower rank than the rest is overlooked in one of 5000.
 _SPECIAL_CONFIRMATIONS = {50.0: 6, 5.0: 16, 0.5: 16}
 _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
-_CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
-_FORETOLD = 0.1  # of a shot's miss may be left by one step of Newton's: else it may come to another posture
-_HIT_MM = 1e-6
+_CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
+_PREDICTED = 0.1  # of a residual may be left by one Newton step: else it may come to another posture
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
 @dataclass(frozen=True, eq=False)
 class Gauge:
-    """What shots that hit tell at a point, and what of it is null.
+    """The Jacobian of measurements that hit at a point, and its null space.
 
     `aimed` has the shots there, `jacobian` is A (M, f); `basis` (f, g) spans its null space and `part` (f,)
     says which parameters have a part in that. `dimension` of it are confirmed near by: an exact gauge, in
@@ -47,25 +45,27 @@ class Gauge:
 
 
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
-    """The gauge of the shots at x (p,), or near by, if the true values may be there and they tell less."""
+    """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower."""
     aimed, jacobian, hit = information_root(problem, x, weight)
     tolerated = problem.parameters.group("geometry")[problem.parameters.free]
     null = _null_space(jacobian)
     taken_up = [spanned(jacobian, tolerated)]
     followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
     if followed:
-        near_by = _near_by(problem, x, aimed, hit) if null.size or tolerated.any() else []
+        near_by = []
+        if null.size or tolerated.any():
+            near_by = _near_by(problem, x, hit, aimed, _TARGET_MM, _CONFIRMATIONS)
     else:
         # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
         near_by = [
             point
             for target_mm, points in _SPECIAL_CONFIRMATIONS.items()
-            for point in _near_special(problem, x, hit, target_mm, points)
+            for point in _near_by(problem, x, hit, None, target_mm, points)
         ]
-        least_told = max(near_by, key=lambda point: point.null.size, default=None)
-        if least_told is not None and least_told.null.size > null.size:
-            # The shots are judged where the true values may just as well be, and where they tell less.
-            aimed, jacobian, _ = information_root(problem, least_told.x, weight)
+        lowest_rank = max(near_by, key=lambda point: point.null.size, default=None)
+        if lowest_rank is not None and lowest_rank.null.size > null.size:
+            # Judged where the true values may just as well be, and where the rank is lower.
+            aimed, jacobian, _ = information_root(problem, lowest_rank.x, weight)
             null = _null_space(jacobian, _ROUNDING_SPECIAL)
     dimension, exact_part = _confirm(null, near_by, followed)
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
@@ -78,7 +78,7 @@ def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Proble
     return _information_root(problem, x.tobytes(), weight)
 
 
-@lru_cache(maxsize=1)  # of one run it is asked for several times
+@lru_cache(maxsize=1)  # one run calls it several times
 def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Problem, Matrix, Mask]:
     (root,) = information_roots(problem, np.frombuffer(x)[None], weight)
     for array in root[1:]:
@@ -111,7 +111,7 @@ def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
     jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
     if aimed.noise.separate:
-        # The misses tell the noise by their scatter, not by where they are.
+        # The noise is determined by the scatter of the residuals, not by where they are.
         _, jacobian_mm = aimed.linearise(x)
         root = np.linalg.cholesky(aimed.noise_information(x, jacobian_mm, whitened.factor)).T
         noise = parameters.group("noise")
@@ -191,12 +191,12 @@ def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     """Whether the shots of `hit` (N,) can go on hitting, by a small turn of the joints `moving` (n,), where x
     changes a little.
 
-    If so, what they tell at x they tell near by too: the rank of A does not fall at a small step (implicit
-    function theorem). If not, the shots that hit near by are others, and may tell less: a beam along the
-    last axis hits at any turn of that joint, one beside it at two turns only.
+    If so, the rank of A does not fall at a small step (implicit function theorem). If not, the measurements
+    that hit near by are others, and A may have a lower rank: a beam along the last axis hits at any turn of
+    that joint, one off the axis at two turns only.
     """
     _, jacobian_mm = aimed.linearise(x)
-    by_joints = (aimed.by_joints(jacobian_mm) * _joint_scale(aimed))[hit][:, :, moving]
+    by_joints = (aimed.by_joints(jacobian_mm) * joint_scale(aimed))[hit][:, :, moving]
     if by_joints.shape[2] < aimed.tool.residual_size:
         return len(by_joints) == 0
     singular = np.linalg.svd(by_joints, compute_uv=False)
@@ -214,72 +214,42 @@ class _NearBy:
     same: bool
 
 
-def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: Mask) -> list[_NearBy]:
-    """A few points beside x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
+def _near_by(
+    problem: Problem, x: Matrix, hit: Mask, followed: Problem | None, target_mm: float, points: int
+) -> list[_NearBy]:
+    """Points near x, with the target about `target_mm` off, at which all shots of `hit` (N,) hit, all that
+    were found on the way to each of `points`. There may be none.
 
-    A shot that misses breaks a gauge that it has where it hits, and so does one that jumps to another
-    posture, such as the second one from which a tip reaches the target. So points are taken ever nearer to x
-    until all shots have turned there about as their Jacobian at x foretells. Those on the way, where some
-    have jumped, tell less about the size of a gauge, but more about what has a part in it: the nearer the
-    point, the smaller the part of what has none at x.
+    All are tried side by side, then those again that will not do, by half the way. A shot that does not hit
+    breaks a gauge that it has where it hits, and so does one that jumps to another posture, such as the
+    second one from which a tip reaches the target. So points are taken ever nearer to x until all shots have
+    turned there about as their Jacobian at x, where they are `followed`, predicts. Those on the way, where
+    some have jumped, say less of the dimension of a gauge, but more of what has a part in it: the nearer the
+    point, the smaller the part of what has none at x. Where shots cannot be followed they need not be the
+    same; fewer joints than a residual has coordinates reach no other point then.
     """
     weights = moving_joints(problem.joints)
-
-    def judged(other: Matrix, jacobian: Matrix) -> tuple[_NearBy, bool]:
-        same = _same_shots(aimed, x, other, hit, weights)
-        return _NearBy(other, jacobian, _null_space(jacobian), same), same
-
-    rng = np.random.default_rng(2014)
-    steps = (_step(problem, rng, _TARGET_MM) for _ in itertools.count())
-    return _hit_near(problem, x, hit, steps, _CONFIRMATIONS, _NEARER_FOLLOWED, judged)
-
-
-def _near_special(problem: Problem, x: Matrix, hit: Mask, target_mm: float, points: int) -> list[_NearBy]:
-    """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
-    (N,) can hit: they need not be the same. Joints fewer than a miss has coordinates reach no other point."""
-    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.residual_size:
+    if followed is None and np.count_nonzero(weights) < problem.tool.residual_size:
         return []
-    # Other directions at every distance.
-    rng = np.random.default_rng([2014, int(10 * target_mm)])
-    steps = (_step(problem, rng, target_mm) for _ in itertools.count())
-
-    def judged(other: Matrix, jacobian: Matrix) -> tuple[_NearBy, bool]:
-        return _NearBy(other, jacobian, _null_space(jacobian, _ROUNDING_SPECIAL), same=False), True
-
-    return _hit_near(problem, x, hit, steps, points, _NEARER, judged)
-
-
-def _hit_near(
-    problem: Problem,
-    x: Matrix,
-    hit: Mask,
-    steps: Iterator[Matrix],
-    points: int,
-    nearer: int,
-    judged: Callable[[Matrix, Matrix], tuple[_NearBy, bool]],
-) -> list[_NearBy]:
-    """Points beside x at which all shots of `hit` (N,) hit, one after the other all that were found on the
-    way to each of `points`.
-
-    All are tried side by side, then those again that have not hit, by half the way, up to `nearer` times.
-    `judged` says of one that hits (x and A there) what it is, and whether it will do.
-    """
-    points_found: list[tuple[int, _NearBy]] = []
-    left = list(range(points))
+    # Near special points other directions at every distance.
+    rng = np.random.default_rng(2014 if followed else [2014, int(10 * target_mm)])
+    rounding, nearer = (ROUNDING, _NEARER_FOLLOWED) if followed else (_ROUNDING_SPECIAL, _NEARER)
+    numbered: list[tuple[int, _NearBy]] = []
+    missing = list(range(points))
     for halved in range(nearer):
-        others = np.array([x + next(steps) / 2**halved for _ in left]).reshape(len(left), len(x))
+        tried = missing
+        steps = [_step(problem, rng, target_mm) for _ in tried]
+        others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved
         missing = []
-        for k, other, (_, jacobian, still) in zip(
-            left, others, information_roots(problem, others, 1.0), strict=True
-        ):
-            enough = False
+        roots = information_roots(problem, others, 1.0)
+        for k, other, (_, jacobian, still) in zip(tried, others, roots, strict=True):
+            same = False
             if still[hit].all():
-                point, enough = judged(other, jacobian)
-                points_found.append((k, point))
-            if not enough:
+                same = followed is not None and _same_shots(followed, x, other, hit, weights)
+                numbered.append((k, _NearBy(other, jacobian, _null_space(jacobian, rounding), same)))
+            if not (same or (followed is None and still[hit].all())):
                 missing.append(k)
-        left = missing
-    return [point for _, point in sorted(points_found, key=lambda numbered: numbered[0])]
+    return [point for _, point in sorted(numbered, key=lambda pair: pair[0])]
 
 
 def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matrix:
@@ -294,9 +264,9 @@ def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matri
 
 
 def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Matrix) -> bool:
-    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x foretells:
-    one step of Newton's by the joints with a weight (n,) leaves little of what they miss by."""
-    weights = weights * _joint_scale(aimed) ** 2
+    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x predicts:
+    one step of Newton's by the joints with a weight (n,) leaves little of their residuals."""
+    weights = weights * joint_scale(aimed) ** 2
     _, jacobian_mm = aimed.linearise(x)
     residual, _ = aimed.linearise(other)
     by_joints = aimed.by_joints(jacobian_mm)[hit]
@@ -307,12 +277,7 @@ def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Ma
     joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
     left, _ = aimed.linearise(other, joints)
     before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
-    return bool((after <= _FORETOLD * before + _HIT_MM).all())
-
-
-def _joint_scale(problem: Problem) -> Matrix:
-    """(n,) a radian, or a metre in mm."""
-    return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+    return bool((after <= _PREDICTED * before + HIT_MM).all())
 
 
 def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, Mask]:
@@ -320,10 +285,10 @@ def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[
     at the point judged and those near by.
 
     What is null at one point must be null near by too, for the same shots; where more is null than there, the
-    shots are others. If not all shots are `followed`, points near by may disagree: the one counts that tells
-    least, it may be the true one. A parameter has a part in the gauge if it has one at any of them, whatever
-    the shots: at a point of symmetry (a target on the x axis, say) a turn may leave a coordinate alone to
-    first order that it moves everywhere else.
+    shots are others. If not all shots are `followed`, points near by may disagree: the one with the lowest
+    rank counts, it may be the true one. A parameter has a part in the gauge if it has one at any of them,
+    whatever the shots: at a point of symmetry (a target on the x axis, say) a turn may leave a coordinate
+    alone to first order that it moves everywhere else.
     """
     points = [point for point in near_by if point.null.size <= null.size]
     if followed:

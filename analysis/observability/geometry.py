@@ -48,7 +48,7 @@ def link_columns(problem: Problem, x: Matrix) -> Matrix | None:
     return jacobian[:, whole.tolerated]
 
 
-@lru_cache(maxsize=1)  # of one run it is asked for several times
+@lru_cache(maxsize=1)  # one run calls it several times
 def _with_links_whitened(problem: Problem, x: bytes) -> tuple[Problem, Matrix]:
     """The problem of `with_links`, and (M, p) its whitened Jacobian."""
     whole, at = with_links(problem, np.frombuffer(x))

@@ -43,9 +43,9 @@ _NEARLY_CONSTANT_DEG = 10.0
 _NEARLY_CONSTANT_MM = 50.0
 _PARALLEL = 1e-9  # of the cosine
 _NO_SUPPORT = np.zeros(0, dtype=bool)
-_NO_INFORMATION = 1e-8  # on a geometry parameter, beside that of its tolerance
-_AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data tell no more than a unit prior
-_NEW = 1e-4  # a null direction is not yet told if this part of it is outside those found
+_NO_INFORMATION = 1e-8  # on a geometry parameter, over that of its tolerance
+_AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data say no more than a unit prior
+_NEW = 1e-4  # a null direction is not named yet if this part of it is outside those named
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
@@ -170,8 +170,8 @@ class Identified:
 def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     """Judge the shots of `problem` at the parameters x (p,).
 
-    Shots that miss are first turned onto their targets by the joints that change over the shots;
-    `weight` is 1 / noise scale^2 (shots only).
+    Measurements that do not hit are first turned onto their targets by the joints that vary;
+    `weight` is 1 / noise scale^2, of measurements only.
     """
     parameters, free = problem.parameters, problem.parameters.free
     gauge_found = gauge_of(problem, x, weight)
@@ -212,7 +212,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
 def no_better_than(problem: Problem, identified: Identified, std: Matrix) -> Identified:
     """The same with `weak` for what counts as identified although its std (p,) is beyond the tolerance.
 
-    Where a direction is nearly lost the misses are far from linear, and the std found at the mode can be
+    Where a direction is nearly null the residuals are far from linear, and the std found at the mode can be
     larger than the one that the Jacobian promises.
     """
     status: list[Status] = [

@@ -1,4 +1,4 @@
-"""What a plan promises besides its verdict: fewer measurements, the target elsewhere, one change."""
+"""Predictions for a plan: with fewer measurements, with the targets elsewhere, with one change."""
 
 from __future__ import annotations
 
@@ -86,8 +86,8 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     for k, values in enumerate(there):
         hit = k * count + np.flatnonzero(aimed.hit[k * count : (k + 1) * count])
         largest = np.maximum(largest, predicted_std(aimed.problem.select(hit), values))
-    worst = dict(_offsets(problem, largest))
-    return OverTarget(_DRAWS, float(aimed.hit.mean()), worst)
+    names, stds = _offset_stds(problem, largest)
+    return OverTarget(_DRAWS, float(aimed.hit.mean()), dict(zip(names, stds.tolist(), strict=True)))
 
 
 def advice(problem: Problem, x: Matrix) -> Advice | None:
@@ -146,18 +146,14 @@ def _informations(problem: Problem, x: Matrix) -> Matrix:
     return np.asarray(blocks.transpose(0, 2, 1) @ blocks)
 
 
-def _offsets(problem: Problem, scaled: Matrix) -> list[tuple[str, float]]:
+def _offset_stds(problem: Problem, scaled: Matrix) -> tuple[list[str], Matrix]:
+    """Names of the free offsets, and their std (deg; mm) (…, offsets) from those of all parameters (…, f)."""
     items = [item for item in problem.parameters.items if not item.held]
-    return [
-        (item.name, float(std) * item.prior_std * item.display)
-        for item, std in zip(items, scaled, strict=True)
-        if item.group == "offset"
-    ]
+    offsets = [i for i, item in enumerate(items) if item.group == "offset"]
+    units = np.array([items[i].prior_std * items[i].display for i in offsets])
+    return [items[i].name for i in offsets], scaled[..., offsets] * units
 
 
 def _worst(problem: Problem, scaled: Matrix) -> Matrix:
     """(…) the largest std (deg; mm) of the offsets, from those of the free parameters (…, f)."""
-    items = [item for item in problem.parameters.items if not item.held]
-    offsets = [i for i, item in enumerate(items) if item.group == "offset"]
-    units = np.array([items[i].prior_std * items[i].display for i in offsets])
-    return np.asarray((scaled[..., offsets] * units).max(axis=-1, initial=0.0))
+    return np.asarray(_offset_stds(problem, scaled)[1].max(axis=-1, initial=0.0))

@@ -214,8 +214,8 @@ class Effective:
     """The effective number of measurements: `shots` / `divisor`.
 
     `rho`, `kappa` and `p_value` of all recordings together, None where none is long enough. `divisor` is what
-    the information of the measurements is to be divided by: `kappa` where the correlation is positive beyond
-    chance, else 1.
+    the information of the measurements is to be divided by: `kappa` where the correlation is significantly
+    positive, else 1.
     """
 
     recordings: tuple[RecordingCorrelation, ...]
@@ -285,7 +285,7 @@ class RecordingLag(NamedTuple):
 
 
 def lags(recorded: RecordingSet) -> dict[int, RecordingLag]:
-    """Of the recordings that are long enough, by their place."""
+    """The sums of the recordings that are long enough, by their index."""
     by_rho = [(float(rho), recorded.shared(float(rho))) for rho in _GRID]
     none = int(np.argmin(np.abs(_GRID)))
     result = {}
@@ -336,7 +336,8 @@ def equalised(lags: Sequence[RecordingLag]) -> list[RecordingLag]:
 
 
 def correlation(lags: Sequence[RecordingLag]) -> tuple[float, float]:
-    """The lag-1 correlation of some recordings together and the one-sided p-value of one as large by chance.
+    """The lag-1 correlation of some recordings together and the one-sided p-value of one as large without
+    any.
 
     The correlation is the one for which the ratio of the expected sums is the ratio that was found: so the
     bias of residuals of a fit (about -1 / n for a mean alone) is out. The p-value is that of a ratio of
@@ -344,7 +345,7 @@ def correlation(lags: Sequence[RecordingLag]) -> tuple[float, float]:
     depend on the size of the noise.
     """
     ratio = _ratio(lags)
-    return rho_of(lags), _chance(np.concatenate([_values(lag, ratio) for lag in lags]))
+    return rho_of(lags), _above_zero(np.concatenate([_values(lag, ratio) for lag in lags]))
 
 
 def rho_of(lags: Sequence[RecordingLag]) -> float:
@@ -367,8 +368,9 @@ def _values(lag: RecordingLag, ratio: float) -> Matrix:
     return np.asarray(np.linalg.eigvalsh(products - ratio * np.diag(squares)))
 
 
-def _chance(weights: Matrix) -> float:
-    """That a sum of chi-squares of one degree of freedom each, times `weights`, is above 0."""
+def _above_zero(weights: Matrix) -> float:
+    """The probability that a sum of chi-squares of one degree of freedom each, times `weights`, is above
+    0."""
     scale = float(np.abs(weights).max(initial=0.0))
     if scale == 0.0:
         return 1.0

@@ -40,7 +40,7 @@ _SHORTEST = 2  # measurements of a run, and of the rest
 _PLACES = 60  # at most so many places of a change: of a longer recording every second, third…
 _SIMULATED = 300
 _NUMBERS = 1_000_000  # simulated residuals at once
-_TELLS_MM = 10.0
+_DETERMINED_MM = 10.0  # a direction that the measurements determine no better is free
 _EULER = float(np.euler_gamma)
 _RHO_STEP = 0.05
 
@@ -167,7 +167,7 @@ def _runs(recording: Recording) -> Runs:
     cross = _between(shared, first, end)
     gram = gram - cross.transpose(0, 2, 1) @ cross
     values, vectors = np.linalg.eigh(gram)
-    determined = values > max(_TELLS_MM**-2, 1e-10 * float(values.max(initial=0.0)))
+    determined = values > max(_DETERMINED_MM**-2, 1e-10 * float(values.max(initial=0.0)))
     safe = np.where(determined, values, 1.0)
     whitening = np.where(determined, 1 / np.sqrt(safe), 0.0)[:, :, None] * vectors.transpose(0, 2, 1)
     return Runs(first, end, whitening, vectors, determined)
@@ -218,7 +218,7 @@ def _step(fit: LikelihoodFit, recording: Recording, runs: Runs, best: int, p_val
 
 
 def _gumbel(value: float, simulated: Matrix) -> float:
-    """That a largest value is as large, by Gumbel's distribution of the moments of the simulated ones: the
+    """The p-value of a largest value, by Gumbel's distribution of the moments of the simulated ones: the
     tail of -log(1 - share) is exponential (of a beta distribution), and simulations do not reach it."""
     scale = float(simulated.std(ddof=1)) * np.sqrt(6) / np.pi
     location = float(simulated.mean()) - _EULER * scale

@@ -1,4 +1,4 @@
-"""How far runs scatter, and how far they should: the tests that `compare` makes of a sample of runs.
+"""The scatter of runs against the predicted: the tests that `compare` makes of a sample of runs.
 
 The mean of runs with covariances C_r is Aitken's, and the sum of squares about it, sum (x_r - m)' C_r^-1
 (x_r - m), is chi-squared. What the geometry of the arm adds, K_r g with one unknown g ~ N(0, 1) for all runs,

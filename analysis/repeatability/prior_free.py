@@ -15,10 +15,8 @@ from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ..covariance import OffsetsWithoutPrior
 from ..estimation.fit import LikelihoodFit
-from ..observability.gauges import information_root
+from ..observability.gauges import ROUNDING, information_root
 from ..solution import Solution
-
-_ROUNDING = 1e-11  # as in `identifiability`
 
 
 class WithoutPrior(NamedTuple):
@@ -45,7 +43,7 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> WithoutPrior:
     rest = np.setdiff1d(np.arange(root.shape[1]), selected)
     length = np.linalg.norm(root[:, rest], axis=0)
     length[length == 0] = 1.0
-    by_rest = np.linalg.lstsq(root[:, rest] / length, root[:, selected], rcond=_ROUNDING)[0] / length[:, None]
+    by_rest = np.linalg.lstsq(root[:, rest] / length, root[:, selected], rcond=ROUNDING)[0] / length[:, None]
     left = root[:, selected] - root[:, rest] @ by_rest
     covariance = np.linalg.inv(left.T @ left)
     by_row = covariance @ left.T

@@ -126,7 +126,7 @@ def problem_of(run: Run) -> Problem:
 
 
 def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
-    """What is known of a run before its fit."""
+    """A run before its fit."""
     items = [item for item in problem.parameters.items if item.group == "offset"]
     free = [item for item in items if not item.held]
     when = run.header.provenance.get(WHEN)
@@ -244,7 +244,7 @@ def read_repeats(runs: Sequence[Path | Run], seed: int, progress: Progress) -> t
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """What the runs are called: their files' names, with the folders where two are the same, and a number
+    """Names of the runs: their files' names, with the folders where two are the same, and a number
     where that is not enough."""
     names = [path.name for path in paths]
     if len(set(names)) < len(names):
@@ -302,8 +302,8 @@ def _require_comparable(one: Repeat, other: Repeat) -> None:
         )
 
     def refuse(what: str, mine: object, yours: object, allowed: str, remedy: str) -> None:
-        found = f"{mine} in {one.name}, {yours} in {other.name}"
-        raise BadInput(what, found=found, allowed=allowed, remedy=remedy)
+        difference = f"{mine} in {one.name}, {yours} in {other.name}"
+        raise BadInput(what, found=difference, allowed=allowed, remedy=remedy)
 
     if one.robot != other.robot:
         remedy = "compare the runs of each robot on their own"

@@ -216,7 +216,7 @@ def offsets_now(arm: ArmDrift) -> list[DriftingOffset]:
                 estimate=value,
                 std=std,
                 interval95=arm.drift.interval(last, along) if known else None,
-                rate=RateRow.of(arm.drift.rate(name)) if arm.drift.walks(name) else None,
+                rate=RateRow.of(arm.drift.rate(name)) if arm.drift.determines_rate(name) else None,
             )
         )
     return rows

@@ -200,7 +200,7 @@ def _model_walks(
             model=model,
             offset=offset,
             unit=units[offset],
-            arms=sum(offset in arm.series.names and arm.walks(offset) for _, arm in members),
+            arms=sum(offset in arm.series.names and arm.determines_rate(offset) for _, arm in members),
             median=rates.median(offset) if known else None,
             between=rates.between(offset) if known else None,
             noticed=noticed,

@@ -48,14 +48,14 @@ class CandidatePostures:
     alone: ConditionsAlone | None = None
 
     def in_words(self) -> str:
-        """Which constraint removed how many, in words."""
+        """The number that each constraint removed, in words."""
         parts = [f"{count} {reason}" for reason, count in self.removed.items() if count]
         return f"{len(self.postures)} of {self.drawn} postures are left; " + ", ".join(
             parts or ["none removed"]
         )
 
     def reasons(self) -> str:
-        """The same where too few are left: the decisive constraint first."""
+        """`in_words`, and where too few are left the decisive constraint first."""
         return self.in_words() if self.alone is None else f"{self.in_words()}. {self.alone.in_words()}"
 
 
@@ -153,7 +153,7 @@ def _fit(conditions: Conditions, hit: Mask, removed: dict[str, int]) -> Matrix:
 
 
 def _alone(conditions: Conditions) -> ConditionsAlone:
-    """What each condition does by itself to postures that are all turned onto the target."""
+    """The effect of each condition alone on postures that are all turned onto the target."""
     rows = np.arange(len(conditions.joints))
     broken = {
         _REASONS[condition]: breaks(rows) if len(rows) else np.zeros(0, dtype=bool)

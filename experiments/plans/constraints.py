@@ -1,4 +1,4 @@
-"""What a measurement must keep: the conditions that choose the postures of a plan, and that judge a plan."""
+"""Conditions on measurements: they choose the postures of a plan, and they judge a plan."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ROUNDED_MM = 1e-3
 
 @dataclass(frozen=True)
 class View:
-    """What a measurement must satisfy. Lengths mm, angles rad; None: not judged.
+    """Conditions on the view of the target. Lengths mm, angles rad; None: not judged.
 
     `facing` is the outward normal of the PSD's face in the base frame (None: any side); `acceptance` the
     largest angle between beam and normal; `beam` the shortest and longest beam; `margin` is kept to every
@@ -41,7 +41,7 @@ class View:
 
     @classmethod
     def of(cls, constraints: StatedConstraints) -> View:
-        """What a plan file states."""
+        """The view that a plan file states."""
         return cls(
             facing=constraints.facing,
             acceptance=float(np.radians(constraints.acceptance)),
@@ -50,7 +50,7 @@ class View:
         )
 
     def rounded(self) -> View:
-        """The same, as postures keep it that are rounded as a plan file rounds them."""
+        """A view that is wider by what a plan file rounds off its postures."""
         return replace(
             self,
             acceptance=self.acceptance + _ROUNDED_RAD,
@@ -156,7 +156,7 @@ def require_constraints(plan: Plan) -> None:
 
 
 def violations(turned: AimedPlan) -> tuple[Violation, ...]:
-    """What each posture of a plan breaks of the plan's constraints, in the order of the postures.
+    """The violations of each posture of a plan of the plan's constraints, in the order of the postures.
 
     Postures that cannot be turned onto their targets have no beam to be judged: `check` names them. What the
     arm may touch is judged in the postures as written and in the intermediate ones as well.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -31,7 +31,7 @@ _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controll
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """What is asked of a plan: degrees and millimetres, as people state them.
+    """Request for a plan: degrees and millimetres, as people state them.
 
     From `facing` on the constraints of an optimal plan, which are kept in it; a pattern has none.
     """
@@ -71,7 +71,7 @@ class MadePlan:
 
     @property
     def sentences(self) -> list[str]:
-        """How good the choice is and why it may not be better, or why there is no plan; a sentence each."""
+        """Sentences on how good the choice is and why it may not be better, or why there is no plan."""
         made, fewest = self.proposal, self.fewest
         if self.checked is None and fewest is not None:
             most, worst = fewest.curve[-1]
@@ -95,7 +95,7 @@ class MadePlan:
             )
         return lines
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, object]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
         made, fewest, checked = self.proposal, self.fewest, self.checked
         offsets = [] if checked is None else [row for row in checked.parameters if row.group == "offset"]
@@ -198,7 +198,7 @@ def _with_target(request: PlanRequest, folder: Path) -> Header:
 
 
 def _constraints(request: PlanRequest) -> StatedConstraints:
-    """What the plan's measurements are chosen by, as its file states it; a probe has no beam."""
+    """The constraints as the plan file states them; a probe has no beam."""
     if request.facing is not None and not any(request.facing):
         raise BadInput(
             "this direction has no length",
@@ -220,7 +220,7 @@ def _constraints(request: PlanRequest) -> StatedConstraints:
             allowed="0 <= shortest < longest",
             argument="beam_mm",
         )
-    constraints: dict[str, Any] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
+    constraints: dict[str, object] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
     if request.header.tool.kind == "laser":
         if request.facing is not None:
             constraints = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **constraints}

@@ -1,4 +1,4 @@
-"""What an arm must not hit: itself, the floor and boxes; the arm as capsules around its skeleton."""
+"""Collisions of an arm with itself, the floor and boxes; the arm as capsules around its skeleton."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def _lengths(points: Matrix) -> Matrix:
 
 
 def _links(lengths: Matrix) -> list[int]:
-    """Which links are more than a point in some posture (a prismatic joint may be drawn in at zero)."""
+    """Links that are more than a point in some posture (a prismatic joint may be drawn in at zero)."""
     return [int(i) for i in np.flatnonzero(lengths.max(axis=0, initial=0.0) > _SAME_POINT)]
 
 

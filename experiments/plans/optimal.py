@@ -141,7 +141,7 @@ class Planner:
         return Fewest(tolerance, most, None, tuple(curve), self._limit(chosen, tolerance))
 
     def _limit(self, chosen: Design, tolerance: float) -> str:
-        """What keeps the std of the worst offset from the tolerance: a gauge, spot noise or joint noise."""
+        """The limit of the worst offset's std in words: a gauge, spot noise or joint noise."""
         worst, variance, prior, spot = self._parts(chosen.rows)
         if prior > 0.5:
             return (

@@ -1,10 +1,10 @@
-"""What happens in a run, as events: heard by the live view, printed as JSON lines (docs/files.md)."""
+"""Events of a run: shown by the live view, printed as JSON lines (docs/files.md)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
@@ -93,7 +93,7 @@ class ArmSent(RunEvent):
 
 @dataclass(frozen=True)
 class PictureTaken(RunEvent):
-    """What the camera saw; told where the scene is asked for, a few times a second at most.
+    """A picture of the camera; sent where the scene is requested, a few times a second at most.
 
     `grey` is base64 of a byte a pixel, row by row: the brightest of `reduced` by `reduced` pixels.
     """
@@ -164,7 +164,7 @@ class PostureRequested(RunEvent):
 
 @dataclass(frozen=True)
 class Doubted(RunEvent):
-    """What was typed is not recorded: `kind` is limit, radians, repeated, far, unreadable, refused or help;
+    """Typed values are not recorded: `kind` is limit, radians, repeated, far, unreadable, refused or help;
     `answers` are the words that record it all the same."""
 
     event: ClassVar[str] = "doubt"
@@ -202,7 +202,7 @@ class Stopped(RunEvent):
 
 @dataclass(frozen=True)
 class KnownOffset:
-    """What is known of an offset, deg or mm; neither estimate nor std where it is unidentifiable.
+    """The estimate of an offset, deg or mm; neither estimate nor std where it is unidentifiable.
 
     `tolerance_share` of its variance is set by the tolerances of the geometry, None where none are stated.
     """
@@ -253,9 +253,9 @@ class Ended(RunEvent):
 Listener = Callable[[RunEvent], None]
 
 
-def event_json(event: RunEvent) -> dict[str, Any]:
+def event_json(event: RunEvent) -> dict[str, object]:
     """Plain JSON types, keys in the order of the fields."""
-    content: dict[str, Any] = {"event": event.event}
+    content: dict[str, object] = {"event": event.event}
     if isinstance(event, Ended):
         content["schema"] = "zerobeam/carried/1"
     content |= asdict(event)

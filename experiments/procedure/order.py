@@ -1,4 +1,4 @@
-"""Which posture comes next: in the plan's order, the most informative one, closing measurements."""
+"""The order of the postures: in the plan's order, the most informative one, closing measurements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STARTS = 8
 
 
 class Order(Protocol):
-    """Which posture comes next."""
+    """Decides which posture comes next."""
 
     def following(
         self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
@@ -50,9 +50,9 @@ class InTurn:
 
 
 class WithClosing:
-    """What `order` says, and in the end the first recorded posture of each target once more: the measurement
-    that is the best test of whether a target has moved. Its number is that of the posture plus `count`, the
-    plan's."""
+    """The postures of `order`, and in the end the first recorded posture of each target once more: the best
+    test of whether a target has moved. The number of such a measurement is that of the posture plus `count`,
+    the plan's."""
 
     def __init__(self, order: Order, count: int) -> None:
         self._order, self._count = order, count
@@ -93,7 +93,9 @@ class Adaptive:
         if not self._offsets.any():
             raise BadInput("there is nothing to adapt to: every offset is held", remedy="free some in `held`")
         enough = ENOUGH_CALIBRATED if self._problem.tool.calibrated else ENOUGH_UNCALIBRATED
-        self._first = self._chosen_together(min(enough, self._problem.shots))
+        candidates = Candidates(self._roots(self._problem.nominal()), self._offsets)
+        together = design(candidates, min(enough, self._problem.shots), "A", seed=0, starts=_STARTS)
+        self._first = [int(row) for row in together.rows]
 
     def following(
         self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
@@ -126,11 +128,6 @@ class Adaptive:
         if self._problem.noise.known:
             return state.worst
         return state.worst * float(scipy.special.stdtrit(state.dof, 0.975) / scipy.special.ndtri(0.975))
-
-    def _chosen_together(self, count: int) -> list[int]:
-        roots = self._roots(self._problem.nominal())
-        chosen = design(Candidates(roots, self._offsets), count, "A", seed=0, starts=_STARTS)
-        return [int(row) for row in chosen.rows]
 
     def _best(self, left: list[int], made: list[int], x: Matrix) -> int:
         """Of the postures `left` the one after which the largest std is the smallest."""

@@ -14,7 +14,7 @@ from ..sensors.psd import Psd
 
 
 class RefusalReason(StrEnum):
-    """What can keep a measurement from being recorded."""
+    """Reasons why a measurement is not recorded."""
 
     OUT_OF_VIEW = "marker out of view"
     CAMERA = "camera"
@@ -50,7 +50,7 @@ class RefusedPosture:
 
 
 class Rig(Protocol):
-    """What the procedure may do with a rig, and what it knows of its sensors.
+    """The interface of a rig: its motions and its sensors.
 
     `psds` are the PSDs by the name of the target that each one is, `camera` is None where there is none,
     `steerable` is False where the arm cannot be led (a recorded run). Joint positions are (n,) rad or mm as

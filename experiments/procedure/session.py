@@ -53,7 +53,7 @@ _BETWEEN_S = 0.25  # from one picture to the next
 
 
 class WatchedRig:
-    """The same rig. `belief` is what is believed during the measurement under way, to be set before each."""
+    """A rig whose moves and pictures are reported; `belief` is to be set before each measurement."""
 
     def __init__(self, rig: Rig, listener: Listener) -> None:
         self._rig, self._listener = rig, listener
@@ -140,7 +140,7 @@ _READ_ALIKE = 6.0  # stds of a joint reading
 
 
 class Journal(Protocol):
-    """Where measurements are kept: `RunJournal`, on the disk, or a list of simulated ones."""
+    """The store of measurements: `RunJournal`, on the disk, or a list of simulated ones."""
 
     @property
     def shots(self) -> tuple[Shot, ...]:
@@ -154,8 +154,8 @@ class Journal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProcedureResult:
-    """What a plan came to. `state` is None where nothing was recorded; `seconds` of this session by phase;
-    `missing` are the measurements that were still to come where the run was broken off."""
+    """The result of carrying out a plan. `state` is None where nothing was recorded; `seconds` of the session
+    by phase; `missing` are the measurements that were still to come where the run was broken off."""
 
     shots: tuple[Shot, ...]
     refused: tuple[RefusedPosture, ...]
@@ -214,7 +214,7 @@ class Procedure:
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> SoFar | None:
-        """What follows from the measurements of the journal; None while there are none."""
+        """The estimate from the measurements of the journal; None while there are none."""
         return state_of(self._problem, self.journal.shots)
 
     def _following(self, state: SoFar | None) -> int | None:
@@ -222,7 +222,8 @@ class Procedure:
 
     def _attempts(self, number: int) -> Shot | None:
         """The measurement of a posture, or None where every attempt was refused."""
-        belief = self._belief(number)
+        # Offsets and targets by the measurements so far; what they carry no information about as nominal.
+        belief = Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
         if self._watched is not None:
             self._watched.belief = belief
         last = self.journal.shots[-1] if self.journal.shots else None
@@ -238,10 +239,6 @@ class Procedure:
                     self._refused[number] = RefusedPosture(number, refused.reason, refused.why)
                     self.listener(GivenUp(number, refused.reason, refused.why))
         return None
-
-    def _belief(self, number: int) -> Belief:
-        """Offsets and places by the measurements so far; what they carry no information about as nominal."""
-        return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
 
     def _believed(self) -> Matrix:
         """(p,) where measurements are aimed: the mode of the measurements so far, by `near_nominal`."""
@@ -285,7 +282,9 @@ class Procedure:
             with self._phase("servo"):
 
                 def tell(at: Matrix) -> None:
-                    self._tell_spot(number, at, psd.size)
+                    off, (x, y) = float(np.linalg.norm(at)), at.tolist()
+                    seen_at = (round(x, 4), round(y, 4))
+                    self.listener(SpotSeen(number, round(off, 4), self._now(), seen_at, psd.size))
 
                 joints = centre(rig, belief, psd, joints, dark, frame, tell).joints
         with self._phase("settle"):
@@ -325,10 +324,6 @@ class Procedure:
 
     def _now(self) -> float:
         return round(self.rig.now(), 6)
-
-    def _tell_spot(self, number: int, at: Matrix, size: float) -> None:
-        off, (x, y) = float(np.linalg.norm(at)), at.tolist()
-        self.listener(SpotSeen(number, round(off, 4), self._now(), (round(x, 4), round(y, 4)), size))
 
     @contextmanager
     def _phase(self, name: str) -> Iterator[None]:
@@ -374,7 +369,7 @@ def recorded_event(
 
 
 def state_of(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
-    """What follows from measurements for the unknowns of a plan's problem; None without any."""
+    """The estimate from measurements for the unknowns of a plan's problem; None without any."""
     return so_far(with_shots(problem, shots)) if shots else None
 
 

@@ -19,7 +19,7 @@ _DAMPING = 1e-6  # of the largest eigenvalue: keeps a step across a singular dir
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What the procedure takes to be so for one measurement: `problem` (of that one measurement), offsets,
+    """Believed parameters for one measurement: `problem` (of that one measurement), offsets,
     tool and the target at `x` (p,), internal units."""
 
     problem: Problem
@@ -44,7 +44,7 @@ class Belief:
         return servo_joints(self.problem)
 
     def with_target(self, target: Matrix) -> Belief:
-        """The same with the target (3,) mm elsewhere."""
+        """A copy with the target at (3,) mm."""
         x = self.x.copy()
         x[self.problem.parameters.block("target", int(self.problem.target_index[0]))] = target
         return replace(self, x=x)

@@ -24,7 +24,7 @@ SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target are a
 
 
 class ReplayRig:
-    """It gives joints and spot of each measurement as they were recorded.
+    """A rig that returns joints and spot of each measurement as they were recorded.
 
     BadInput for a run that is not of this plan: of another arm or tool, at other targets, in other postures.
     """

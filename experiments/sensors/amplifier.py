@@ -52,7 +52,7 @@ def with_checksum(body: str) -> bytes:
 
 
 def verified_body(line: bytes) -> str | None:
-    """What a line of the amplifier says, its end (LF, or CR LF) left out; None if it is torn or changed."""
+    """The body of a line of the amplifier, without its end (LF, or CR LF); None if it is torn or changed."""
     body, asterisk, digits = line.rstrip(b"\r\n").rpartition(b"*")
     if not asterisk or re.fullmatch(rb"[0-9A-Fa-f]{4}", digits) is None:
         return None
@@ -95,7 +95,7 @@ _POLL_S = 0.02
 
 
 class Amplifier:
-    """It answers, or RigFault; `name` is what it calls itself, `whose` calls it in messages."""
+    """An amplifier that answers, or RigFault; `name` is its own name, `whose` names it in messages."""
 
     def __init__(self, device: str, baud: int, whose: str) -> None:
         try:

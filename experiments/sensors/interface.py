@@ -44,7 +44,7 @@ class Sensors(Protocol):
 
 
 class RemoteSensors:
-    """The same sensors by TCP; RigFault where they do not answer."""
+    """The sensors of a simulated controller by TCP; RigFault where they do not answer."""
 
     def __init__(self, host: str, port: int) -> None:
         try:

@@ -1,4 +1,4 @@
-"""What shines in a picture: bright blobs, the two LEDs that mark a PSD, the laser's spot near them."""
+"""Lights in a picture: bright blobs, the two LEDs that mark a PSD, the laser's spot near them."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def blobs(image: Image) -> list[Blob]:
 
 
 def spot_between(dark: Image, lit: Image) -> list[Blob]:
-    """What shines in `lit` and not in `dark`, brightest first: the laser's spot and its reflections.
+    """The lights in `lit` that are not in `dark`, brightest first: the laser's spot and its reflections.
 
     LEDs and ambient light cancel, if the camera has not moved in between.
     """
@@ -99,7 +99,7 @@ def is_black(image: Image) -> bool:
 
 
 def marker_pair(lights: Sequence[Blob], expected: Matrix | None = None) -> Pair | NoPair:
-    """Which two of the blobs are the LEDs.
+    """The two of the blobs that are the LEDs.
 
     They are alike in light and area; `expected` (2, 2), the pixels where the first and the second should be,
     says how far apart they are and in which direction, and so which is which. Where they are in the picture

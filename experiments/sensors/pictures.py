@@ -23,7 +23,7 @@ _NOTHING: tuple[bool, Any] = (False, None)
 
 
 class Capture(Protocol):
-    """What is used of OpenCV's VideoCapture."""
+    """The part of OpenCV's VideoCapture that is used."""
 
     def grab(self) -> bool:
         """Take the next frame."""
@@ -39,7 +39,7 @@ class Capture(Protocol):
 
 
 class Pictures:
-    """What `opened` gives, frame by frame, as grey values; RigFault where no frame comes.
+    """Pictures of a source that `opened` opens, as grey values; RigFault where no frame comes.
 
     For every picture `held` frames are passed over: they may be older than the asking. `anew`: it is opened
     for every picture, since a stream that is not read piles up frames without end.

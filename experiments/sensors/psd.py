@@ -54,7 +54,7 @@ def face_normal(value: object) -> object:
 
 @dataclass(frozen=True, eq=False)
 class Psd:
-    """What is known of one PSD.
+    """The data sheet and the pose of one PSD.
 
     `size` mm is the side of its square active face, `rate` its samples a second, `noise` mm the std of one
     sample at full light at the centre, `saturation` the largest current that an electrode can measure.

@@ -1,4 +1,4 @@
-"""An amplifier that is none, on a pseudo-terminal: to try a sensors file, or a program, without hardware.
+"""A simulated PSD amplifier on a pseudo-terminal: to try a sensors file, or a program, without hardware.
 
 POSIX only, as pseudo-terminals are.
 """
@@ -10,7 +10,6 @@ import select
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,40 +23,17 @@ from .sensors_file import read_calibration
 _POLL_S = 0.02
 
 
-@dataclass(frozen=True)
-class LineFaults:
-    """What goes wrong on the line on purpose: shares of its lines, and `silent` for no line at all.
-
-    A `lost` line is not sent, of a `torn` one the end is missing, a `wrong` one has a character changed under
-    its checksum, and before some there is `garbage`.
-    """
-
-    lost: float = 0.0
-    torn: float = 0.0
-    wrong: float = 0.0
-    garbage: float = 0.0
-    silent: bool = False
-
-
 class AmplifierStandIn(Closing):
-    """It calls itself `name` and sends `counts(samples)` (samples, 4), a row of NaN: not sent.
+    """A simulated amplifier `name` that sends `counts(samples)` (samples, 4); a row of NaN is not sent.
 
-    `device` is the path of its serial port, which goes when it is closed; `faults` may be changed at any
-    time.
+    `device` is the path of its serial port, which goes when it is closed.
     """
 
-    def __init__(
-        self,
-        name: str,
-        counts: Callable[[int], Matrix],
-        faults: LineFaults = LineFaults(),
-        seed: int = 0,
-    ) -> None:
+    def __init__(self, name: str, counts: Callable[[int], Matrix]) -> None:
         import pty
         import tty
 
-        self.name, self.faults = name, faults
-        self._counts, self._rng = counts, np.random.default_rng(seed)
+        self.name, self._counts = name, counts
         self._near, self._far = pty.openpty()
         tty.setraw(self._far)  # no echo, before the other side has set up anything
         os.set_blocking(self._near, False)
@@ -84,8 +60,6 @@ class AmplifierStandIn(Closing):
                     self._answer(line)
 
     def _answer(self, line: bytes) -> None:
-        if self.faults.silent:
-            return
         request = parse_request(line)
         if line == IDENTITY.rstrip():
             self._say(f"I {self.name}")
@@ -97,23 +71,7 @@ class AmplifierStandIn(Closing):
                     )
 
     def _say(self, body: str) -> None:
-        """A line, with what is wrong with it."""
-        line, faults = with_checksum(body), self.faults
-        lost, torn, wrong, garbage = self._rng.random(4) < (
-            faults.lost,
-            faults.torn,
-            faults.wrong,
-            faults.garbage,
-        )
-        if garbage:
-            self._send(self._rng.bytes(5))
-        if wrong:
-            at = len(body) // 2
-            line = line[:at] + bytes([line[at] ^ 1]) + line[at + 1 :]  # a digit becomes another
-        if torn:
-            line = line[: len(line) // 2]
-        if not lost:
-            self._send(line)
+        self._send(with_checksum(body))
 
     def _send(self, line: bytes) -> None:
         """Wait for room, but not for a client that has gone."""

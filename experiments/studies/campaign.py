@@ -23,7 +23,7 @@ from ..procedure.order import Adaptive, InTurn, Order
 from ..procedure.rig import RefusedPosture
 from ..procedure.session import Procedure
 from ..processes import side_by_side
-from ..rigs.simulated.cell_file import Cell
+from ..rigs.simulated.cell_file import CellFile
 from ..rigs.simulated.simulator import SimulatedRig
 
 
@@ -33,7 +33,7 @@ class Repeated:
     order."""
 
     plan: Plan
-    cell: Cell
+    cell: CellFile
     tolerance: float | None = None
 
 

@@ -23,7 +23,7 @@ from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
 from ..procedure.session import PHASES, state_of
-from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, Cell
+from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, CellFile
 from .answer import (
     Accuracy,
     NoiseLevel,
@@ -164,7 +164,7 @@ def _plan(header: Header, postures: Matrix) -> Plan:
 def studied_plans(seed: int, camera: bool) -> list[CellPlanStudied]:
     """The paper's plan, the optimal one, an adaptive run, and the optimal one on an arm with backlash."""
     header = laser_header(0.01, 0.05, SIGMA_MM)
-    cell = Cell(camera=CameraInCell() if camera else None)
+    cell = CellFile(camera=CameraInCell() if camera else None)
     loose = cell.model_copy(update={"arm": ArmInCell(backlash_deg=_BACKLASH_DEG)})
     best = optimal_plan(header, seed)
     pool = _plan(header, candidate_postures(header, CANDIDATES, seed).postures[:_POOL])

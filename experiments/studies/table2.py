@@ -22,7 +22,7 @@ from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ...words.wording import label
-from ..rigs.simulated.cell_file import ArmInCell, Cell
+from ..rigs.simulated.cell_file import ArmInCell, CellFile
 from .answer import StudyAnswer
 from .campaign import Repeated, campaign, seeds_of
 from .case_store import each_case, heading_of
@@ -289,7 +289,7 @@ def table2_study(
     dof = len(EXPERIMENTS) - 1
     predictions = [Prediction(plan, truth) for _, _, plan in plans]
     noises = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
-    cell = Cell(arm=ArmInCell(offsets_deg=truth))
+    cell = CellFile(arm=ArmInCell(offsets_deg=truth))
     normal = np.random.default_rng(seed).normal(size=(len(plans), triples, *EXPERIMENTS.shape))
 
     def studied(k: int) -> Table2Plan:

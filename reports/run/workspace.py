@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...analysis.answer.result import Result
-from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, Map, Region
+from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
 from ...words import numbers
 from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
@@ -68,7 +68,7 @@ def _doubts(result: Result) -> list[str]:
     return sentences
 
 
-def _where(accuracy: Accuracy) -> str:
+def _where(accuracy: TcpAccuracy) -> str:
     at = numbers.with_unit(", ".join(numbers.exact(round(v, 6)) for v in accuracy.point_mm), "mm")
     return (
         f"The TCP is {sentence(tcp_words(accuracy, person))} ({at} in the flange frame), in the base frame"
@@ -276,7 +276,7 @@ def _title(maps: Sequence[Map]) -> str:
     return f"How far the TCP is off, {planes}: the median posture of each place; rings: the measurements"
 
 
-def _alt(accuracy: Accuracy) -> str:
+def _alt(accuracy: TcpAccuracy) -> str:
     region = accuracy.workspace
     assert region is not None
 

@@ -73,7 +73,7 @@ def reason(answer: AcceptanceResult) -> str:
             f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
             f" probability of at least {POWER:.0%}."
         )
-    names = listed([label(offset.name) for offset in answer.unseen])
+    names = listed([label(offset.name) for offset in answer.unnoticed])
     return (
         f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record more postures"
         " (zerobeam plan verify RUN -o PLAN --shots N)."

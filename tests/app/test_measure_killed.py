@@ -82,7 +82,7 @@ def test_a_robot_stops_with_the_server(tmp_path: Path, kill: bool) -> None:
     plan_file(tmp_path / "plan.yaml", own)
     cell = {"camera": None, "psd": {"placed": {"psd": {"centre_mm": [900.0, 0.0, 0.0]}}}}
     with (
-        controllers.SimulatedController(own, controllers.Cell.model_validate(cell), 3) as there,
+        controllers.SimulatedController(own, controllers.CellFile.model_validate(cell), 3) as there,
         app(tmp_path) as server,
     ):
         ports = [f"--port={there.port}", f"--egm-port={there.egm_port}", f"--sensor-port={there.sensor_port}"]

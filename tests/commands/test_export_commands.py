@@ -12,17 +12,17 @@ from cells import pattern_plan, simulated
 from command_line import zerobeam
 from export_runs import TRUTH, arm_run, saved, urdf_run
 
-from zerobeam.experiments.exporters.calibration import Calibration, calibration
-from zerobeam.experiments.exporters.moc_offsets import Gears, moc_text
-from zerobeam.experiments.exporters.offsets_data import csv_text, document, json_text
-from zerobeam.experiments.exporters.rapid_module import rapid_text
-from zerobeam.experiments.exporters.robot_rows import robot_text
-from zerobeam.experiments.exporters.urdf_origins import urdf_text
+from zerobeam.experiments.makers.abb.moc_offsets import Gears, moc_text
+from zerobeam.experiments.makers.abb.rapid_program import rapid_text
+from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
+from zerobeam.experiments.makers.generic.offsets_data import csv_text, document, json_text
+from zerobeam.experiments.makers.generic.robot_rows import robot_text
+from zerobeam.experiments.makers.generic.urdf import urdf_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.kernel import compiled_at_once
 
-TEXTS: dict[str, Callable[[Run, Calibration], str]] = {
+TEXTS: dict[str, Callable[[Run, RobotCalibration], str]] = {
     "urdf": urdf_text,
     "moc": lambda _, answer: moc_text(answer, Gears()),
     "rapid": lambda _, answer: rapid_text(answer),

@@ -20,7 +20,7 @@ from zerobeam.controller.egm_server import PacketFaults, PacketLine
 from zerobeam.controller.irc5 import Drive
 from zerobeam.controller.sensor_server import CellSensors
 from zerobeam.controller.service import own_plan
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors.interface import RemoteSensors
 from zerobeam.model.arrays import Matrix
@@ -121,9 +121,9 @@ def test_a_share_is_a_share() -> None:
 
 
 def test_the_cell_behind_is_that_of_the_simulated_rig() -> None:
-    behind, rig = CellBehind(plan(), Cell(), 7), SimulatedRig(plan(), Cell(), 7)
+    behind, rig = CellBehind(plan(), CellFile(), 7), SimulatedRig(plan(), CellFile(), 7)
     assert behind.provenance() == rig.provenance()
-    assert behind.provenance() != CellBehind(plan(), Cell(), 8).provenance()
+    assert behind.provenance() != CellBehind(plan(), CellFile(), 8).provenance()
 
 
 def test_a_beam_on_the_psd_is_seen_by_its_sensors() -> None:
@@ -171,7 +171,7 @@ def test_a_beam_on_the_psd_is_seen_by_its_sensors() -> None:
 
 
 def test_what_the_sensors_look_at_stands_still_and_holds_nothing_up() -> None:
-    cell = CellBehind(plan(), Cell(), 0)
+    cell = CellBehind(plan(), CellFile(), 0)
     cell.switch(True)
     cell.drive(plan().postures[0], 1.0)
     still, joints = cell.before("psd"), plan().postures[1]
@@ -189,13 +189,13 @@ def test_an_arm_of_another_kind_is_refused() -> None:
     robot, own = random_robot("rrrrr", 3), header(target=(300.0, 0.0, 0.0))
     short = plan_of(own, varied_postures(own, robot, (300.0, 0.0, 0.0), 3, 0), robot=robot)
     with pytest.raises(BadInput, match="six revolute joints"):
-        CellBehind(short, Cell(psd={"placed": {"psd": {"normal": "beam"}}}), 0)  # type: ignore[arg-type]
+        CellBehind(short, CellFile(psd={"placed": {"psd": {"normal": "beam"}}}), 0)  # type: ignore[arg-type]
 
 
 def test_the_own_plan_is_seen_by_its_cell() -> None:
     own = own_plan()
     assert own.postures.shape == (7, 6)
-    assert CellBehind(own, Cell(), 0).psds.keys() == {"psd"}
+    assert CellBehind(own, CellFile(), 0).psds.keys() == {"psd"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGINT for another process")

@@ -16,7 +16,7 @@ from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure import session
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 
@@ -38,7 +38,7 @@ def plan() -> Plan:
 def controller(seed: int = 0, cell: dict[str, Any] | None = None, **options: Any) -> SimulatedController:
     content = {"arm": {"offsets_deg": {"delta2": 1.0}}, **(cell or {})}
     options = {"requests_a_second": UNLIMITED, **options}
-    return SimulatedController(plan(), Cell.model_validate(content), seed, **options)
+    return SimulatedController(plan(), CellFile.model_validate(content), seed, **options)
 
 
 def unhurried(patch: pytest.MonkeyPatch) -> None:

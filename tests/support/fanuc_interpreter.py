@@ -6,7 +6,7 @@ import re
 
 from program_arm import PendantArm
 
-from zerobeam.experiments.importers.fanuc import fanuc_positions
+from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 
 
 def carried_out(listing: str, arm: PendantArm, ground: bool = True, registers: int = 100) -> str:

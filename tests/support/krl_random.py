@@ -15,7 +15,7 @@ from controller_arm import ControllerArm
 from krl_controller import status
 from krl_values import components, frame
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 
 TOOLS = {1: (0, 0, 150, 0, 0, 0), 3: (10, -5, 120, 20, 30, 0)}
@@ -177,7 +177,7 @@ class Program:
 
     src: str
     dat: str
-    choices: Choices
+    choices: ProgramOptions
     literals: Counter[str]
     rows: Matrix
     bad: list[str] = field(default_factory=list)
@@ -561,7 +561,7 @@ class Writer:
         if self.arrays:
             dat.append(f"DECL E6POS Q[{len(self.arrays)}]")
         dat += [*self.data, "ENDDAT"]
-        choices = Choices(
+        choices = ProgramOptions(
             tools=[f"{n}={','.join(map(str, v))}" for n, v in TOOLS.items() if f"tool {n}" in self.used],
             frames=[f"{n}={','.join(map(str, v))}" for n, v in BASES.items() if f"base {n}" in self.used],
             leave=["XHOME"] if home else [],

@@ -12,7 +12,7 @@ from zerobeam.experiments.procedure.centring import centre
 from zerobeam.experiments.procedure.readings import read_dark
 from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
@@ -40,7 +40,7 @@ class PendantArm:
     def __init__(self, plan: Plan, offsets: dict[str, float] = TRUTH, seed: int = 0) -> None:
         self.plan, self._display = plan, plan.robot.display
         cell: dict[str, Any] = {"camera": None, "arm": {"offsets_deg": offsets}}
-        self._rig = SimulatedRig(plan, Cell.model_validate(cell), seed)
+        self._rig = SimulatedRig(plan, CellFile.model_validate(cell), seed)
         self._begun: int | None = None
         self._last: Shot | None = None
         self.moves: list[list[float]] = []

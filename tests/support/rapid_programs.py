@@ -14,7 +14,7 @@ import numpy as np
 from controller_arm import ControllerArm
 from rapid_controller import WRISTS, Wrist, matrix
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
@@ -223,7 +223,7 @@ class RapidProgram:
     robot: Robot
     text: str
     rows: Matrix  # (K, 6) joints that its targets mean
-    choices: Choices
+    choices: ProgramOptions
     elsewhere: dict[str, tuple[str, Any]]
     counts: dict[str, int] = field(default_factory=dict)  # literals that are targets, frames, left
 
@@ -301,7 +301,7 @@ class Writer:
             "wcell": ("wobjdata", wobj),
             "pelse": ("robtarget", [*self._value(self._row(self.base)), [9e9] * 6]),
         }
-        choices = Choices(
+        choices = ProgramOptions(
             tools=[values["tCell"]],
             frames=[values["wCell"]],
             leave=[*self.leave, *(name for form in forms for name in form.leave)],

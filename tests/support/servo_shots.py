@@ -13,7 +13,7 @@ from zerobeam.experiments.procedure.centring import Centred, centre
 from zerobeam.experiments.procedure.readings import read_dark
 from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.procedure.steering import Belief, come_to
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors.psd import Psd
 from zerobeam.model.arrays import Matrix
@@ -42,7 +42,7 @@ def problem() -> Problem:
 class WatchedRig(SimulatedRig):
     """Keeps the moves that it is sent."""
 
-    def __init__(self, plan: Plan, cell: Cell, seed: int) -> None:
+    def __init__(self, plan: Plan, cell: CellFile, seed: int) -> None:
         super().__init__(plan, cell, seed)
         self.moves: list[Matrix] = []
 
@@ -127,7 +127,7 @@ def start(
         placed["normal"] = list(np.sin(slant) * tilt - np.cos(slant) * direction)
     psd = parts.setdefault("psd", {})
     parts["psd"] = {**psd, "placed": {"psd": {**placed, **psd.get("placed", {})}}}
-    rig = WatchedRig(plan(), Cell.model_validate(parts), seed)
+    rig = WatchedRig(plan(), CellFile.model_validate(parts), seed)
     rig.begin(number, "psd", None)
     come_to(rig, belief, joints)
     own = rig.psds["psd"]

@@ -488,7 +488,7 @@ class TpRun:
             )
             pose = here @ np.eye(4)
             pose[:3, 3] += 0.01 * position.values[:3]
-        shift = re.search(r"(?<!_)Offset(?:,PR\[(\d+))?", options)
+        shift = re.search(r"(?<!_)JointOffset(?:,PR\[(\d+))?", options)
         if shift is not None:
             pose = self.registers[int(shift[1] or self.offset)] @ pose
         in_tool = re.search(r"Tool_Offset(?:,PR\[(\d+))?", options)
@@ -512,4 +512,4 @@ class TpRun:
 
 def options_shift(options: str) -> bool:
     """Whether a motion's options shift it."""
-    return bool(re.search(r"Offset|INC", options))
+    return bool(re.search(r"JointOffset|INC", options))

@@ -10,7 +10,7 @@ from controller_arm import ControllerArm
 from scipy.spatial.transform import Rotation
 from tp_controller import TpController, TpRun, clear_letters, configuration, frame, values_of
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
 
@@ -107,9 +107,9 @@ class Listing:
         return self.end.join(lines)
 
     @property
-    def choices(self) -> Choices:
+    def choices(self) -> ProgramOptions:
         used = [point.pair for point in self.points if not point.in_joints and point.name not in self.left]
-        return Choices(
+        return ProgramOptions(
             tools=[_option(tool, TOOLS) for tool in sorted({pair[1] for pair in used} - {0})],
             frames=[_option(user, FRAMES) for user in sorted({pair[0] for pair in used} - {0})],
             leave=sorted(self.left),
@@ -413,8 +413,8 @@ FORMS = (
     Form("an offset for all in a frame", ("OFFSET CONDITION PR[5],UFRAME[1]",)),
     Form("a tool offset for all", ("TOOL_OFFSET CONDITION PR[5]",)),
     Form("a vision offset for all", ("VOFFSET CONDITION VR[1]",)),
-    _moves("an offset", "Offset,PR[5]", runs=True),
-    _moves("an offset of the condition", "Offset"),
+    _moves("an offset", "JointOffset,PR[5]", runs=True),
+    _moves("an offset of the condition", "JointOffset"),
     _moves("a tool offset", "Tool_Offset,PR[5]", runs=True),
     _moves("a tool offset of the condition", "Tool_Offset"),
     _moves("a vision offset", "VOFFSET,VR[1]"),

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.kinematics.robot import Robot
 
@@ -310,9 +310,9 @@ def flange_depth(arm: Robot) -> float:
 
 
 OFFSETS = np.array([0.0, -0.9, 0.6, 0.4, -0.7, 0.5])
-STATED: dict[str, Choices] = {
-    "krl": Choices(tools=["3=10,-5,120,20,30,0"], frames=["2=300,-100,50,15,0,0"]),
-    "fanuc": Choices(tools=["3=10,-5,120,0,30,20"], frames=["2=300,-100,50,0,0,15"], j3="ground"),
+STATED: dict[str, ProgramOptions] = {
+    "krl": ProgramOptions(tools=["3=10,-5,120,20,30,0"], frames=["2=300,-100,50,15,0,0"]),
+    "fanuc": ProgramOptions(tools=["3=10,-5,120,0,30,20"], frames=["2=300,-100,50,0,0,15"], j3="ground"),
 }
 
 

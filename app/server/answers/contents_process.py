@@ -12,14 +12,16 @@ from pathlib import Path
 
 from pydantic import Field
 
-from ....experiments.importers.inspection.columns_found import (
-    Column,
+from ....experiments.makers.contents import (
+    Contents,
+    Form,
     Layout,
+    TableColumn,
+    contents_of,
     head_of,
     layout_of,
     layout_stated,
 )
-from ....experiments.importers.inspection.contents import Contents, Form, contents_of
 from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
 
@@ -52,7 +54,7 @@ class Holdings(JsonDocument):
     why: str = Field(description="how that is seen")
     count: str = Field(description="what it has, in words")
     layout: Layout | None
-    columns: list[Column]
+    columns: list[TableColumn]
     rows: int = Field(description="of a table: how many were looked at")
     whole: bool = Field(description="of a table: these are all")
     points: list[NamedPoint]

@@ -10,8 +10,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ....experiments.importers.inspection import columns_found, readings
-from ....experiments.importers.table import Table, check_signs
+from ....experiments.makers import contents as columns_found
+from ....experiments.makers import readings
+from ....experiments.makers.generic.tables import TextTable, check_signs
 from ....experiments.schema import json_schema
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
@@ -277,7 +278,7 @@ def _layout(request: AskedTable) -> Content:
     return layout
 
 
-def _raw(table: Table, chosen: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
+def _raw(table: TextTable, chosen: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
     """(N, n) values as they are in the table, NaN for a joint without a column."""
     values = np.full((len(table.rows), robot.n), np.nan)
     for i, name in enumerate(chosen or ()):
@@ -286,7 +287,7 @@ def _raw(table: Table, chosen: tuple[str | None, ...] | None, robot: Robot) -> M
     return values
 
 
-def _numbers(table: Table, name: str) -> Matrix:
+def _numbers(table: TextTable, name: str) -> Matrix:
     return table.numbers([table.column(name)])[:, 0]
 
 

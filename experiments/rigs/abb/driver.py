@@ -194,7 +194,7 @@ class AbbRig:
             raise self._failed(why)
 
     def _motors_off(self) -> str:
-        """Why they are, and what to do; "" where they are on."""
+        """Why the motors are off, and what to do; "" where they are on."""
         state = self._request("reading the controller's state", lambda rws: rws.get_controller_state())
         if state == "motoron":
             return ""

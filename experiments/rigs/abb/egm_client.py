@@ -38,13 +38,7 @@ class Guidance:
     """
 
     def __init__(self, here: str, port: int, controller: str, speed: Matrix) -> None:
-        try:
-            from abb_robot_client._egm_protobuf import egm_pb2
-            from google.protobuf.message import DecodeError
-        except ImportError:
-            raise missing_extra("the ABB rig", "abb") from None
-        self._messages: Any = egm_pb2
-        self._unreadable: Any = DecodeError
+        self._messages, self._unreadable = egm_messages("the ABB rig")
         self._controller, self._speed = controller, speed
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -69,7 +63,7 @@ class Guidance:
 
     @property
     def fault(self) -> str:
-        """What went wrong, "" while nothing has."""
+        """The message of the first fault, "" while there is none."""
         with self._changed:
             return self._fault
 
@@ -202,6 +196,17 @@ class Guidance:
             self._fault = why
             self._changed.notify_all()
         return False
+
+
+def egm_messages(user: str) -> tuple[Any, type[Exception]]:
+    """The protobuf messages of `egm.proto`, and the error of what is none; BadInput that names the `user`
+    where the extra is not installed."""
+    try:
+        from abb_robot_client._egm_protobuf import egm_pb2
+        from google.protobuf.message import DecodeError
+    except ImportError:
+        raise missing_extra(user, "abb") from None
+    return egm_pb2, DecodeError
 
 
 def duration(way: Matrix, speed: Matrix) -> float:

@@ -66,7 +66,7 @@ class Session:
         session.hooks["response"].append(_judge)
 
     def ask(self, what: str, call: Callable[[Any], T]) -> T:
-        """What `call` gets from the library's RWS; `what` says in messages what was asked for."""
+        """The answer of the library's RWS to `call`; `what` names the request in messages."""
         for wait in (*_BUSY_S, None):
             try:
                 return call(self._rws)

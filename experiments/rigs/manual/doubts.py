@@ -1,4 +1,4 @@
-"""What speaks against typed joint values: limits, the unit, an earlier measurement, the plan, the aim."""
+"""Doubts about typed joint values: limits, the unit, an earlier measurement, the plan, the aim."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ Kind = Literal["limit", "radians", "repeated", "far"]
 
 @dataclass(frozen=True)
 class Doubt:
-    """What speaks against a reading, and in a sentence. A `limit` cannot be overruled."""
+    """A doubt about a reading, with its sentence. A `limit` cannot be overruled."""
 
     kind: Kind
     sentence: str

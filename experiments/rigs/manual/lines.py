@@ -1,4 +1,4 @@
-"""Where the lines of a run by hand come from: a person's input, or a file that something appends to."""
+"""Sources of the lines of a run by hand: a person's input, or a file that something appends to."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Lines(Protocol):
 
 
 class TypedLines:
-    """Those of a stream, as standard input is one; `follows` where a program writes it, and nobody reads."""
+    """The lines of a stream, such as standard input; `follows` where a program writes it."""
 
     confirms = True
 

@@ -22,7 +22,7 @@ from ....model.files.shot import Shot
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
-from ...importers.typed import labelled, typed_joints
+from ...makers.joint_text import labelled, typed_joints
 from ...procedure.events import Doubted, GivenUp, Listener, PostureRequested, Suspected, Withdrawn
 from ...procedure.order import Order
 from ...procedure.rig import RefusalReason, RefusedPosture
@@ -116,7 +116,7 @@ class Manual:
         return tuple(sorted(pending))
 
     def _measured(self, number: int) -> Shot:
-        """What is read as measurement `number`, or as another that is named."""
+        """The measurement that is typed for `number`, or for another that is named."""
         self._ask(number)
         held: _Held | None = None
         parts = ""

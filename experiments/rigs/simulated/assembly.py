@@ -21,7 +21,7 @@ from ....model.likelihood.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth
-from .cell_file import CameraInCell, Cell, EachJoint, EncoderGlitch, PlacedPsd
+from .cell_file import CameraInCell, CellFile, EachJoint, EncoderGlitch, PlacedPsd
 
 # Top speeds where the robot file states none.
 _TOP_SPEED = {"revolute": 1.0, "prismatic": 1000.0}  # rad/s, mm/s
@@ -150,7 +150,7 @@ class CellParts:
 
 
 def assemble(
-    plan: Plan, cell: Cell, rng: np.random.Generator, arm: Mapping[str, float] | None = None
+    plan: Plan, cell: CellFile, rng: np.random.Generator, arm: Mapping[str, float] | None = None
 ) -> CellParts:
     """All parts; BadInput where cell and plan do not go together. The same rng, the same cell.
 
@@ -196,7 +196,7 @@ def turned(rpy_deg: Sequence[float]) -> Matrix:
     return roll_pitch_yaw(*np.radians(rpy_deg))[:3, :3]
 
 
-def _require_fit(plan: Plan, cell: Cell) -> None:
+def _require_fit(plan: Plan, cell: CellFile) -> None:
     if plan.header.tool.kind != "laser":
         raise BadInput(
             "a simulated cell has a laser and PSDs, the plan's tool is a probe",
@@ -239,7 +239,7 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
             )
 
 
-def _offsets(cell: Cell, problem: Problem, drawn: Matrix) -> Matrix:
+def _offsets(cell: CellFile, problem: Problem, drawn: Matrix) -> Matrix:
     """(n,) internal units: random, or as stated."""
     if cell.arm.offsets_deg is None:
         return drawn
@@ -258,7 +258,7 @@ def _offsets(cell: Cell, problem: Problem, drawn: Matrix) -> Matrix:
     return offsets / problem.robot.display
 
 
-def _tool(cell: Cell, drawn: Matrix) -> Matrix:
+def _tool(cell: CellFile, drawn: Matrix) -> Matrix:
     """(4,) tilts, rad, and shifts, mm: random, or as stated."""
     tilt, shift_mm = cell.laser.tilt_deg, cell.laser.shift_mm
     return np.concatenate(
@@ -269,7 +269,7 @@ def _tool(cell: Cell, drawn: Matrix) -> Matrix:
     )
 
 
-def _arm(cell: Cell, robot: Robot, offsets: Matrix, noise: NoiseModel) -> SimulatedArm:
+def _arm(cell: CellFile, robot: Robot, offsets: Matrix, noise: NoiseModel) -> SimulatedArm:
     def each_joint(value: EachJoint, key: str) -> Matrix:
         values = np.atleast_1d(np.array(value, dtype=float))
         if len(values) not in (1, robot.n):
@@ -295,14 +295,14 @@ def _arm(cell: Cell, robot: Robot, offsets: Matrix, noise: NoiseModel) -> Simula
     )
 
 
-def _geometry(cell: Cell) -> dict[int, Matrix]:
+def _geometry(cell: CellFile) -> dict[int, Matrix]:
     return {
         error.joint - 1: shift(*error.xyz_mm) @ roll_pitch_yaw(*np.radians(error.rpy_deg))
         for error in cell.arm.geometry
     }
 
 
-def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.Generator) -> Matrix:
+def _centre(plan: Plan, cell: CellFile, problem: Problem, name: str, rng: np.random.Generator) -> Matrix:
     """(3,) mm: as stated, or near the plan's nominal position."""
     by_hand = rng.normal(size=3)  # drawn in any case: other draws do not depend on what is stated
     placed = cell.placed(name)
@@ -314,7 +314,7 @@ def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.
     return np.asarray(targets[problem.targets.index(name)] + spread * by_hand)
 
 
-def _psd(cell: Cell, placed: PlacedPsd, directions: Matrix) -> Psd:
+def _psd(cell: CellFile, placed: PlacedPsd, directions: Matrix) -> Psd:
     """The data sheet; `directions` (N, 3) of the beams that the plan sends to it."""
     settings = cell.psd
     normal: Matrix | None = None
@@ -339,7 +339,7 @@ def _psd(cell: Cell, placed: PlacedPsd, directions: Matrix) -> Psd:
 
 
 def _camera(settings: CameraInCell, tool: Tool) -> Camera:
-    """It looks along the beam, from beside it."""
+    """The camera of a cell: beside the beam, along it."""
     point, direction, across = tool.nominal_beam()
     mount = np.eye(4)
     mount[:3, :3] = np.column_stack([across, direction])

@@ -41,7 +41,7 @@ from ...sensors.psd import face_normal
 
 
 class _AtShot(FileModel):
-    """What happens on purpose, and in which measurement."""
+    """A fault on purpose, and in which measurement."""
 
     shot: int = Field(ge=0, description="number of the measurement")
 
@@ -123,7 +123,7 @@ FAULT_KINDS = tuple(_FAULTS)
 
 
 def _of_a_kind(value: object) -> object:
-    """Say which kinds there are, and which keys this one has: the others' keys are no help."""
+    """Refuse unknown kinds and keys; the message names the keys of this kind alone."""
     if not isinstance(value, dict):
         return value
     kind = value.get("kind")
@@ -364,7 +364,7 @@ class CameraInCell(FileModel):
     image_s: NotNegative = Field(default=0.2, description="time that an image takes, seconds")
 
 
-class Cell(SourcedModel):
+class CellFile(SourcedModel):
     """The content of a cell file; one that was read from a file knows where its keys are."""
 
     schema_: Literal["zerobeam/cell/1"] = Field(
@@ -407,6 +407,6 @@ class Cell(SourcedModel):
         return load_robot(self.robot, self.folder, file=self.file, line=self.line(("robot",)))
 
 
-def read_cell(path: Path | str) -> Cell:
+def read_cell(path: Path | str) -> CellFile:
     """A cell file, every key of it checked."""
-    return read_model(Cell, path, CELL_SCHEMA)
+    return read_model(CellFile, path, CELL_SCHEMA)

@@ -22,7 +22,7 @@ from ...sensors.psd import Psd
 from .assembly import assemble, turned
 from .cell_file import (
     CameraBlack,
-    Cell,
+    CellFile,
     EncoderGlitch,
     Faults,
     LedOccluded,
@@ -38,7 +38,7 @@ _IN_SIGHT = np.radians(35.0)  # between the nominal beam and the way to the PSD:
 
 
 class SimulatedRig:
-    """A cell (`Cell`) made for a plan; BadInput where the two do not fit.
+    """A cell (`CellFile`) made for a plan; BadInput where the two do not fit.
 
     `resumed` says that a run goes on: what stopped it does not happen again. `arm` has the true offsets and
     tool by name (deg, mm) of an arm that is known, in place of a random one.
@@ -49,7 +49,7 @@ class SimulatedRig:
     def __init__(
         self,
         plan: Plan,
-        cell: Cell,
+        cell: CellFile,
         seed: int,
         *,
         resumed: bool = False,
@@ -239,7 +239,7 @@ class SimulatedRig:
         return np.array(reflection.at_mm), reflection.light * self._cell.laser.light
 
     def _scene(self, camera: Camera) -> PictureScene:
-        """What the camera may see: the LEDs, and what the laser lights on the PSD's front."""
+        """The lights before the camera: the LEDs, and the spots of the laser on the PSD's front."""
         settings = self._cell.camera
         assert settings is not None
         hidden = self._faults.met(LedOccluded)

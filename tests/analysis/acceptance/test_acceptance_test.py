@@ -112,8 +112,8 @@ def test_a_right_calibration_passes_and_one_that_was_not_entered_is_named():
 def test_too_few_postures_never_pass(rows):
     found = answer(rows=rows)
     assert found.verdict == "inconclusive"
-    assert found.unseen
-    assert all(own.power < POWER for own in found.unseen)
+    assert found.unnoticed
+    assert all(own.power < POWER for own in found.unnoticed)
 
 
 def test_one_posture_leaves_nothing_to_judge_by():

@@ -148,15 +148,6 @@ def test_shares_are_capped(shots):
     assert shares._most_of(worth, 1 / shots) == pytest.approx(np.sort(worth)[-shots:].mean())
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
-def test_the_bound_holds_for_whole_designs_of_many(criterion):
-    candidates = random_candidates(3, count=300)
-    bound = continuous(candidates, 6, criterion).bound
-    rng = np.random.default_rng(0)
-    for _ in range(300):
-        assert value_of(candidates, rng.choice(300, 6, replace=False), criterion) >= bound
-
-
 def test_a_slope_of_the_wrong_sign_is_caught():
     """Negative control: with the excess added, what is called a bound is above a real choice."""
     candidates = random_candidates(0)

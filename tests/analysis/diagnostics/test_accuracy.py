@@ -1,7 +1,6 @@
 """The tool point's accuracy: closed forms, Monte Carlo, gauges, and no number where the data tell none."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -193,11 +192,6 @@ def test_no_part_of_the_gauge_of_joint_1_enters():
     assert accuracy(dataclasses.replace(solution, fit=dataclasses.replace(fit, x=x))) != answer
 
 
-def test_with_joint_1_free_or_held_it_is_the_same():
-    held, free = answered(good_plan(8)), answered(good_plan(8, held=[]))
-    assert levels(free) == pytest.approx(levels(held), rel=1e-3)
-
-
 def test_nothing_is_claimed_for_the_x_pattern():
     """Joint 2 turns with the target: the tool point's height is anything."""
     solution = judged(simulated_problem(pattern_plan("x"), TABLE_2, seed=1)[1])
@@ -232,6 +226,17 @@ def test_weak_offsets_are_named_and_widen_the_radius():
     assert strong.weak == ()
     assert "delta2" in weak.weak
     assert weak.workspace.after95_mm.worst > 10 * strong.workspace.after95_mm.worst
+
+
+def test_the_radius_allows_for_the_noise_that_is_estimated():
+    """By its degrees of freedom: six here."""
+    solution = judged(simulated_problem(good_plan(7, noise={"scale": "estimated"}), TABLE_2, seed=1)[1])
+    problem, fit = solution.problem, solution.fit
+    joints = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
+    _, jacobian = tool_point(problem, fit.x, problem.tool.point, joints)
+    of_point = jacobian @ arm_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
+    assert solution.dof == 6
+    assert accuracy(solution).workspace.after95_mm.worst == pytest.approx(radius95(of_point, 6).max())
 
 
 ASIDE = [60.0, 20.0, 150.0]
@@ -317,38 +322,12 @@ def test_the_vertical_map_is_about_the_axis_of_joint_1(tmp_path):
     assert slide.maps[0].axes[0] == "distance from the base's z axis"
 
 
-def test_it_is_plain_json():
-    for answer in (answered(good_plan(8)), answered(pattern_plan("x"))):
-        told = dataclasses.asdict(answer)
-        text = json.dumps(told, allow_nan=False)
-        assert json.loads(text) == json.loads(json.dumps(json.loads(text)))
-        assert len(text) < 120_000
-
-
 # --- does it hold? ----------------------------------------------------------------------------------
 
 
 def random_postures(problem, count, seed):
     robot = problem.robot
     return np.random.default_rng(seed).uniform(robot.lower, robot.upper, (count, robot.n))
-
-
-def test_the_radius_holds_truths_drawn_from_the_posterior():
-    """2000 truths, each looked at in a posture of its own that no shot has seen."""
-    solution = judged(simulated_problem(good_plan(7), TABLE_2, seed=2)[1])
-    problem, fit = solution.problem, solution.fit
-    point, covariance = problem.tool.point, arm_covariance(problem, fit.covariance)
-    joints = random_postures(problem, 2000, 4)
-    at, jacobian = tool_point(problem, fit.x, point, joints)
-    draws = np.random.default_rng(5).multivariate_normal(fit.x[:6], covariance, 2000, method="eigh")
-    true = np.array(
-        [tool_point(problem, d, point, q[None])[0][0] for d, q in zip(draws, joints, strict=True)]
-    )
-    error = np.linalg.norm(true - at, axis=1)
-    of_point = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
-    assert binomial((error < radius95(of_point)).sum(), 2000)
-    # Negative control: stds that are understated by 2.
-    assert not binomial((error < radius95(of_point / 4)).sum(), 2000)
 
 
 @pytest.mark.parametrize("count", [400, pytest.param(5000, marks=pytest.mark.long)], ids=["short", "long"])

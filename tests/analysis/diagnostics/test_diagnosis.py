@@ -19,7 +19,7 @@ from cells import (
 )
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
-from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
+from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose
 from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes, widened, with_links_freed
 from zerobeam.analysis.observability.geometry import with_links
 from zerobeam.analysis.solution import Solution, solve
@@ -207,6 +207,17 @@ def test_columns_of_different_units_are_not_exchanged() -> None:
     ]
     assert all(3 not in joints for joints in tried)
     assert len(tried) == 6
+
+
+@pytest.mark.parametrize(("cost", "causes"), [(75.0, ["geometry"]), (65.0, ["measurements"])])
+def test_what_blames_the_data_has_to_be_clearly_likelier_than_links(cost: float, causes: list[str]) -> None:
+    """By the criterion, cost and the price of estimated parameters (2 and 10 of them, log 50 each), the
+    second is 16 below links, beyond 2 log 1000; the first is 6 below. Links that are that far off are left
+    out."""
+    base = HypothesisFit(None, 500.0, 500.0, 50, 50, 1.0)
+    links = HypothesisFit("geometry", 50.0, 50.0, 50, 50, 1.0, freed=10)
+    outlying = HypothesisFit("measurements", cost, cost, 50, 50, 1.0, freed=2)
+    assert [found.cause for found in _explanations(base, [links, outlying], 1.0)] == causes
 
 
 SAMPLES = {

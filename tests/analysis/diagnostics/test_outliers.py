@@ -30,6 +30,7 @@ def test_the_level_holds_and_few_values_are_not_tested():
     alarms = sum(bool(outlying_values(rng.normal(size=30), 0.05)) for _ in range(1000))
     assert 25 <= alarms <= 80  # the binomial's 99.9 % about 50
     assert outlying_values([0.0] * (FEWEST_VALUES - 2) + [9.0], 0.05) == []
+    assert outlying_values([*np.linspace(-1, 1, FEWEST_VALUES - 1), 90.0], 0.05)[0].row == FEWEST_VALUES - 1
     assert outlying_values([1.0] * 40, 0.05) == []
     (own,) = outlying_values([*rng.normal(size=40), 30.0], 0.01)
     assert own.row == 40

@@ -20,7 +20,6 @@ from cells import (
 )
 from judgements import reason_for, sentence_of, verdict
 from scipy import stats
-from scipy.spatial.transform import Rotation
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.causes import NotResolvable, worst_direction
@@ -33,7 +32,6 @@ from zerobeam.analysis.observability.identifiability import (
 )
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
-from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.observability import reason, remedy
@@ -131,11 +129,6 @@ def test_predicted_stds_against_monte_carlo():
     assert not within_chi_square_bounds(errors / wrong)
 
 
-@pytest.mark.long
-def test_predicted_stds_against_more_monte_carlo():
-    assert within_chi_square_bounds(monte_carlo(2000, 100_000))
-
-
 def optimal_plan():
     """The A-optimal seven of a few hundred postures."""
     own, robot, target = header(), irb1600(), np.array([900.0, 0.0, 0.0])
@@ -147,6 +140,8 @@ MONTE_CARLO = {
     "random, open laser": lambda: good_plan(12, 5, OPEN_LASER),
     "random, probe": lambda: good_plan(12, 7, PROBE, target=(700.0, 200.0, 900.0), held=["delta1", "delta2"]),
     "optimal": optimal_plan,
+    # The residuals are curved along an arc: there each parameter's std, which is reported, is as predicted.
+    "weak": lambda: pattern_plan("y"),
 }
 
 
@@ -158,15 +153,8 @@ def test_predicted_stds_of_other_plans(case):
 @pytest.mark.long
 @pytest.mark.parametrize("case", MONTE_CARLO)
 def test_predicted_stds_of_other_plans_at_length(case):
-    assert within_chi_square_bounds(monte_carlo(500, 200_000, MONTE_CARLO[case]()))
-
-
-@pytest.mark.long
-def test_predicted_stds_of_a_weak_plan_at_length():
-    """The Y-Pattern leaves delta2 at 1 degree: along that arc the misses are curved, and the tightest
-    combination of offsets and target scatters twice as much as the straight line says (variance 2.2).
-    Each parameter's own std, which is what is reported, is as predicted."""
-    assert within_chi_square_bounds(monte_carlo(500, 200_000, pattern_plan("y"), eigenvectors=False))
+    errors = monte_carlo(500, 200_000, MONTE_CARLO[case](), eigenvectors=case != "weak")
+    assert within_chi_square_bounds(errors)
 
 
 # --- what cannot be known -------------------------------------------------------------------------------
@@ -275,15 +263,6 @@ def test_two_joints_constant():
     assert "vary joints 1 and 2" in remedy(direction_of(identified, "delta3").cause)
 
 
-def test_delta1_freed():
-    problem, identified = judged(good_plan(held=[]))
-    rows = by_name(problem, identified)
-    assert rows["delta1"] == ("unidentifiable", np.inf)
-    assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
-    assert "base frame" in reason(direction_of(identified, "delta1", "exact").cause)
-    assert verdict(problem, identified) == "degenerate"
-
-
 def test_delta1_freed_in_the_x_pattern():
     """Two gauges at once, each with its own reason."""
     plan = pattern_plan("x", held=[])
@@ -292,14 +271,6 @@ def test_delta1_freed_in_the_x_pattern():
     assert "joint 1 does not change" in reason(direction_of(identified, "delta2", "exact").cause)
     assert identified.facts.rank == 7
     assert identified.facts.size == 9
-
-
-def test_an_open_laser_holds_the_last_joint():
-    problem, identified = judged(good_plan(12, 5, OPEN_LASER))
-    rows = by_name(problem, identified)
-    assert verdict(problem, identified) == "pass"
-    assert rows["delta6"][0] == "held"
-    assert rows["tool.tilt1"][0] == "identified"
 
 
 def test_an_open_laser_with_the_last_joint_freed():
@@ -445,19 +416,21 @@ def same_verdict(first, second, lengths=1.0):
 CASES = list(plans())
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_the_order_of_shots_does_not_matter(case):
-    plan = plans()[case]
-    order = np.random.default_rng(4).permutation(len(plan.postures))
-    same_verdict(judged(plan), judged(plan_of(plan.header, plan.postures[order])))
+def in_another_order(plan):
+    return plan_of(plan.header, plan.postures[np.random.default_rng(4).permutation(len(plan.postures))])
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_names_of_targets_do_not_matter(case):
-    plan = plans()[case]
+def with_another_name(plan):
     guess = plan.header.targets["psd"].guess_mm
     own = header(targets={"z9": {"guess_mm": list(guess)}})
-    same_verdict(judged(plan), judged(plan_of(own, plan.postures, ["z9"] * len(plan.postures))))
+    return plan_of(own, plan.postures, ["z9"] * len(plan.postures))
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("other", [in_another_order, with_another_name])
+def test_the_order_of_shots_and_names_of_targets_do_not_matter(other, case):
+    plan = plans()[case]
+    same_verdict(judged(plan), judged(other(plan)))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -504,39 +477,14 @@ def offsets_alike(plan, other):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_turn_of_the_base_about_joint_1_does_not_matter(case):
+@pytest.mark.parametrize(
+    "pose",
+    [rotation_about("z", 0.7), random_pose(np.random.default_rng(6), 400.0)],
+    ids=["turned about joint 1", "anywhere"],
+)
+def test_another_base_frame_does_not_matter(pose, case):
     plan = plans()[case]
-    offsets_alike(plan, in_base(plan, rotation_about("z", 0.7)))
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_another_base_frame_does_not_matter(case):
-    plan = plans()[case]
-    offsets_alike(plan, in_base(plan, random_pose(np.random.default_rng(6), 400.0)))
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_the_same_arm_as_urdf_in_metres(case, tmp_path):
-    robot = irb1600()
-
-    def origin(pose):
-        xyz = " ".join(f"{v / 1000:.17g}" for v in pose[:3, 3])
-        rpy = " ".join(f"{v:.17g}" for v in Rotation.from_matrix(pose[:3, :3]).as_euler("xyz"))
-        return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
-
-    text = '<robot name="same"><link name="l0"/>'
-    for i, joint in enumerate(robot.joints, start=1):
-        text += f'<link name="l{i}"/><joint name="joint{i}" type="revolute">{origin(joint.fixed)}'
-        text += f'<parent link="l{i - 1}"/><child link="l{i}"/><axis xyz="0 0 1"/>'
-        text += f'<limit lower="{joint.lower}" upper="{joint.upper}" velocity="1" effort="1"/></joint>'
-    text += f'<link name="tip"/><joint name="end" type="fixed">{origin(robot.flange)}'
-    text += '<parent link="l6"/><child link="tip"/></joint></robot>'
-    path = tmp_path / "same.urdf"
-    path.write_text(text)
-    plan = plans()[case]
-    same_verdict(
-        judged(plan), judged(plan_of(plan.header, plan.postures, robot=read_urdf(path, "l0", "tip")))
-    )
+    offsets_alike(plan, in_base(plan, pose))
 
 
 def test_another_target_is_another_plan():

@@ -15,7 +15,7 @@ from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.analysis.recordings.recordings import (
     SIGNIFICANCE,
     RecordingLag,
-    _chance,
+    _above_zero,
     correlation,
     covariance,
     drawn,
@@ -162,7 +162,7 @@ def test_chi_squared_at_the_effective_number_raises_no_false_alarm(solution: Sol
 def test_the_saddle_point_against_simulation(weights: list[float]) -> None:
     rng, count = np.random.default_rng(4), 200_000
     share = (rng.chisquare(1, size=(count, len(weights))) @ np.array(weights) > 0).mean()
-    assert _chance(np.array(weights)) == pytest.approx(share, abs=0.02)
+    assert _above_zero(np.array(weights)) == pytest.approx(share, abs=0.02)
 
 
 # --- long recordings --------------------------------------------------------------------------------

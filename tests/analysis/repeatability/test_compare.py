@@ -31,6 +31,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
+from zerobeam.model.files.validation import LARGEST
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.comparison_json import ComparisonDocument
 
@@ -103,6 +104,9 @@ def test_an_offset_that_a_table_does_not_state_has_no_number_there(tmp_path: Pat
     assert answer["offsets"][2]["mean"] is answer["offsets"][2]["std"] is None
     assert [run["offsets"][1]["estimate"] for run in answer["runs"]] == [2.0, None, 2.5]
     assert any("Not compared: d4" in note for note in answer["notes"])
+    largest = LARGEST["deg"]
+    path.write_text(f"run,delta2_deg\na,{largest!r}\nb,{-largest!r}\n")
+    assert [row["offsets"][0]["estimate"] for row in compare([path])["runs"]] == [largest, -largest]
 
 
 @pytest.mark.parametrize(
@@ -162,29 +166,20 @@ def test_what_an_arm_adds_to_all_runs_is_a_covariance_between_them() -> None:
     assert common.dof == 9
 
 
-def test_more_runs_of_one_arm_lower_only_the_noise() -> None:
-    """300 arms with 5 runs each: whether the runs agree, and whether the mean's interval holds the truth."""
-    rng, count = np.random.default_rng(6), 300
-    by_geometry = np.tile(np.array([[0.1, 0.0], [0.05, 0.05], [0.0, 0.02]]), (5, 1, 1))
-    p_values, holds, alone = [], 0, 0
-    for k in range(count):
-        values = drawn(5, seed=2000 + k) + by_geometry[0] @ rng.normal(size=2)
-        own = sample(values, by_geometry=by_geometry)
-        whole, mean = consistency(own), mean_of(own, 0, True)
-        assert whole is not None
-        assert mean is not None
-        p_values.append(whole.p_value)
-        holds += mean.interval95[0] < 1 < mean.interval95[1]
-        by_scatter, noise = mean_of(own, 0, False), mean_of(sample(values), 0, True)
-        assert by_scatter is not None
-        assert noise is not None
-        assert by_scatter.interval95[1] - by_scatter.interval95[0] > 2 * 1.96 * 0.1
-        alone += noise.interval95[0] < 1 < noise.interval95[1]
-    assert stats.kstest(p_values, "uniform").pvalue > 0.001
-    low, high = stats.binom.ppf([0.001, 0.999], count, 0.95)
-    assert low <= holds <= high
-    # As if each run had an arm of its own, that it never has.
-    assert alone < low
+def test_the_mean_by_the_scatter_has_what_the_arm_adds_to_all_runs() -> None:
+    """Student's t of the scatter, and a normal deviation common to all runs: more runs do not lower it."""
+    values, by_geometry = drawn(5, seed=6), np.tile([[0.1, 0.0], [0.05, 0.05], [0.0, 0.02]], (5, 1, 1))
+    found = mean_of(sample(values, by_geometry=by_geometry), 1, False)
+    assert found is not None
+    scatter = stats.t.ppf(0.975, 4) * values[:, 1].std(ddof=1) / np.sqrt(5)
+    half = np.hypot(scatter, 1.959964 * np.hypot(0.05, 0.05))
+    assert found.interval95 == pytest.approx((values[:, 1].mean() - half, values[:, 1].mean() + half))
+    predicted = mean_of(sample(values, by_geometry=by_geometry), 1, True)
+    assert predicted is not None
+    assert predicted.by == "prediction"
+    common = sample(values, by_geometry=by_geometry).common
+    half = 1.959964 * np.sqrt(common.covariance[1, 1])
+    assert predicted.interval95 == pytest.approx((common.mean[1] - half, common.mean[1] + half))
 
 
 def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:

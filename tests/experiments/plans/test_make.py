@@ -82,15 +82,6 @@ def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
         assert answer["removed"] is None
 
 
-def test_what_was_proposed_is_what_check_says(tmp_path: Path) -> None:
-    """The choice's own std, before rounding and checking."""
-    plan = made(tmp_path / "plan.yaml")
-    assert plan.proposal is not None
-    told = plan.as_json()["predicted_std"]
-    for name in OFFSETS:
-        assert plan.proposal.std[name] == pytest.approx(told[name], rel=1e-4)
-
-
 def test_without_a_file_it_is_the_same_plan(tmp_path: Path) -> None:
     written = made(tmp_path / "plan.yaml")
     plan = make_plan(request(), None, lambda stage, share: None)
@@ -128,18 +119,6 @@ def test_what_cannot_be_is_refused_and_nothing_written(
     with pytest.raises(BadInput, match=expected):
         made(file, **changes)
     assert not file.exists()
-
-
-def test_out_of_reach_says_which_constraint_removed_how_many(tmp_path: Path) -> None:
-    with pytest.raises(BadInput) as caught:
-        made(tmp_path / "plan.yaml", target=(5000.0, 0.0, 0.0))
-    found = re.search(r"(\d+) of (\d+) postures are left; (.*?)\. (?:Of|No) ", str(caught.value))
-    assert found is not None
-    left, drawn = int(found.group(1)), int(found.group(2))
-    assert left == 0
-    removed = [int(n) for n in re.findall(r"(?:^|, )(\d+) ", found.group(3))]
-    assert sum(removed) == drawn
-    assert removed
 
 
 @pytest.mark.long

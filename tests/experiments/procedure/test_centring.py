@@ -175,41 +175,38 @@ def test_a_stand_that_is_centred_by_chance_is_still_come_to_from_below() -> None
 # Reasons
 
 
-def test_a_beam_that_misses_the_face_is_a_reason() -> None:
-    assert reason(start(40.0, 2)) == RefusalReason.OFF_FACE
+ALONE = {"kind": "reflection", "shot": 2, "at_mm": [4.0, -3.0]}
+# So near to the centre that no single step is long enough to tell.
+NEAR = {**ALONE, "at_mm": [0.25, 0.2]}
+BACKWARDS = {"exact": True, "slant_deg": 0, "psd": {"placed": {"misturned_deg": [0, 0, 180]}}}
 
 
-def test_a_beam_that_leaves_the_face_is_a_reason() -> None:
-    """The PSD is turned by half a turn against what is stated, and the spot near the edge."""
-    shot = start(8.5, 3, exact=True, slant_deg=0, psd={"placed": {"misturned_deg": [0, 0, 180]}})
-    assert reason(shot) == RefusalReason.OFF_FACE
+@pytest.mark.parametrize(
+    ("off_mm", "seed", "cell", "expected"),
+    [
+        pytest.param(40.0, 2, {}, RefusalReason.OFF_FACE, id="the beam is beside the face"),
+        pytest.param(8.5, 3, BACKWARDS, RefusalReason.OFF_FACE, id="the beam leaves the face"),
+        pytest.param(2.0, 2, {"laser": {"light": 1.4}}, RefusalReason.TOO_BRIGHT, id="too bright"),
+        pytest.param(2.0, 2, {"psd": {"saturation": 0.4}}, RefusalReason.SATURATED, id="saturated"),
+        pytest.param(60.0, 2, {"faults": [ALONE]}, RefusalReason.NOT_FOLLOWING, id="a reflection alone"),
+        pytest.param(60.0, 2, {"faults": [NEAR]}, RefusalReason.NOT_FOLLOWING, id="one near the centre"),
+        pytest.param(3.0, 2, {"faults": [ALONE]}, RefusalReason.TOO_BRIGHT, id="a reflection and the spot"),
+    ],
+)
+def test_what_keeps_the_spot_from_the_centre_is_a_reason(
+    off_mm: float, seed: int, cell: dict[str, Any], expected: RefusalReason
+) -> None:
+    assert reason(start(off_mm, seed, **cell)) == expected
 
 
-def test_too_bright_a_light_is_a_reason() -> None:
-    assert reason(start(2.0, 2, laser={"light": 1.4})) == RefusalReason.TOO_BRIGHT
+def test_a_laser_that_is_a_little_too_bright_will_do() -> None:
     assert start(2.0, 2, laser={"light": 1.05}).centred().off_mm[-1] <= centring.ENOUGH_MM
-
-
-def test_more_light_than_the_psd_can_tell_is_a_reason() -> None:
-    assert reason(start(2.0, 2, psd={"saturation": 0.4})) == RefusalReason.SATURATED
 
 
 def test_no_samples_are_a_reason() -> None:
     shot = start(2.0, 2)
     shot.rig.currents = lambda samples: np.full((samples, 4), np.nan)  # type: ignore[method-assign]
     assert reason(shot) == RefusalReason.NO_SIGNAL
-
-
-@pytest.mark.parametrize("at_mm", [(4.0, -3.0), (0.25, 0.2)])
-def test_a_reflection_that_alone_lights_the_psd_is_a_reason(at_mm: tuple[float, float]) -> None:
-    """Also where it is so near to the centre that no single step is long enough to tell."""
-    reflection = {"kind": "reflection", "shot": 2, "at_mm": list(at_mm)}
-    assert reason(start(60.0, 2, faults=[reflection])) == RefusalReason.NOT_FOLLOWING
-
-
-def test_a_reflection_beside_the_spot_is_a_reason() -> None:
-    reflection = {"kind": "reflection", "shot": 2}
-    assert reason(start(3.0, 2, faults=[reflection])) == RefusalReason.TOO_BRIGHT
 
 
 def test_a_wrist_at_its_limits_is_a_reason() -> None:

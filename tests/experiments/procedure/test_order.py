@@ -12,7 +12,7 @@ from command_line import plan_file
 
 from zerobeam.experiments.procedure.order import Adaptive, InTurn, Order
 from zerobeam.experiments.procedure.session import Procedure, ProcedureResult, state_of
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.journal import RunJournal
@@ -29,7 +29,7 @@ def pool(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 
 
 def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) -> ProcedureResult:
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None, **cell}), seed)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
         return Procedure(plan, rig, journal, order, lambda event: None).carry_out()
 

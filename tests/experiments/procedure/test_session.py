@@ -1,7 +1,9 @@
-"""The procedure of Fig. 5: each shot on the disk before the next, and refused with a reason or right."""
+"""The procedure of Fig. 5: each measurement on the disk before the next, refused with a reason, or right."""
 
 from __future__ import annotations
 
+import base64
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,15 +12,31 @@ from typing import Any
 import numpy as np
 import pytest
 from asked_to_end import ask, lost, without_reminders
-from cells import OPEN_LASER, good_plan, header, irb1600, plan_of
+from cells import OPEN_LASER, PROBE, good_plan, header, irb1600, plan_of
 from command_line import plan_file
 from run_events import as_json
 from servo_shots import WatchedRig
 
+from zerobeam.experiments.procedure.events import (
+    ArmSent,
+    MeasurementRecorded,
+    PictureTaken,
+    RunEvent,
+    SpotSeen,
+)
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Procedure, ProcedureResult
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.procedure.session import (
+    ATTEMPTS,
+    PHASES,
+    Procedure,
+    ProcedureResult,
+    arm_sent,
+    picture_taken,
+)
+from zerobeam.experiments.procedure.steering import Belief
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.experiments.studies.campaign import MemoryJournal
 from zerobeam.interruption import requested, stoppable
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import RigFault
@@ -44,7 +62,7 @@ def carried(
     rig: SimulatedRig | None = None,
     **cell: Any,
 ) -> ProcedureResult:
-    rig = rig or SimulatedRig(plan, Cell.model_validate({"camera": None, **cell}), seed)
+    rig = rig or SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
         return Procedure(
             plan, rig, journal, InTurn(len(plan.postures)), lambda event: told(as_json(event))
@@ -72,7 +90,7 @@ def test_each_shot_is_on_the_disk_when_it_is_told(tmp_path: Path, plan: Plan) ->
 def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) -> None:
     """chi-squared of the five offsets about the truth, by their own covariance."""
     plan = read_plan(plan_file(tmp_path / "plan.yaml", good_plan(8)))
-    rig = SimulatedRig(plan, Cell(), 3)
+    rig = SimulatedRig(plan, CellFile(), 3)
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     assert done.state is not None
     truth = np.array([rig.provenance()[f"true delta{i} (deg)"] for i in range(2, 7)], dtype=float)
@@ -89,7 +107,7 @@ def test_the_recorded_spot_is_where_the_target_stands_across_the_beam(tmp_path: 
     """A coarse encoder leaves the beam beside the centre: what is recorded makes up for it."""
     cell = {"arm": {"resolution_deg": 0.004, "repeatability_deg": 1e-7, "offsets_deg": {}}}
     exact = {"laser": {"wander_mm": 0.0}, "psd": {"placed": {"psd": {"centre_mm": [905.0, 3.0, -4.0]}}}}
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None, **cell, **exact}), 1)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell, **exact}), 1)
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     run = read_run(tmp_path / "run.jsonl")
     problem = Problem.from_run(run)
@@ -125,17 +143,9 @@ def test_what_refuses_a_shot_is_told_and_the_next_is_made(tmp_path: Path, plan: 
     assert {event["shot"] for event in about} == {2}
 
 
-def test_a_short_fault_costs_an_attempt_and_no_shot(tmp_path: Path, plan: Plan) -> None:
-    cell = {"faults": [{"kind": "encoder-glitch", "shot": 1, "joint": 2, "deg": 0.4, "lasts": 1}]}
-    events: list[Event] = []
-    done = carried(plan, tmp_path / "run.jsonl", told=events.append, **cell)
-    assert [shot.shot for shot in done.shots] == list(range(6))
-    assert [event["reason"] for event in events if event["event"] == "retry"] == ["joint reading"]
-
-
 def test_a_reading_beyond_a_limit_is_refused_before_it_is_written(tmp_path: Path, plan: Plan) -> None:
     """A run with such a shot could be neither read nor resumed."""
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
 
     def beyond() -> Matrix:
         read = rig_joints()
@@ -153,7 +163,7 @@ def test_a_reading_beyond_a_limit_is_refused_before_it_is_written(tmp_path: Path
 def test_a_stop_leaves_the_shots_so_far_and_a_rig_at_rest(
     tmp_path: Path, plan: Plan, stop: BaseException
 ) -> None:
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
     events: list[Event] = []
     stopped: list[bool] = []
     move, halt = rig.move, rig.stop
@@ -183,7 +193,7 @@ def test_a_request_that_is_lost_ends_the_run_before_the_next_move(tmp_path: Path
     file = tmp_path / "run.jsonl"
     for step in range(1, 4):
         file.unlink(missing_ok=True)
-        rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+        rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
         moves_after, steps, move = [], [], rig.move
 
         def told(event: Event, of: int = step, seen: list[float] = steps) -> None:
@@ -207,7 +217,7 @@ def test_a_request_that_is_lost_ends_the_run_before_the_next_move(tmp_path: Path
 
 
 def test_the_stop_of_the_rig_is_not_interrupted(tmp_path: Path, plan: Plan) -> None:
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
     halt = rig.stop
 
     def stops() -> None:
@@ -230,7 +240,7 @@ def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:
     names = ["left"] * 3 + ["right"] * 3 + ["left"] * 3 + ["right"] * 3
     plan = read_plan(plan_file(tmp_path / "plan.yaml", plan_of(own, postures, names)))
     # The beam leaves the tool some 6 degrees aside: a hand's breadth beside the PSD, until that is learnt.
-    done = carried(plan, tmp_path / "run.jsonl", rig=SimulatedRig(plan, Cell(), 5))
+    done = carried(plan, tmp_path / "run.jsonl", rig=SimulatedRig(plan, CellFile(), 5))
     assert len(done.shots) >= 11, done.refused
     assert [shot.target for shot in done.shots] == [names[shot.shot] for shot in done.shots]
     assert done.state is not None
@@ -247,7 +257,7 @@ def test_too_weak_a_laser_is_refused_and_said(tmp_path: Path, plan: Plan) -> Non
 
 def test_a_spot_that_moves_while_it_is_averaged_is_refused(tmp_path: Path, plan: Plan) -> None:
     """As where the arm still swings, or someone leans on the table."""
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
     currents = rig.currents
 
     def moving(samples: int) -> Matrix:
@@ -269,7 +279,7 @@ def test_the_arm_goes_through_the_intermediate_postures_that_the_plan_states(
     between = np.radians([[5.0, 0, 0, 0, 20, 0], [10.0, 5, 0, 0, 20, 0]])
     nowhere = np.zeros((0, 6))
     stated = replace(plan, postures=plan.postures[:2], targets=plan.targets[:2], via=(nowhere, between))
-    rig = WatchedRig(stated, Cell.model_validate({"camera": None}), 3)
+    rig = WatchedRig(stated, CellFile.model_validate({"camera": None}), 3)
     carried(stated, tmp_path / "run.jsonl", rig=rig)
     at = [i for i, move in enumerate(rig.moves) if np.array_equal(move, between[0])]
     assert len(at) == 1
@@ -277,3 +287,55 @@ def test_the_arm_goes_through_the_intermediate_postures_that_the_plan_states(
     np.testing.assert_array_equal(rig.moves[at[0] + 1], between[1])
     # Not before the first posture, and the next move goes to the second one.
     assert np.abs(rig.moves[at[0] + 2] - plan.postures[1])[:3].max() < np.radians(1)
+
+
+def test_who_watches_changes_nothing() -> None:
+    plan, told, shots = good_plan(2), [], []
+    for scene in (False, True):
+        events: list[RunEvent] = []
+        journal = MemoryJournal()
+        Procedure(
+            plan, SimulatedRig(plan, CellFile(), 3), journal, InTurn(2), events.append, scene
+        ).carry_out()
+        shots.append(journal.shots)
+        told.append(events)
+    assert shots[0] == shots[1]
+    assert [event for event in told[1] if not isinstance(event, ArmSent | PictureTaken)] == told[0]
+    kinds = Counter(type(event) for event in told[1])
+    assert kinds[PictureTaken] >= 1
+    assert kinds[ArmSent] > kinds[SpotSeen] > 2 == kinds[MeasurementRecorded]
+    sent = [event for event in told[1] if isinstance(event, ArmSent)]
+    for k, shot in enumerate(shots[1]):
+        last = [event for event in sent if event.shot == k][-1]
+        assert np.allclose(last.joints_deg, shot.joints_deg, atol=0.02)
+        assert last.lit
+    assert sent[0].target == (900.0, 0.0, 0.0)  # nothing is known yet but the plan
+    assert sent[-1].target != sent[0].target
+    for spot in (event for event in told[0] if isinstance(event, SpotSeen)):
+        assert spot.at_mm is not None
+        assert np.linalg.norm(spot.at_mm) == pytest.approx(spot.off_mm, abs=2e-4)
+        assert spot.size_mm == 20.0
+
+
+@pytest.mark.parametrize("tool", ["laser", "probe"])
+def test_the_arm_is_where_the_model_has_it(tool: str) -> None:
+    plan = good_plan(2) if tool == "laser" else good_plan(2, tool=PROBE)
+    problem = Problem.from_plan(plan)
+    belief = Belief(problem.select(np.array([1])), problem.nominal())
+    event = arm_sent(belief, 1, plan.postures[1], lit=True)
+    rotation, place = belief.flange(plan.postures[1])
+    assert np.allclose(event.arm[-1], place, atol=0.01)
+    point = place + rotation @ np.array(plan.header.tool.point_mm)
+    assert np.allclose(event.beam[0], point, atol=0.01)
+    assert len(event.beam) == (2 if tool == "laser" else 1)
+    assert np.allclose(event.joints_deg, plan.postures[1] * plan.robot.display)
+
+
+def test_a_picture_is_reduced_and_its_lights_remain() -> None:
+    image = np.full((482, 641), 7, dtype=np.uint8)
+    image[100, 301] = 255
+    taken = picture_taken(4, image)
+    assert (taken.width, taken.height, taken.reduced) == (213, 160, 3)
+    grey = np.frombuffer(base64.b64decode(taken.grey), dtype=np.uint8).reshape(taken.height, taken.width)
+    assert grey[33, 100] == 255
+    assert np.count_nonzero(grey == 255) == 1

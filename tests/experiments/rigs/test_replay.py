@@ -14,7 +14,7 @@ from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.rig import Rig
 from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.replay import ReplayRig
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
@@ -42,7 +42,7 @@ def plan() -> Plan:
 
 @pytest.fixture(scope="module")
 def recorded(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    rig = SimulatedRig(plan, Cell(camera=None), 3)
+    rig = SimulatedRig(plan, CellFile(camera=None), 3)
     return carried_out(plan, rig, tmp_path_factory.mktemp("recorded") / "run.jsonl")
 
 

@@ -1,4 +1,4 @@
-"""The amplifier on a real pseudo-terminal: what arrives, what does not, and a port that is gone."""
+"""The amplifier of a PSD: its lines, and on a real pseudo-terminal what arrives, and a port that is gone."""
 
 from __future__ import annotations
 
@@ -10,19 +10,78 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from beside import FaultyStandIn, LineFaults
 
 from zerobeam.experiments.sensors import amplifier as module
-from zerobeam.experiments.sensors.amplifier import Amplifier
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
+from zerobeam.experiments.sensors.amplifier import (
+    LONGEST,
+    Amplifier,
+    PsdSample,
+    parse_request,
+    parse_sample,
+    request_line,
+    sample_line,
+    verified_body,
+    with_checksum,
+)
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
+
+SAMPLE = PsdSample(65535, 9999, (-8388608, 8388607, 0, -12))
+
+
+def test_the_checksum_is_the_documented_one() -> None:
+    """Its check value (Williams, A painless guide to CRC error detection algorithms)."""
+    assert with_checksum("123456789") == b"123456789*29B1\n"
+    assert with_checksum("D 7 0 1200 1189 1203 1190") == b"D 7 0 1200 1189 1203 1190*6F48\n"
+
+
+def test_a_sample_comes_back_as_it_was() -> None:
+    line = with_checksum(sample_line(SAMPLE))
+    assert len(line) <= LONGEST
+    for end in (b"\n", b"\r\n", b""):
+        body = verified_body(line.rstrip(b"\n") + end)
+        assert body is not None
+        assert parse_sample(body) == SAMPLE
+    assert parse_request(request_line(17, 100)) == (17, 100)
+
+
+def test_no_changed_character_and_no_missing_one_goes_unnoticed() -> None:
+    line = with_checksum(sample_line(SAMPLE)).rstrip()
+    for at in range(len(line)):
+        assert verified_body(line[:at]) is None
+        assert verified_body(line[:at] + line[at + 1 :]) is None
+        for bit in range(8):
+            changed = line[:at] + bytes([line[at] ^ 1 << bit]) + line[at + 1 :]
+            body = verified_body(changed)
+            # A checksum in small letters is the same one.
+            assert body is None or changed.upper() == line
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "D 1 0 5 6 7",
+        "D 1 0 5 6 7 8 9",
+        "D 1 0 5 6 7 8.5",
+        "D 1 0 5 6 7 x",
+        "D 1 -1 5 6 7 8",
+        "I D 1 0 5 6 7 8",
+        "",
+    ],
+)
+def test_a_line_whose_checksum_is_right_is_not_yet_a_sample(body: str) -> None:
+    assert verified_body(with_checksum(body)) == body
+    assert parse_sample(body) is None
+    assert parse_sample("D 1 0 5 6 7 8") == PsdSample(1, 0, (5, 6, 7, 8))
+
 
 pytest.importorskip("serial")
 pytest.importorskip("pty")
 
 RATE = 20_000.0
 SOUND = LineFaults()
-Opened = Callable[..., tuple[AmplifierStandIn, Amplifier]]
+Opened = Callable[..., tuple[FaultyStandIn, Amplifier]]
 Grace = Callable[[float], None]
 
 
@@ -44,12 +103,12 @@ def grace(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 @pytest.fixture
 def opened() -> Iterator[Opened]:
     """A stand-in, and the amplifier at its port."""
-    to_close: list[AmplifierStandIn | Amplifier] = []
+    to_close: list[FaultyStandIn | Amplifier] = []
 
     def call(
         counts: Callable[[int], Matrix] = numbered, faults: LineFaults = SOUND
-    ) -> tuple[AmplifierStandIn, Amplifier]:
-        there = AmplifierStandIn("PSD-A 0017", counts)
+    ) -> tuple[FaultyStandIn, Amplifier]:
+        there = FaultyStandIn("PSD-A 0017", counts)
         to_close.append(there)
         here = Amplifier(there.device, 115200, "the PSD amplifier of psd")
         to_close.append(here)
@@ -144,7 +203,7 @@ def test_a_port_is_one_programs(opened: Opened) -> None:
 def test_what_does_not_say_who_it_is_is_not_asked_for_light(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_BOOT_S", 0.2)
     monkeypatch.setattr(module, "_ASK_S", 0.1)
-    with AmplifierStandIn("x", numbered, LineFaults(silent=True)) as there:
+    with FaultyStandIn("x", numbered, LineFaults(silent=True)) as there:
         kept = []
         for _ in range(2):  # the port is free again, whatever holds the fault and its frames
             with pytest.raises(RigFault, match=r"does not identify itself: .* 9600 baud") as fault:
@@ -154,7 +213,7 @@ def test_what_does_not_say_who_it_is_is_not_asked_for_light(monkeypatch: pytest.
 
 def test_a_board_that_is_still_starting_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_ASK_S", 0.05)
-    with AmplifierStandIn("x", numbered, LineFaults(silent=True)) as there:
+    with FaultyStandIn("x", numbered, LineFaults(silent=True)) as there:
         awake = threading.Timer(0.15, lambda: setattr(there, "faults", SOUND))
         awake.start()
         began = time.monotonic()
@@ -168,7 +227,7 @@ def test_a_board_that_is_still_starting_is_waited_for(monkeypatch: pytest.Monkey
 def test_the_stand_in_gives_everything_back() -> None:
     before, threads = len(os.listdir("/dev/fd")), threading.active_count()
     for _ in range(3):
-        with AmplifierStandIn("x", numbered) as there:
+        with FaultyStandIn("x", numbered) as there:
             Amplifier(there.device, 115200, "psd").close()
     assert (len(os.listdir("/dev/fd")), threading.active_count()) == (before, threads)
 

@@ -17,12 +17,12 @@ from cells import good_plan
 from child import DEAF, child
 
 from zerobeam.analysis.so_far import SoFar
-from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, Cell, PlacedPsd, PsdInCell, RobotStop
+from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, CellFile, PlacedPsd, PsdInCell, RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds_of
 
 PLAN = good_plan(5)
-BLIND = Cell(camera=None)
+BLIND = CellFile(camera=None)
 WORK = Repeated(PLAN, BLIND)
 
 
@@ -106,12 +106,12 @@ SCRIPT = """
 from cells import good_plan
 from zerobeam.interruption import stoppable
 from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds_of
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 
 if __name__ == "__main__":
     try:
         with stoppable():
-            work = Repeated(good_plan(5), Cell(camera=None))
+            work = Repeated(good_plan(5), CellFile(camera=None))
             campaign(work, seeds_of(0, 10_000), lambda share: print(share, flush=True), processes=2)
     except KeyboardInterrupt:
         print("interrupted", flush=True)

@@ -133,7 +133,7 @@ def test_one_noise_is_seen_where_it_is_and_not_where_it_is_not() -> None:
 def test_the_study(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The real thing with fewer triples, without pictures and of our Y-Pattern alone: stopped after its first
     plan, and resumed."""
-    monkeypatch.setattr(table2, "Cell", functools.partial(table2.Cell, camera=None))
+    monkeypatch.setattr(table2, "CellFile", functools.partial(table2.CellFile, camera=None))
     monkeypatch.setattr(table2, "optimal_plan", lambda header, seed: paper_plan(header))
     shares: list[float] = []
     store = tmp_path / "table2.cases.jsonl"

@@ -30,7 +30,7 @@ from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
@@ -356,7 +356,7 @@ def trial(case: Case, file: Path) -> tuple[Ran, bool]:
     options = {"speed_up": FAST, "requests_a_second": UNLIMITED, **case.options}
     with (
         pytest.MonkeyPatch.context() as patch,
-        SimulatedController(plan(case.shots), Cell.model_validate(CELL), SEED, **options) as controller,
+        SimulatedController(plan(case.shots), CellFile.model_validate(CELL), SEED, **options) as controller,
     ):
         quick(patch)
         if not case.timed:

@@ -21,11 +21,10 @@ import numpy as np
 import pytest
 from cells import good_plan
 from command_line import plan_file, zerobeam
-from controllers import Watched, quick, unhurried
+from controllers import Watched, unhurried
 
 from zerobeam.controller import irc5
 from zerobeam.controller import rws_server as resources
-from zerobeam.controller.egm_server import PacketFaults
 from zerobeam.controller.irc5 import RapidData
 from zerobeam.controller.sensor_server import CellSensors
 from zerobeam.controller.service import SimulatedController
@@ -47,12 +46,11 @@ from zerobeam.experiments.rigs.abb.access import (
 from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
 from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
 from zerobeam.experiments.rigs.abb.rws_client import Session
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.run import read_run
 
 pytest.importorskip("abb_robot_client")
 
@@ -76,7 +74,9 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def controller(plan: Plan, request: pytest.FixtureRequest) -> Iterator[SimulatedController]:
     options = {"requests_a_second": 10**6, **getattr(request, "param", {})}
-    with SimulatedController(plan, Cell(), 3, users={NAME: WORD}, speed_up=SPEED_UP, **options) as controller:
+    with SimulatedController(
+        plan, CellFile(), 3, users={NAME: WORD}, speed_up=SPEED_UP, **options
+    ) as controller:
         yield controller
 
 
@@ -140,25 +140,6 @@ def test_the_laser_is_off_after_a_stop(controller: SimulatedController, rig: Abb
     assert controller.irc5.signals["zb_laser"] == 1
     rig.stop()
     assert controller.irc5.signals["zb_laser"] == 0
-
-
-@pytest.mark.parametrize(
-    "controller",
-    [{"packet_faults": PacketFaults(lost=0.1, duplicated=0.1, reordered=0.1)}],
-    indirect=True,
-    ids=["bad line"],
-)
-def test_a_plan_is_carried_out_on_a_bad_line(
-    controller: SimulatedController, rig: AbbRig, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    quick(monkeypatch)
-    with RunJournal(tmp_path / "run.jsonl", plan.header) as journal:
-        Procedure(plan, rig, journal, InTurn(1), lambda event: None).carry_out()
-    run = read_run(tmp_path / "run.jsonl")
-    assert [shot.shot for shot in run.shots] == [0]
-    # The beam stands on the PSD within the servo's end, by the readings of a noisy PSD.
-    assert np.abs(run.spots).max() < 0.1
-    assert not controller.irc5.running
 
 
 def test_time_goes_on_where_a_resumed_run_was(
@@ -317,20 +298,6 @@ def test_other_motion_tasks_are_refused(
     assert controller.irc5.running
 
 
-def test_a_wrong_password_is_said(controller: SimulatedController, plan: Plan) -> None:
-    caution = Caution(lambda text: True, egm_port=controller.egm_port)
-    rig = AbbRig(plan, access(controller, "wrong"), CellSensors(controller.irc5), caution)
-    with pytest.raises(RigFault, match="does not know this user and password"):
-        begun(rig)
-
-
-def test_another_clients_write_access_is_said(controller: SimulatedController, rig: AbbRig) -> None:
-    controller.irc5.request(("rapid",), "another")
-    with pytest.raises(RigFault, match="another client holds the write access: release it there"):
-        begun(rig).move(np.full(6, 0.1))
-    assert not controller.irc5.running
-
-
 def test_a_module_that_is_not_loaded_is_said(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -352,21 +319,6 @@ def on_its_way(controller: SimulatedController, deg: float, what: Callable[[], N
             what()
 
     watched.lookers.append(look)
-
-
-def test_an_emergency_stop_during_a_far_move(controller: SimulatedController, rig: AbbRig) -> None:
-    on_its_way(controller, 5.0, controller.irc5.press_emergency_stop)
-    with pytest.raises(RigFault, match="an emergency stop is pressed"):
-        begun(rig).move(np.full(6, 1.0))
-    assert np.degrees(rig.joints()).max() < 50  # it did not get there
-
-
-def test_an_emergency_stop_during_guidance(controller: SimulatedController, rig: AbbRig) -> None:
-    joints = guided(rig)
-    on_its_way(controller, 0.5, controller.irc5.press_emergency_stop)
-    with pytest.raises(RigFault, match="an emergency stop is pressed"):
-        rig.move(joints + 0.08)
-    assert not controller.irc5.running
 
 
 PATIENCE = irc5.PATIENCE
@@ -394,33 +346,6 @@ def test_an_emergency_stop_before_guidance_has_begun(
     monkeypatch.setattr(AbbRig, "_command", late)
     with pytest.raises(RigFault, match="an emergency stop is pressed"):
         rig.move(np.full(6, 0.21))
-
-
-def test_no_feedback_for_a_tenth_of_a_second_stops_the_arm(
-    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    joints = guided(rig)
-    hurried(monkeypatch)
-    time.sleep(0.05)  # until guidance has taken its next feedback by that
-    monkeypatch.setattr(abb_rws, "ANSWER_S", 5.0)  # until the cable is in again, and the stop is told
-    on_its_way(controller, 0.5, lambda: controller.pull_cable(0.5))
-    with pytest.raises(RigFault, match=f"no feedback by EGM for {DEAD_MAN_S * 1000:.0f} ms"):
-        rig.move(joints + 0.08)
-    assert np.abs(rig.joints() - joints).max() < 0.07  # it stands on its way
-    assert not controller.irc5.running  # and was told so as soon as the cable was back
-
-
-def test_a_cable_that_is_gone_for_good(
-    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    joints = guided(rig)
-    hurried(monkeypatch)
-    time.sleep(0.05)  # until guidance has taken its next feedback by that
-    controller.pull_cable()
-    with pytest.raises(RigFault, match=r"no feedback by EGM.*did not arrive: press the emergency"):
-        rig.move(joints + 0.03)
-    rig.stop()  # again, by the procedure: the fault has been said
-    controller.put_cable()
 
 
 def test_the_beat_keeps_a_far_move_going(
@@ -526,12 +451,6 @@ def test_it_stays_under_the_rate_limit(
     monkeypatch.setattr(abb_rws, "_SPACING_S", 0.0)
     with pytest.raises(RigFault, match=r"too busy \(503\)"):
         deque(rig.joints() for _ in range(25))
-
-
-@pytest.mark.parametrize("controller", [{"requests_a_second": 5}], indirect=True, ids=["busy"])
-def test_a_busy_controller_is_asked_again(rig: AbbRig) -> None:
-    for _ in range(8):
-        assert rig.joints().shape == (6,)
 
 
 # Whom it talks to

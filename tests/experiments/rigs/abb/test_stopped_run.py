@@ -25,7 +25,7 @@ from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.studies.campaign import MemoryJournal
 from zerobeam.interruption import requested, stoppable
 from zerobeam.model.arrays import Matrix
@@ -39,7 +39,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:Exception ignored in:pytest.PytestUnraisableExceptionWarning"),
 ]
 
-CELL = Cell.model_validate({"camera": None, "psd": {"placed": {"psd": {"centre_mm": [900.0, 0.0, 0.0]}}}})
+CELL = CellFile.model_validate({"camera": None, "psd": {"placed": {"psd": {"centre_mm": [900.0, 0.0, 0.0]}}}})
 
 
 @pytest.fixture(scope="module")

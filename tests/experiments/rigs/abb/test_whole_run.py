@@ -30,7 +30,7 @@ from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb.access import PASSWORD, USER, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.run import read_run
@@ -69,7 +69,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @contextmanager
 def controller(plan: Plan, seed: int, **options: Any) -> Iterator[SimulatedController]:
     options = {"speed_up": FAST, "requests_a_second": UNLIMITED, **options}
-    with SimulatedController(plan, Cell.model_validate(CELL), seed, **options) as made:
+    with SimulatedController(plan, CellFile.model_validate(CELL), seed, **options) as made:
         yield made
 
 

@@ -12,7 +12,7 @@ import pytest
 from cells import good_plan
 
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.rigs.simulated.cell_file import FAULT_KINDS, Cell, read_cell
+from zerobeam.experiments.rigs.simulated.cell_file import FAULT_KINDS, CellFile, read_cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
@@ -101,7 +101,7 @@ def test_a_cell_file_that_says_everything_is_read(tmp_path: Path) -> None:
 
 def test_every_key_has_a_default(tmp_path: Path) -> None:
     cell = read_cell(written(tmp_path, "schema: zerobeam/cell/1\n"))
-    assert cell.model_dump() == Cell().model_dump()
+    assert cell.model_dump() == CellFile().model_dump()
     assert read_cell(written(tmp_path, "schema: zerobeam/cell/1\ncamera: null\n")).camera is None
 
 
@@ -174,7 +174,7 @@ def plan() -> Plan:
 @cache
 def looks() -> list[Matrix]:
     """Joints by which the beam of a cell without anything stated is on the face, and on the housing."""
-    parts = SimulatedRig(plan(), Cell(), 0)._parts
+    parts = SimulatedRig(plan(), CellFile(), 0)._parts
     problem = parts.truth.problem.select(np.array([0]))
     found = [
         Belief(problem, parts.truth.x).with_target(parts.centres["psd"] + off).onto_target(plan().postures[0])
@@ -186,7 +186,7 @@ def looks() -> list[Matrix]:
 def outputs(content: dict[str, Any]) -> bytes:
     """Everything that a rig tells while it is led through the same motions."""
     small = {"width_px": 160, "height_px": 120, "focal_px": 175.0, **content.get("camera", {})}
-    rig = SimulatedRig(plan(), Cell.model_validate({**content, "camera": small}), 0)
+    rig = SimulatedRig(plan(), CellFile.model_validate({**content, "camera": small}), 0)
     psd = rig.psds["psd"]
     told: list[Any] = [psd.saturation, psd.markers, *sorted(rig.provenance().items())]
     for shot, joints in enumerate(looks()):

@@ -26,7 +26,7 @@ from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
 from zerobeam.experiments.rigs.simulated.cell_file import (
     FAULT_KINDS,
-    Cell,
+    CellFile,
     EncoderGlitch,
     Faults,
     ProcessKilled,
@@ -134,7 +134,7 @@ class Session:
         return [told for told in self.events if told["event"] == event]
 
 
-def session(plan: Plan, cell: Cell, file: Path, *, resumed: bool = False) -> Session:
+def session(plan: Plan, cell: CellFile, file: Path, *, resumed: bool = False) -> Session:
     """Carry the plan out, watched from where the truth is known."""
     rig = SimulatedRig(plan, cell, SEED, resumed=resumed)
     seen = Session(file)
@@ -204,10 +204,10 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Sessions:
         if case.faults and case.faults[0]["kind"] == "process-killed":
             first = killed(plan, cell, folder)
         else:
-            first = session(plan, Cell.model_validate(cell), file)
+            first = session(plan, CellFile.model_validate(cell), file)
         if first.carried is not None:
             return [first]
-        return [first, session(plan, Cell.model_validate(cell), file, resumed=True)]
+        return [first, session(plan, CellFile.model_validate(cell), file, resumed=True)]
 
     return of
 
@@ -391,7 +391,7 @@ def test_a_resumed_run_does_not_meet_again_what_stopped_it(monkeypatch: pytest.M
 
 def test_a_bump_stays(tmp_path: Path) -> None:
     faults = Faults(
-        Cell.model_validate({"faults": [*BUMP, fault("psd-bump", 5, shift_mm=[0, 0, 2.0])]}).faults
+        CellFile.model_validate({"faults": [*BUMP, fault("psd-bump", 5, shift_mm=[0, 0, 2.0])]}).faults
     )
     shifts: list[Sequence[float]] = []
     for shot in (0, 2, 3, 4, 5, 6):

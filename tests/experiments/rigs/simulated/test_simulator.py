@@ -12,7 +12,7 @@ from cells import good_plan, plan_of
 from scipy import stats
 
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
@@ -48,7 +48,7 @@ def exact(
         "camera": camera,
         "faults": faults or [],
     }
-    return SimulatedRig(of or plan(), Cell.model_validate(content), seed)
+    return SimulatedRig(of or plan(), CellFile.model_validate(content), seed)
 
 
 def on_target(rig: SimulatedRig, shot: int = 0, off: Matrix | None = None) -> Matrix:
@@ -87,7 +87,7 @@ def told(rig: SimulatedRig, shot: int, last: Shot | None) -> bytes:
 
 
 def test_what_follows_a_begin_depends_on_seed_shot_and_last_shot_alone() -> None:
-    fresh, used = SimulatedRig(plan(), Cell(), 4), SimulatedRig(plan(), Cell(), 4)
+    fresh, used = SimulatedRig(plan(), CellFile(), 4), SimulatedRig(plan(), CellFile(), 4)
     for shot in (0, 3, 0):
         told(used, shot, None)
     assert told(used, 1, recorded(0)) == told(fresh, 1, recorded(0))
@@ -96,11 +96,11 @@ def test_what_follows_a_begin_depends_on_seed_shot_and_last_shot_alone() -> None
     assert again != told(fresh, 1, recorded(2))
     assert again != told(fresh, 1, recorded(0, 200.0))
     assert again != told(fresh, 2, recorded(0))
-    assert again != told(SimulatedRig(plan(), Cell(), 5), 1, recorded(0))
+    assert again != told(SimulatedRig(plan(), CellFile(), 5), 1, recorded(0))
 
 
 def test_a_resumed_rig_is_the_same_cell() -> None:
-    whole, resumed = SimulatedRig(plan(), Cell(), 4), SimulatedRig(plan(), Cell(), 4, resumed=True)
+    whole, resumed = SimulatedRig(plan(), CellFile(), 4), SimulatedRig(plan(), CellFile(), 4, resumed=True)
     assert told(resumed, 1, recorded(0)) == told(whole, 1, recorded(0))
     assert resumed.provenance() == whole.provenance()
     assert whole.provenance()["origin"] == "simulated"

@@ -1,1 +1,0 @@
-"""Programs that a person has: their targets corrected, every other byte as it was."""

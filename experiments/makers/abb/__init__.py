@@ -1,0 +1,109 @@
+"""ABB: MOC.cfg, RAPID, logs of EGM."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from ..maker import (
+    KnownLog,
+    Maker,
+    OffsetFile,
+    Option,
+    PlanProgram,
+    PointNames,
+    ProgramFiles,
+    Reader,
+    names_of,
+)
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ....model.files.run import Run
+    from ..calibration import RobotCalibration
+    from ..generic.csv_file import CsvLayout
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _moc(
+    run: "Run",
+    calibration: "RobotCalibration",
+    against: Annotated[Path | None, Option("The controller's MOC.cfg: write a diff against it.")] = None,
+    motor_sign: Annotated[
+        str | None,
+        Option(
+            "1 if a reading rises with cal_offset (at a positive ratio), -1 if it falls; one, or one a joint:"
+            " 1,-1,…"
+        ),
+    ] = None,
+    ratio: Annotated[
+        str | None,
+        Option("Motor turns for one turn of each joint: R1,R2,…, negative if in opposite directions."),
+    ] = None,
+    unit: Annotated[str, Option("Mechanical unit: its motors are UNIT_1, UNIT_2, …")] = "rob1",
+) -> str:
+    """ABB: changes of the motors' calibration offsets, as a diff to look at. Nothing is applied."""
+    from .moc_offsets import Gears, moc_text
+
+    return moc_text(calibration, Gears.of_options(ratio, motor_sign, run.robot.n), against, unit)
+
+
+def _rapid_offsets(run: "Run", calibration: "RobotCalibration") -> str:
+    """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
+    from .rapid_program import rapid_text
+
+    return rapid_text(calibration)
+
+
+def _rapid_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .rapid_program import rapid_program
+
+    return {file: rapid_program(plan, motion)}
+
+
+def _read_rapid(
+    job: "ImportJob",
+    points: PointNames = None,
+    tool: Annotated[
+        str | None, Option("Read robtargets too, of this tool as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4.")
+    ] = None,
+    frame: Annotated[str | None, Option("Their work object, if not wobj0: X,Y,Z,Q1,Q2,Q3,Q4.")] = None,
+) -> "Imported":
+    """ABB: what a plan's program has recorded, or taught jointtargets and robtargets."""
+    from ..joint_text import import_program_log, is_program_log
+    from .rapid_points import import_rapid
+
+    if points is None and is_program_log(job):
+        return import_program_log(job, source="RAPID")
+    return import_rapid(job, points=names_of(points), tool=tool, frame=frame)
+
+
+def _egm(joints: int) -> "CsvLayout":
+    """EGM as logged by abb_libegm (EGMLogger): degrees, the controller's time in ms (egm.proto: tm).
+
+    Six significant digits: angles beyond 100 degrees are cut to 0.001.
+    """
+    from ..generic.csv_file import CsvLayout
+
+    columns = tuple(f"R_FB_POS_RJ{i + 1}" for i in range(joints))
+    return CsvLayout("deg", header_row=True, columns=columns, time_column="TIMESTAMP", time_units="ms")
+
+
+def _rapid() -> "Language":
+    from .rapid_targets import RAPID
+
+    return RAPID
+
+
+MAKER = Maker(
+    "ABB",
+    "abb",
+    r"abb|irb ?\d*\w*|yumi|gofa|swifti",
+    offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets)),
+    program=(PlanProgram("rapid", "rapid (ABB)", _rapid_program, ("speed", "zone", "tool")),),
+    read=(Reader("rapid", _read_rapid, "Log of a plan's program, or modules with targets (.mod)."),),
+    logs=(KnownLog("egm", "ABB EGM log of abb_libegm", _egm),),
+    correct=(ProgramFiles("RAPID", ".mod (RAPID)", (".mod", ".prg", ".sys"), _rapid),),
+    live="abb",
+)

@@ -1,0 +1,301 @@
+"""The offsets as changes of an ABB controller's motor calibration offsets (`cal_offset` in MOC.cfg).
+
+Known from public sources: SYSPAR/MOC.cfg of a controller's backup has, in its section MOTOR_CALIB, an entry
+`-name "rob1_1"` (older controllers: `irb_1`) with `-cal_offset` for each motor, an angle of the motor's shaft
+in rad, from -2 pi to 2 pi (RAPID modules that write it with WriteCfgData refuse others); RWS gives it at
+/rw/cfg/MOC/MOTOR_CALIB/instances/rob1_1. Not known: whether the reading rises or falls with it, the gear
+ratios of an arm (they are seldom in a backup), and which gears are coupled. So sign and ratios are stated by
+who knows them, and the file says how to see from the readings whether they were right:
+
+    change of the reading = sign * change of cal_offset / ratio       (rad at the joint; rad at the motor)
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from ....model.errors import BadInput
+from ....model.files.reading import did_you_mean, read_text, shown
+from ....model.kinematics.pendant import require_link_encoder
+from ..calibration import JointOffset, RobotCalibration
+from ..maker import one_line, require_vendor
+
+Sign = Literal[1, -1]
+TURN = 2 * math.pi
+
+_SECTION = re.compile(r"^([A-Z][A-Z0-9_]*):[ \t]*\r?$", re.MULTILINE)
+_ENTRY = re.compile(r'(?<![\w-])-name\s+"([^"\n]*)"')
+_QUOTED = re.compile(r'"[^"\n]*"')
+_COMMENT = re.compile(r"^[ \t]*#[^\n]*", re.MULTILINE)
+_NUMBER = r"\s+(-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])"
+
+
+@dataclass(frozen=True)
+class Gears:
+    """Motors of the joints as options state them, joint 1 first: `ratios` are motor turns for one turn of the
+    joint, negative where they rotate in opposite directions; `signs` as in the formula above. None where
+    not stated."""
+
+    ratios: Sequence[float] | None = None
+    signs: Sequence[Sign] | None = None
+
+    @classmethod
+    def of_options(cls, ratios: str | None, signs: str | None, n: int) -> Gears:
+        """As on the command line, for n joints: numbers separated by commas; one sign may serve for all."""
+        values = None if signs is None else _numbers(signs, "--motor-sign")
+        if values is not None and (len(values) not in (1, n) or not set(values) <= {1.0, -1.0}):
+            raise BadInput(
+                "--motor-sign is not understood",
+                found=signs,
+                allowed=f"1 or -1: one for all joints, or {n} separated by commas",
+            )
+        each: list[Sign] | None = None
+        if values is not None:
+            each = [1 if value > 0 else -1 for value in (values * n if len(values) == 1 else values)]
+        numbers = None if ratios is None else _numbers(ratios, "--ratio")
+        if numbers is not None and (len(numbers) != n or not all(numbers)):
+            raise BadInput(
+                "--ratio is not understood",
+                found=ratios,
+                allowed=f"{n} numbers other than 0: motor turns for one turn of each joint, negative if they"
+                " rotate in opposite directions",
+            )
+        return cls(numbers, each)
+
+
+class _Value(NamedTuple):
+    """A number in the file, and the position of its text."""
+
+    number: float
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class _Change:
+    """One motor's new cal_offset; `turns` whole turns of the motor were taken off to keep it in its range.
+
+    `reading` is by how much the joint's reading will have changed, rad, before the turns are put right.
+    """
+
+    value: float
+    turns: int
+    reading: float
+
+
+def moc_text(
+    calibration: RobotCalibration, gears: Gears, against: Path | None = None, unit: str = "rob1"
+) -> str:
+    """A table of the changes; with `against`, the controller's MOC.cfg, a unified diff of that file.
+
+    The motors of mechanical unit `unit` are those called `<unit>_1` and so on.
+    """
+    require_vendor(calibration.corrected, "abb", "MOC.cfg")
+    require_link_encoder(calibration.corrected, "MOC.cfg")
+    _require_turning(calibration)
+    if against is None:
+        return _table(calibration, gears)
+    text, _ = read_text(against)
+    if gears.signs is None:
+        raise BadInput(
+            "the sign must be stated: it is not published whether a reading rises or falls with cal_offset",
+            allowed="--motor-sign 1 (it rises, at a positive ratio) or -1, or a sign for each joint: 1,-1,…",
+            remedy="raise one cal_offset by 0.1, restart, compare the readings at rest, put it back"
+            " (docs/export.md)",
+        )
+    valid = _COMMENT.sub(_blank, text)
+    changes: dict[str, tuple[JointOffset, _Value, _Change]] = {}
+    for i, offset in enumerate(calibration.offsets):
+        if not offset.exported:
+            continue
+        motor = f"{unit}_{i + 1}"
+        old = _number(valid, against, "MOTOR_CALIB", motor, "cal_offset")
+        ratio = _ratio(valid, against, motor, i, gears)
+        changes[motor] = offset, old, _change(offset.internal, gears.signs[i], ratio, old.number)
+    new = text
+    for _, old, change in sorted(changes.values(), key=lambda row: row[1].start, reverse=True):
+        new = new[: old.start] + f"{change.value:.6f}" + new[old.end :]
+    head = [*_head(calibration), *_instructions(changes)]
+    return "".join(f"# {line}".rstrip() + "\n" for line in head) + _diff(text, new, one_line(against.name))
+
+
+def _require_turning(calibration: RobotCalibration) -> None:
+    sliding = [o.name for o in calibration.offsets if o.exported and o.kind == "prismatic"]
+    if sliding:
+        raise BadInput(
+            "the offset of a prismatic joint has no motor angle known here",
+            found=", ".join(sliding),
+            allowed="offsets of revolute joints",
+            remedy="leave it out: " + " ".join(f"--without {name}" for name in sliding),
+        )
+
+
+def _numbers(text: str, option: str) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if not values or not all(map(math.isfinite, values)):
+        raise BadInput(
+            f"{option} is not understood", found=text, allowed="finite numbers separated by commas"
+        )
+    return values
+
+
+def _change(offset: float, sign: Sign, ratio: float, old: float) -> _Change:
+    """The reading is to rise by `offset` (rad), since true = recorded + offset."""
+    new = old + sign * ratio * offset
+    turns = 0 if -TURN <= new <= TURN else math.floor(new / TURN)
+    return _Change(new - turns * TURN, turns, offset - sign * turns * TURN / ratio)
+
+
+def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float:
+    """As in the file's section TRANSMISSION, or as stated; BadInput if they differ or there is neither."""
+    written = None
+    if motor in _entries(text, path, "TRANSMISSION"):
+        written = _number(text, path, "TRANSMISSION", motor, "transm_joint").number
+    by_option = None if gears.ratios is None else gears.ratios[joint]
+    if written is not None and by_option is not None and not math.isclose(written, by_option, rel_tol=1e-6):
+        raise BadInput(
+            f"the gear ratio of {motor} differs between option and file",
+            found=f"--ratio {by_option:g}, transm_joint {written:g}",
+            file=path,
+            remedy="leave out --ratio, or correct it",
+        )
+    ratio = by_option if written is None else written
+    if not ratio:
+        raise BadInput(
+            f"the gear ratio of {motor} is not known",
+            found="no TRANSMISSION entry of it in the file"
+            if written is None
+            else f"transm_joint {written:g}",
+            allowed="--ratio R1,R2,…: motor turns for one turn of each joint, negative if they rotate in"
+            " opposite directions",
+            file=path,
+            remedy="state them; they are in the arm's documentation, or ask the manufacturer",
+        )
+    return ratio
+
+
+def _entries(text: str, path: Path, section: str) -> dict[str, tuple[int, int]]:
+    """From and to of each entry of a section, by its name; none if there is no such section."""
+    heads = list(_SECTION.finditer(text))
+    spans: dict[str, tuple[int, int]] = {}
+    for i, head in enumerate(heads):
+        if head.group(1) != section:
+            continue
+        end = heads[i + 1].start() if i + 1 < len(heads) else len(text)
+        starts = list(_ENTRY.finditer(text, head.end(), end))
+        for j, entry in enumerate(starts):
+            name = entry.group(1)
+            if name in spans:
+                raise BadInput(f"duplicate entry in {section}", found=shown(name), file=path)
+            spans[name] = entry.end(), starts[j + 1].start() if j + 1 < len(starts) else end
+    return spans
+
+
+def _blank(match: re.Match[str]) -> str:
+    """Nothing in place of what was found, so that all places stay."""
+    return " " * len(match.group())
+
+
+def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
+    entries = _entries(text, path, section)
+    if name not in entries:
+        raise BadInput(
+            f"the file has no motor {name!r} in {section}",
+            found=one_line(", ".join(entries)) or f"no entry of {section}",
+            allowed="--unit NAME: the mechanical unit, of which the motors are called NAME_1, NAME_2, …",
+            remedy=did_you_mean(name, entries) or "give the MOC.cfg of this robot's backup",
+            file=path,
+        )
+    start, end = entries[name]
+    # A text of the file must not be taken for a key of it.
+    entry = _QUOTED.sub(_blank, text[start:end])
+    line = text.count("\n", 0, start) + 1
+    values = list(re.finditer(rf"(?<![\w-])-{key}{_NUMBER}", entry))
+    if len(values) != 1:
+        raise BadInput(
+            f"{name} has no {key}" if not values else f"{name} has {key} more than once",
+            allowed=f"-{key} with a number, once",
+            remedy="calibrate the motor first" if key == "cal_offset" else None,
+            file=path,
+            line=line,
+        )
+    if key == "cal_offset" and not re.search(r"(?<![\w-])-valid_cal_offset(?![\w-])", entry):
+        raise BadInput(
+            f"the calibration offset of {name} is not valid by the file itself",
+            found="no -valid_cal_offset",
+            remedy="calibrate the motor first, and record the measurements after that",
+            file=path,
+            line=line,
+        )
+    value = values[0]
+    if not math.isfinite(float(value.group(1))):
+        raise BadInput(f"{key} of {name} is too large", found=value.group(1)[:40], file=path, line=line)
+    return _Value(float(value.group(1)), start + value.start(1), start + value.end(1))
+
+
+def _head(calibration: RobotCalibration) -> list[str]:
+    return [
+        *calibration.head,
+        "",
+        "cal_offset (MOC.cfg, type MOTOR_CALIB) is an angle of the motor's shaft in rad. The joint's",
+        "reading is to rise by the offset:  change of cal_offset = sign * ratio * offset",
+        "  ratio: motor turns for one turn of the joint, negative if they rotate in opposite directions",
+        "  sign: +1 if the reading rises with cal_offset at a positive ratio, -1 if it falls. No public",
+        "  source is known: it is as stated by the person who made this file.",
+    ]
+
+
+def _instructions(changes: dict[str, tuple[JointOffset, _Value, _Change]]) -> list[str]:
+    lines = ["", "Before you apply it: make a backup. Nothing has been changed by writing this file."]
+    for motor, (offset, old, change) in changes.items():
+        turns = f", {change.turns:+d} turn(s) taken off" if change.turns else ""
+        lines.append(f"{motor}: cal_offset {old.number:.6f} -> {change.value:.6f} rad{turns} ({offset.name})")
+    lines += [
+        "",
+        "After the restart, at rest and BEFORE any motion, the readings must have changed by (deg):",
+        *(f"  {motor}: {math.degrees(change.reading):+.4f}" for motor, (_, _, change) in changes.items()),
+        "and by nothing in all other joints. If not, put the backup back: sign, ratio or gear direction is",
+        "not as stated, or gears are coupled (in the wrist of many arms), which is not reckoned with here.",
+    ]
+    turned = [(motor, change) for motor, (offset, _, change) in changes.items() if change.turns]
+    if turned:
+        lines += [
+            "Then, with the arm at its synchronisation marks, update the revolution counters of "
+            + ", ".join(motor for motor, _ in turned)
+            + ":",
+            "cal_offset holds one turn only, and the whole turns taken off are in those counters.",
+        ]
+    return lines
+
+
+def _table(calibration: RobotCalibration, gears: Gears) -> str:
+    """Without the controller's file: by how much, at the joint and, as far as it is stated, at the motor."""
+    lines = [*_head(calibration), "", "joint; offset deg; offset rad; change of cal_offset, rad at the motor"]
+    for i, offset in enumerate(calibration.offsets):
+        if not offset.exported:
+            continue
+        at_motor = "unknown: state --ratio and --motor-sign"
+        if gears.ratios is not None and gears.signs is not None:
+            at_motor = f"{gears.signs[i] * gears.ratios[i] * offset.internal:+.6f}"
+        lines.append(f"{i + 1}; {offset.applied:+.6f}; {offset.internal:+.9f}; {at_motor}")
+    lines.append("A cal_offset stays within one turn: take whole turns (2 pi) off, then update the counters.")
+    return "".join(f"# {line}".rstrip() + "\n" for line in lines)
+
+
+def _diff(old: str, new: str, name: str) -> str:
+    """A unified diff. Lines end at line feeds alone: carriage returns are kept as they are."""
+    rows = difflib.unified_diff(_lines(old), _lines(new), name, name, n=3)
+    return "".join(row if row.endswith("\n") else f"{row}\n\\ No newline at end of file\n" for row in rows)
+
+
+def _lines(text: str) -> list[str]:
+    return re.findall(r"[^\n]*\n|[^\n]+", text)

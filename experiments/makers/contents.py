@@ -1,0 +1,285 @@
+"""Contents of a file that an import can choose from: its form, a table's columns and delimiters."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...model.arrays import Matrix
+from ...model.errors import BadInput
+from ...model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
+from ...model.kinematics.robot import Robot
+from .abb.rapid_points import DECLARED, REMARK, rapid_positions
+from .fanuc.tp_points import REGISTERS, fanuc_positions, fanuc_registers
+from .generic.bags import is_bag
+from .generic.ros import Topic, messages, topics_of
+from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
+from .joint_text import PROGRAM_LINE
+from .kuka.krl_points import AGGREGATE, DATA_LIST, kuka_positions
+from .maker import blanked
+from .recordings import Point
+
+HEAD = 4 * 10**6  # bytes of a table that are looked at while somebody waits
+_COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
+_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """`stated` is what an import calls the column: its name, or its number where the name cannot be stated.
+
+    `lowest` and `highest` are of its numbers, None where it holds something else: `other`, of line `line`.
+    """
+
+    name: str
+    stated: str
+    lowest: float | None
+    highest: float | None
+    other: str | None
+    line: int | None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The layout of a table as far as its text shows; `why` has a sentence for each conclusion."""
+
+    header_row: bool
+    delimiter: str
+    decimal: str
+    why: tuple[str, ...]
+
+
+def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
+    """The text of a table's first rows, whole lines, and whether that is all of it."""
+    require_regular(path)
+    size = path.stat().st_size
+    if size <= most:
+        return decode(read_bytes(path, LARGEST_TABLE), file=path, line=None), True
+    with path.open("rb") as file:
+        content = file.read(most)
+    whole = content[: content.rfind(b"\n") + 1]
+    if not whole:
+        raise BadInput(
+            "the first line of the file is too long to be a row",
+            found=f"no end of a line in {most // 10**6 or 1} MB",
+            file=path,
+        )
+    return decode(whole, file=path, line=None), False
+
+
+def layout_of(text: str) -> Layout:
+    """Delimiter, decimal sign and header row that a text seems to have."""
+    points = found_delimiter(text, ".")
+    cells = _first(text, points, 3)
+    comma = points != "," and any(_COMMA.fullmatch(cell) for row in cells for cell in row)
+    decimal = "," if comma else "."
+    delimiter = found_delimiter(text, decimal)
+    rows = _first(text, delimiter, 1)
+    first = rows[0] if rows else []
+    header = bool(first) and not any(number(cell, decimal) is not None for cell in first)
+    why = [f"delimiter: {DELIMITERS.get(delimiter, delimiter)}, by which the rows have equally many columns"]
+    if comma:
+        why.append("decimal comma: numbers are written with one")
+    why.append(
+        "header row: no cell of the first row is a number"
+        if header
+        else "no header row: the first row holds numbers"
+    )
+    return Layout(header, delimiter, decimal, tuple(why))
+
+
+def layout_stated(layout: Layout, changes: Mapping[str, Any]) -> Layout:
+    """The layout as it is stated, by field, and as it is found where it is not."""
+    return dataclasses.replace(layout, **changes)
+
+
+def table_with(path: Path, text: str, layout: Layout) -> TextTable:
+    """The table of a text; BadInput with the line where it is none."""
+    is_usual = found_delimiter(text, layout.decimal) == layout.delimiter
+    return table_of(
+        text,
+        path,
+        header_row=layout.header_row,
+        delimiter=None if is_usual else layout.delimiter,  # found ones may have blanks about them
+        decimal=layout.decimal,
+        joints_of=None,
+    )
+
+
+def columns_of(table: TextTable) -> list[TableColumn]:
+    names = table.names or tuple(f"column {i + 1}" for i in range(table.width))
+    return [_column(table, i, name) for i, name in enumerate(names)]
+
+
+def proposed_columns(table_columns: Sequence[TableColumn], robot: Robot) -> tuple[list[str], str] | None:
+    """Columns that seem to be those of joint 1, 2, …, and why; None where nothing says so, or several do.
+
+    By the robot's own names, by names that are counted from 0 or 1, or as the only columns of numbers.
+    """
+    joint_names = [joint.name for joint in robot.joints]
+    called = {column.name: column.stated for column in table_columns}
+    if set(joint_names) <= set(called):
+        return [called[name] for name in joint_names], "the columns have the names of the robot's joints"
+    counted: dict[tuple[str, str], dict[int, TableColumn]] = {}
+    for column in table_columns:
+        match = _COUNTED.fullmatch(column.name)
+        if match is not None and column.lowest is not None and column.stated == column.name:
+            counted.setdefault((match[1], match[3]), {})[int(match[2])] = column
+    series = [
+        [columns[k] for k in range(first, first + robot.n)]
+        for columns in counted.values()
+        for first in (0, 1)
+        if set(columns) == set(range(first, first + robot.n))
+    ]
+    if len(series) == 1:
+        first, last = series[0][0].name, series[0][-1].name
+        why = f"{first} to {last} are the only columns that are counted to {robot.n} joints"
+        return [column.stated for column in series[0]], why
+    plain = [column for column in table_columns if column.lowest is not None]
+    if not series and len(plain) == robot.n and len(table_columns) == robot.n:
+        return [column.stated for column in plain], f"the file has {robot.n} columns, as the robot has joints"
+    return None
+
+
+def values_of(table: TextTable, column: int) -> Matrix:
+    """(N,) numbers of a column; BadInput with the line of the first that is none."""
+    return table.numbers([column])[:, 0]
+
+
+def _column(table: TextTable, i: int, name: str) -> TableColumn:
+    plain = table.names is not None and name and not set(name) & set(",=") and not name.isdecimal()
+    called = name if plain else str(i + 1)
+    try:
+        values = values_of(table, i)
+    except BadInput:
+        line, text = next(
+            (line, text)
+            for line, text in zip(table.lines, table.texts(i), strict=True)
+            if (value := number(text, table.decimal)) is None or not np.isfinite(value)
+        )
+        return TableColumn(name, called, None, None, shown(text), line)
+    return TableColumn(name, called, float(values.min()), float(values.max()), None, None)
+
+
+def _first(text: str, delimiter: str, count: int) -> Sequence[list[str]]:
+    lines = [line for line in text[:100_000].splitlines() if line.strip()][:count]
+    return [[cell.strip().strip('"') for cell in line.split(delimiter) if cell.strip()] for line in lines]
+
+
+Form = Literal[
+    "csv", "log ur", "log egm", "ros", "joint states", "rapid", "kuka", "fanuc", "program log", "ours"
+]
+_OURS = re.compile(r"""^[ \t]*\{?[ \t]*["']?schema["']?\s*:\s*["']?zerobeam/(\w[\w-]*)/""", re.MULTILINE)
+_JOINT_STATE = re.compile(r"^(?:name|position)\s*:", re.MULTILINE)
+_MOST_SHOWN = 500  # points, messages
+
+
+@dataclass(frozen=True)
+class Contents:
+    """`form` is what the file is, and `why` that is seen; `count` has what it holds, in words.
+
+    Of a table: `layout`, `columns`, the `rows` that were looked at and whether they are all (`whole`). Of
+    taught points: `points`, each with its name and whether it has joints. Of a bag: `topics`. Of joint states
+    in text: `names` of the joints. Of a file of ours: its `kind`.
+    """
+
+    form: Form
+    why: str
+    count: str
+    layout: Layout | None = None
+    columns: tuple[TableColumn, ...] = ()
+    rows: int = 0
+    whole: bool = True
+    points: tuple[tuple[str, bool], ...] = ()
+    topics: tuple[Topic, ...] = ()
+    names: tuple[str, ...] = ()
+    kind: str = ""
+
+
+def contents_of(path: Path, layout: Layout | None = None) -> Contents:
+    """The contents of a file; `layout` is that of a table, if it is stated.
+
+    BadInput for what no importer reads.
+    """
+    kind = is_bag(path)
+    if kind is not None:
+        topics = topics_of(path)
+        states = [topic for topic in topics if topic.joints]
+        count = "; ".join(f"{topic.messages} joint states on {topic.name}" for topic in states)
+        return Contents("ros", f"the first bytes of {kind}", count or "no joint states", topics=topics)
+    text, whole = head_of(path)
+    if layout is None and whole and (contents := _program(path, text)) is not None:
+        return contents
+    return _table(path, text, whole, layout)
+
+
+def _program(path: Path, text: str) -> Contents | None:
+    """Contents of a file that a program wrote; None where it seems to be a table."""
+    if (ours := _OURS.search(text[:4096])) is not None:
+        count = f"a file of zerobeam: {ours[1]}"
+        return Contents("ours", f"its schema, zerobeam/{ours[1]}", count, kind=ours[1])
+    lines = len(PROGRAM_LINE.findall(text))
+    if lines:
+        return Contents("program log", "lines that a plan's program writes", f"{lines} postures")
+    if REGISTERS in text:
+        registers = fanuc_registers(text, path, 1, None, True)
+        return _points("fanuc", "its position registers ($POSREG)", registers)
+    if re.search(r"^/POS\b", text, re.MULTILINE):
+        return _points("fanuc", "its line /POS, as of a TP program", fanuc_positions(text, path))
+    declared = (match["kind"].lower() for match in DECLARED.finditer(blanked(text, REMARK)))
+    if any(kind in ("jointtarget", "robtarget") for kind in declared):
+        return _points("rapid", "its declarations of RAPID targets", rapid_positions(text, path))
+    if AGGREGATE.search(text) or DATA_LIST.search(text):
+        return _points("kuka", "its positions in KRL", kuka_positions(text, path))
+    if len(set(_JOINT_STATE.findall(text))) == 2:
+        states = messages(text)
+        names = tuple(dict.fromkeys(name for _, message in states for name in message.get("name", ())))
+        count = f"{len(states)} messages, each a measurement"
+        return Contents("joint states", "its keys, as of JointState messages", count, names=names)
+    if "delta_theta" in text and "delta_alpha" in text:
+        raise BadInput(
+            "this is the factory calibration of a UR arm, not a recording",
+            remedy="make a robot file of it: zerobeam import ur-calibration",
+            file=path,
+        )
+    return None
+
+
+def _points(form: Form, why: str, points: list[Point]) -> Contents:
+    taught = sum(point.joints is not None for point in points)
+    count = f"{len(points)} points, {taught} with joint values"
+    shown = tuple((point.name, point.joints is not None) for point in points[:_MOST_SHOWN])
+    return Contents(form, why, count, points=shown)
+
+
+def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> Contents:
+    if not text.strip():
+        decode(read_bytes(path), file=path, line=None)  # says that it is empty
+        raise BadInput("the file is empty", file=path)
+    layout = stated_layout or layout_of(text)
+    table = table_with(path, text, layout)
+    columns = tuple(columns_of(table))
+    if not any(column.lowest is not None for column in columns):
+        raise BadInput(
+            "the file is no recording that can be imported: it has no column of numbers",
+            found=", ".join(column.name for column in columns[:10])[:200],
+            allowed="a table of joint positions, a log, a ROS bag, a program or points of a controller",
+            file=path,
+        )
+    names = set(table.names or ())
+    form: Form = "csv"
+    why = "its rows with equally many columns"
+    if "actual_q_0" in names and "timestamp" in names:
+        form, why = "log ur", "its columns timestamp and actual_q_0, as of an RTDE recording"
+    elif {"R_FB_POS_RJ1", "TIMESTAMP"} <= names:
+        form, why = "log egm", "its columns TIMESTAMP and R_FB_POS_RJ1, as of abb_libegm"
+    count = f"{len(table.rows)} rows of {table.width} columns"
+    if not whole:
+        count += " in its first part; the rest is checked at the import"
+    return Contents(form, why, count, layout=layout, columns=columns, rows=len(table.rows), whole=whole)

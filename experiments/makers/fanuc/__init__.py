@@ -1,0 +1,86 @@
+"""FANUC: master counts, TP programs, position registers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from ..maker import (
+    J3Counting,
+    Maker,
+    OffsetFile,
+    Option,
+    PlanProgram,
+    PointNames,
+    ProgramFiles,
+    Reader,
+    names_of,
+)
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ....model.files.run import Run
+    from ..calibration import RobotCalibration
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _sheet(
+    run: "Run",
+    calibration: "RobotCalibration",
+    j3: Annotated[
+        Literal["ground", "link"] | None,
+        Option("What the pendant counts joint 3 from, if not as the robot file states."),
+    ] = None,
+    master_counts: Annotated[str | None, Option("Present master counts: C1,C2,…")] = None,
+    pulses_per_degree: Annotated[
+        str | None, Option("$ENCSCALES of each joint: P1,P2,…, negative if they fall.")
+    ] = None,
+) -> str:
+    """FANUC: a sheet for a person, the new master counts. Nothing is applied."""
+    from .mastering import FanucCounts, fanuc_text
+
+    counts = FanucCounts.of_options(master_counts, pulses_per_degree, run.robot.n)
+    return fanuc_text(run.robot, calibration, counts, j3)
+
+
+def _tp_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .tp_program import fanuc_program
+
+    return {file: fanuc_program(plan, motion, file.stem)}
+
+
+def _read_points(
+    job: "ImportJob",
+    j3: J3Counting = None,
+    points: PointNames = None,
+    register: Annotated[int, Option("With --plan: the first position register of its program.", least=1)] = 1,
+) -> "Imported":
+    """FANUC: positions in joint representation, taught or recorded by a plan's program."""
+    from .tp_points import import_fanuc
+
+    return import_fanuc(job, j3=j3, points=names_of(points), register=register)
+
+
+def _tp() -> "Language":
+    from .tp_targets import TP
+
+    return TP
+
+
+MAKER = Maker(
+    "FANUC",
+    "fanuc",
+    r"fanuc|lr ?mate\w*|crx\w*|arcmate|m ?\d+i[a-d]?\w*|r ?\d+i[a-d]?\w*",
+    offsets=(OffsetFile("fanuc", _sheet),),
+    program=(PlanProgram("fanuc", "fanuc", _tp_program, ("speed", "zone", "tool", "j3", "register")),),
+    read=(
+        Reader(
+            "fanuc",
+            _read_points,
+            "TP programs (.ls) or position registers (posreg.va).",
+            first=("files", "file", "j3"),
+        ),
+    ),
+    correct=(ProgramFiles("TP", ".ls (FANUC)", (".ls",), _tp),),
+)

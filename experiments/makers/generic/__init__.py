@@ -1,0 +1,218 @@
+"""For robots of any maker: tables, robot files, URDF, RoboDK, ROS."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from ....model.errors import BadInput
+from ..maker import (
+    Decimal,
+    J3Counting,
+    KnownLog,
+    Maker,
+    MarkerColumn,
+    OffsetFile,
+    Option,
+    PlanProgram,
+    Reader,
+    StillDeg,
+    StillMm,
+    StillSeconds,
+    names_of,
+)
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ....model.files.run import Run
+    from ..calibration import RobotCalibration
+    from ..plan_programs import ProgramMotion
+    from ..recordings import Imported, ImportJob
+    from .csv_file import CsvLayout
+
+
+def _robot(run: "Run", calibration: "RobotCalibration") -> str:
+    """A corrected robot file: offsets, link lengths and angles in its Denavit-Hartenberg rows."""
+    from .robot_rows import robot_text
+
+    return robot_text(run, calibration)
+
+
+def _urdf(run: "Run", calibration: "RobotCalibration") -> str:
+    """A corrected URDF: offsets, link lengths and angles in the origins of its joints."""
+    from .urdf import urdf_text
+
+    return urdf_text(run, calibration)
+
+
+def _json(run: "Run", calibration: "RobotCalibration") -> str:
+    """All parameters with uncertainty and covariance as JSON, for programs."""
+    from .offsets_data import json_text
+
+    return json_text(calibration)
+
+
+def _csv(run: "Run", calibration: "RobotCalibration") -> str:
+    """The offsets with their uncertainty as a table, for spreadsheets."""
+    from .offsets_data import csv_text
+
+    return csv_text(calibration)
+
+
+def _robodk_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .robodk_program import robodk_program
+
+    return {file: robodk_program(plan, motion, file.stem)}
+
+
+def _ros_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .plan_tables import ros_trajectories
+
+    return {file: ros_trajectories(plan, motion)}
+
+
+def _ros_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
+    ground = plan.robot.conventions.joint3 == "ground"
+    return "joint 3 is counted from link 2, as URDF and the drivers of ROS do" if ground else None
+
+
+def _csv_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .plan_tables import csv_table
+
+    return {file: csv_table(plan, motion)}
+
+
+def _csv_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
+    from ....model.kinematics.pendant import Pendant
+
+    return Pendant(plan.robot, motion.j3).sentence
+
+
+def _read_csv(
+    job: "ImportJob",
+    units: Annotated[Literal["deg", "rad", "pulse"], Option("Unit of the angles.")],
+    target_column: Annotated[str | None, Option("Column with each row's target, instead.")] = None,
+    lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None,
+    header_row: Annotated[bool, Option("The first row names the columns.")] = False,
+    columns: Annotated[
+        str | None,
+        Option(
+            "Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1; or A1=j1,A2=j2,…"
+            " in any order."
+        ),
+    ] = None,
+    delimiter: Annotated[str | None, Option("Delimiter between two values; found if not stated.")] = None,
+    decimal: Decimal = ".",
+    j3: J3Counting = None,
+    spot_columns: Annotated[str | None, Option("Columns of spot_mm: dx,dy in mm.")] = None,
+    shot_column: Annotated[str | None, Option("Column of the measurement numbers.")] = None,
+    time_column: Annotated[str | None, Option("Column of times.")] = None,
+    time_units: Annotated[Literal["s", "ms", "us", "ns"] | None, Option("Unit of the times.")] = None,
+    still_deg: Annotated[
+        float | None, Option("A measurement is where the arm dwells: each joint within so many degrees, …")
+    ] = None,
+    still_s: Annotated[float | None, Option("… for at least so many seconds.")] = None,
+    still_mm: StillMm = None,
+    marker_column: MarkerColumn = None,
+    small_angles: Annotated[
+        bool, Option("The angles are in degrees, although all are as small as radians would be.")
+    ] = False,
+    reversed_joints: Annotated[
+        str | None, Option("Joints recorded with the other sign: j2,j5,… or names.", flag="--reversed")
+    ] = None,
+) -> "Imported":
+    """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
+    from .csv_file import CsvLayout, import_csv
+    from .dwells import Stillness
+
+    layout = CsvLayout(
+        units,
+        header_row,
+        names_of(columns),
+        delimiter,
+        lengths,
+        decimal,
+        target_column,
+        shot_column,
+        names_of(spot_columns),
+        time_column,
+        time_units,
+        marker_column,
+        j3,
+        small_angles=small_angles,
+        reversed_joints=names_of(reversed_joints) or (),
+    )
+    return import_csv(job, layout, still=Stillness.of_options(still_deg, still_s, still_mm))
+
+
+def _read_ros(
+    job: "ImportJob",
+    still_deg: StillDeg = None,
+    still_s: StillSeconds = None,
+    still_mm: StillMm = None,
+    columns: Annotated[
+        str | None, Option("Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).")
+    ] = None,
+    topic: Annotated[str | None, Option("Topic of the arm, if there are several.")] = None,
+    marker_topic: Annotated[
+        str | None,
+        Option("Only dwells at a message on this topic; a std_msgs/String names the target."),
+    ] = None,
+) -> "Imported":
+    """Joint states: in ROS bags a measurement is where the arm dwells (at a marker, if stated).
+
+    In the text of ros2 topic echo each message is one.
+    """
+    from .dwells import Stillness
+    from .ros import import_joint_states, import_ros
+
+    if all(path.suffix.lower() in (".yaml", ".yml", ".txt") for path in job.paths):
+        if any(option is not None for option in (still_deg, still_s, still_mm, topic, marker_topic)):
+            raise BadInput(
+                "joint states in text have no times: each message is a measurement",
+                remedy="leave out --still-deg, --still-s, --still-mm, --topic and --marker-topic",
+            )
+        return import_joint_states(job, columns=names_of(columns))
+    still = Stillness.required(still_deg, still_s, still_mm)
+    return import_ros(job, still=still, columns=names_of(columns), topic=topic, marker_topic=marker_topic)
+
+
+def _read_robodk(job: "ImportJob", j3: J3Counting = None) -> "Imported":
+    """RoboDK: what a plan's program has recorded. Logs of MonitorJoints: import log robodk."""
+    from ..joint_text import import_program_log
+
+    return import_program_log(job, source="RoboDK", j3=j3)
+
+
+def _monitor_joints(joints: int) -> "CsvLayout":
+    """RoboDK's macro MonitorJoints: joints in degrees, then seconds, no header, a row where they changed."""
+    from .csv_file import CsvLayout
+
+    columns = tuple(str(i + 1) for i in range(joints))
+    return CsvLayout("deg", columns=columns, time_column=str(joints + 1), time_units="s", changes_only=True)
+
+
+MAKER = Maker(
+    "any maker",
+    offsets=(
+        OffsetFile("robot", _robot, holds="links"),
+        OffsetFile("urdf", _urdf, holds="links"),
+        OffsetFile("json", _json, holds="all", as_data=True),
+        OffsetFile("csv", _csv, as_data=True),
+    ),
+    program=(
+        PlanProgram("robodk", "robodk (Python)", _robodk_program, ("speed", "zone", "j3")),
+        PlanProgram("ros", "ros (JointTrajectory)", _ros_program, ("speed",), _ros_counting),
+        PlanProgram("csv", "csv", _csv_program, ("j3",), _csv_counting),
+    ),
+    read=(
+        Reader("csv", _read_csv, "CSV files, one posture a row.", first=("files", "units")),
+        Reader(
+            "ros",
+            _read_ros,
+            "ROS 1 or 2 bags (.bag, .mcap, .db3 or folder), or joint states in text (.yaml).",
+            first=("files", "file", "header", "plan", "still_deg", "still_s", "still_mm"),
+        ),
+        Reader("robodk", _read_robodk, "Log of a plan's program."),
+    ),
+    logs=(KnownLog("robodk", "MonitorJoints", _monitor_joints),),
+)

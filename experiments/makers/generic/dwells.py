@@ -1,0 +1,348 @@
+"""Dwells: pauses of the arm in a recording of its joints over time; each, or each marked one, is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....model.arrays import Matrix
+from ....model.errors import BadInput
+from ....model.kinematics.robot import Robot
+from ..recordings import FileMeasurements
+
+_ROUNDING = 1e-9  # of times: a window of 0.5 s holds 126 readings at 250 Hz, however they are rounded
+_BOUNDS = {"--still-deg": (1e-9, 360.0), "--still-s": (1e-3, 1e6), "--still-mm": (1e-9, 1e6)}
+_MOST_ROWS = 10**7
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """The definition of a dwell: every joint within `deg` (prismatic: `mm`) for at least `seconds`."""
+
+    deg: float
+    seconds: float
+    mm: float | None = None
+
+    @classmethod
+    def of_options(
+        cls, deg: float | None, seconds: float | None, mm: float | None = None
+    ) -> Stillness | None:
+        """As options state it; None where none is stated."""
+        if deg is not None and seconds is not None:
+            return cls(deg, seconds, mm)
+        if deg is None and seconds is None and mm is None:
+            return None
+        raise BadInput(
+            "a dwell needs a tolerance and a time", remedy="state both --still-deg and --still-s, or neither"
+        )
+
+    @classmethod
+    def required(cls, deg: float | None, seconds: float | None, mm: float | None = None) -> Stillness:
+        """As options state it; BadInput where none is stated."""
+        still = cls.of_options(deg, seconds, mm)
+        if still is None:
+            raise BadInput(
+                "a recording over time needs to know what a dwell is",
+                remedy="state --still-deg and --still-s",
+            )
+        return still
+
+    def tolerance(self, robot: Robot) -> Matrix:
+        """(n,) degrees or mm; BadInput for a value that is missing or not above zero."""
+        slides = any(joint.kind == "prismatic" for joint in robot.joints)
+        if slides and self.mm is None:
+            raise BadInput(
+                "the tolerance of a dwell is not stated for the prismatic joints",
+                found=f"{robot.name} has prismatic joints",
+                remedy="state it in mm (--still-mm)",
+            )
+        for value, name in ((self.deg, "--still-deg"), (self.seconds, "--still-s"), (self.mm, "--still-mm")):
+            least, most = _BOUNDS[name]
+            if value is not None and not least <= value <= most:
+                raise BadInput(
+                    f"the value of {name} is out of range",
+                    found=f"{value:g}",
+                    allowed=f"a number above 0, from {least:g} to {most:g}",
+                )
+        return np.array([self.deg if joint.kind == "revolute" else self.mm for joint in robot.joints])
+
+
+class Dwell(NamedTuple):
+    """Readings `first` to `last` at rest from `start_s` to `end_s`, of which those in `used` are averaged.
+
+    `joints` (n,) is their mean and `spread` (n,) their range, degrees or mm.
+    """
+
+    first: int
+    last: int
+    start_s: float
+    end_s: float
+    used: slice
+    joints: Matrix
+    spread: Matrix
+
+
+def find_dwells(
+    times: Matrix, joints: Matrix, tolerance: Matrix, seconds: float
+) -> tuple[list[Dwell], list[Dwell]]:
+    """Dwells, and those rejected because the arm drifted: at rest in each window, but not as a whole.
+
+    `times` (N,) s ascend; `joints` (N, n) and `tolerance` (n,) are degrees or mm. A window of `seconds` is at
+    rest if all its readings of each joint lie within the tolerance and no two follow each other by more than
+    half of it (the motion in a gap is unknown). Windows at rest that overlap are one dwell. A quarter of
+    `seconds` is dropped at each end, where the arm settles or starts again; the rest must be within the
+    tolerance.
+    """
+    last = np.searchsorted(times, times + seconds - _ROUNDING)
+    first = np.flatnonzero(last < len(times))
+    last = last[first]
+    if not len(first):
+        return [], []
+    longest_step = _largest(np.diff(times, append=times[-1])[:, None], first, last - 1)[:, 0]
+    rest = np.all(_ranges(joints, first, last) <= tolerance, axis=1) & (
+        longest_step <= seconds / 2 + _ROUNDING
+    )
+    first, last = first[rest], last[rest]
+    if not len(first):
+        return [], []
+    opens = np.flatnonzero(np.append(True, first[1:] > last[:-1]))
+    closes = np.append(opens[1:], len(first)) - 1
+    dwells: list[Dwell] = []
+    drifting: list[Dwell] = []
+    for begin, end in zip(first[opens].tolist(), last[closes].tolist(), strict=True):
+        dwell = _dwell(times, joints, begin, end, seconds)
+        (dwells if np.all(dwell.spread <= tolerance) else drifting).append(dwell)
+    return dwells, drifting
+
+
+def calmest(
+    times: Matrix, joints: Matrix, tolerance: Matrix, seconds: float
+) -> tuple[float, int, float] | None:
+    """Time (s), joint (from 0) and movement (degrees or mm) of the window in which the arm moved least."""
+    last = np.searchsorted(times, times + seconds - _ROUNDING)
+    first = np.flatnonzero(last < len(times))
+    if not len(first):
+        return None
+    moved = _ranges(joints, first, last[first])
+    window = int(np.argmin((moved / tolerance).max(axis=1)))
+    joint = int(np.argmax(moved[window] / tolerance))
+    return float(times[first[window]]), joint, float(moved[window, joint])
+
+
+def dwell_of_each(dwells: Sequence[Dwell], marks: Matrix, seconds: float) -> list[int | None]:
+    """Index of the dwell that each marker (s) falls into, or is at most half of `seconds` away from."""
+    if not dwells:
+        return [None] * len(marks)
+    start, end = np.array([[dwell.start_s, dwell.end_s] for dwell in dwells]).T
+    away = np.maximum(np.maximum(start - marks[:, None], marks[:, None] - end), 0)
+    nearest = away.argmin(axis=1)
+    return [
+        int(i) if distance <= seconds / 2 else None
+        for i, distance in zip(nearest, away.min(axis=1), strict=True)
+    ]
+
+
+def repeats(dwells: Sequence[Dwell], tolerance: Matrix) -> list[int | None]:
+    """For each dwell the first earlier one with the same joints within the tolerance, or None."""
+    joints = np.array([dwell.joints for dwell in dwells]).reshape(len(dwells), len(tolerance))
+    earlier: list[int | None] = []
+    for i in range(len(dwells)):
+        same = np.flatnonzero(np.all(np.abs(joints[:i] - joints[i]) <= tolerance, axis=1))
+        earlier.append(int(same[0]) if len(same) else None)
+    return earlier
+
+
+def held(times: Matrix, joints: Matrix, seconds: float) -> tuple[Matrix, Matrix]:
+    """A log with a row only where the joints changed, as one with rows all the time.
+
+    A row is valid until the next one: it is repeated so that rows are at most a quarter of `seconds` apart.
+    How long the last one was valid is unknown.
+    """
+    needed = np.maximum(np.ceil(np.diff(times) / (seconds / 4)), 1)
+    if needed.sum() > _MOST_ROWS:
+        raise BadInput(
+            "the times of the log are too far apart for dwells so short",
+            found=f"{times[-1] - times[0]:.6g} s, and --still-s {seconds:g}",
+            allowed=f"at most {_MOST_ROWS / 4:g} times --still-s",
+            remedy="correct the times or --still-s, or divide the log",
+        )
+    counts = np.append(needed.astype(int), 1)
+    row = np.repeat(np.arange(len(times)), counts)
+    step_in_row = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    step = np.append(np.diff(times), 0.0) / counts
+    return times[row] + step_in_row * step[row], joints[row]
+
+
+def _dwell(times: Matrix, joints: Matrix, first: int, last: int, seconds: float) -> Dwell:
+    start, end = float(times[first]), float(times[last])
+    inner = np.searchsorted(times, [start + seconds / 4, end - seconds / 4 + _ROUNDING])
+    used = slice(int(inner[0]), int(inner[1]))
+    return Dwell(first, last, start, end, used, joints[used].mean(axis=0), np.ptp(joints[used], axis=0))
+
+
+def _ranges(values: Matrix, first: NDArray[np.int64], last: NDArray[np.int64]) -> Matrix:
+    return _largest(values, first, last) + _largest(-values, first, last)
+
+
+def _largest(values: Matrix, first: NDArray[np.int64], last: NDArray[np.int64]) -> Matrix:
+    """(M, m) largest of each column of `values` (N, m) over the rows `first` to `last`, both (M,).
+
+    A window is two that overlap, of 2^k rows each: the largest of these for all rows is made from those of
+    2^(k - 1), and only one such table is kept at a time.
+    """
+    power = np.frexp(last - first + 1)[1] - 1
+    result = np.empty((len(first), values.shape[1]))
+    table = values
+    for k in range(int(power.max()) + 1):
+        if k:
+            half = 2 ** (k - 1)
+            table = np.maximum(table[:-half], table[half:])
+        mine = power == k
+        result[mine] = np.maximum(table[first[mine]], table[last[mine] - 2**k + 1])
+    return result
+
+
+class Mark(NamedTuple):
+    """A marker, set by a person or the robot's program: its time (s), and the target if it names one."""
+
+    time_s: float
+    target: str | None
+
+
+@dataclass(frozen=True)
+class JointLog:
+    """N readings of one file. `times` (N,) s since the first; `joints` (N, n) deg or mm; `spots` (N, 2) mm.
+
+    `marks` is None where every dwell is a measurement.
+    """
+
+    path: Path
+    times: Matrix
+    joints: Matrix
+    spots: Matrix | None = None
+    marks: Sequence[Mark] | None = None
+
+    def shots(self, robot: Robot, still: Stillness, target: str | None) -> FileMeasurements:
+        """One measurement for each dwell, or for each marked one; the joints are averaged over it.
+
+        `target` is that of all measurements; without it the markers name it. BadInput without a dwell, for a
+        marker outside all dwells, or if times do not increase.
+        """
+        tolerance = still.tolerance(robot)
+        back = np.flatnonzero(np.diff(self.times) < 0)
+        if len(back):
+            raise BadInput(
+                "the times do not increase",
+                found=f"{self.times[back[0] + 1]:.6g} s after {self.times[back[0]]:.6g} s",
+                remedy="import each recording from its own file; check the time column",
+                file=self.path,
+            )
+        dwells, drifting = find_dwells(self.times, self.joints, tolerance, still.seconds)
+        if not dwells:
+            raise self._without_dwell(robot, still, tolerance, drifting)
+        chosen, targets = self._chosen(dwells, still, target)
+        kept = [dwells[i] for i in chosen]
+        joints = np.array([dwell.joints for dwell in kept])
+        spots = None if self.spots is None else np.array([self.spots[s.used].mean(axis=0) for s in kept])
+        times = np.array([(dwell.start_s + dwell.end_s) / 2 for dwell in kept])
+        notes = [
+            *_sentences(robot, kept, tolerance),
+            *(_rejected(robot, dwell, tolerance) for dwell in drifting),
+        ]
+        if len(kept) < len(dwells):
+            notes.append(f"  dwells without a marker, not imported: {len(dwells) - len(kept)}")
+        if self.marks is not None and len(self.marks) > len(kept):
+            again = len(self.marks) - len(kept)
+            notes.append(f"  second and later markers in a dwell: {again}; each dwell is one measurement")
+        return FileMeasurements(self.path, "dwell", joints, targets, spots=spots, times=times, notes=notes)
+
+    def _chosen(
+        self, dwells: Sequence[Dwell], still: Stillness, target: str | None
+    ) -> tuple[list[int], list[str]]:
+        """Indices of the dwells that are measurements, and the target of each."""
+        if self.marks is None:
+            if target is None:
+                raise BadInput("the target of the file is not stated", file=self.path)
+            return list(range(len(dwells))), [target] * len(dwells)
+        if not self.marks:
+            raise BadInput("no measurements found: there is no marker in the recording", file=self.path)
+        times = np.array([mark.time_s for mark in self.marks])
+        names: dict[int, str] = {}
+        for mark, at in zip(self.marks, dwell_of_each(dwells, times, still.seconds), strict=True):
+            if at is None:
+                near = _nearest(dwells, mark.time_s)
+                raise BadInput(
+                    "the arm did not dwell at a marker",
+                    found=f"marker at {mark.time_s:.3f} s; nearest dwell {_span(near)}",
+                    allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s around the marker",
+                    remedy="state a larger tolerance or a shorter time if the arm was at rest",
+                    file=self.path,
+                )
+            name = mark.target if target is None else target
+            if name is None:
+                raise BadInput(
+                    "the markers do not name a target",
+                    remedy="state the target of the file (--target)",
+                    file=self.path,
+                )
+            if names.setdefault(at, name) != name:
+                raise BadInput(
+                    "two markers in one dwell name different targets",
+                    found=f"{names[at]!r} and {name!r}, dwell {_span(dwells[at])}",
+                    remedy="a measurement has one target: remove the wrong marker",
+                    file=self.path,
+                )
+        chosen = sorted(names)
+        return chosen, [names[i] for i in chosen]
+
+    def _without_dwell(
+        self, robot: Robot, still: Stillness, tolerance: Matrix, drifting: Sequence[Dwell]
+    ) -> BadInput:
+        recording = f"a recording of {self.times[-1]:.3f} s, {len(self.times)} readings"
+        if drifting:
+            recording = _rejected(robot, drifting[0], tolerance).strip()
+        elif (best := calmest(self.times, self.joints, tolerance, still.seconds)) is not None:
+            start, joint, moved = best
+            recording += f"; in the calmest window, from {start:.3f} s, joint {joint + 1} moves by"
+            recording += f" {moved:.4g} {robot.joints[joint].unit}"
+        return BadInput(
+            "no measurements found: the arm never dwells",
+            found=recording,
+            allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s, readings at most "
+            f"{still.seconds / 2:g} s apart",
+            remedy="state the tolerance and the shortest time of a dwell; check the unit of the angles",
+            file=self.path,
+        )
+
+
+def _nearest(dwells: Sequence[Dwell], time_s: float) -> Dwell:
+    return min(dwells, key=lambda dwell: max(dwell.start_s - time_s, time_s - dwell.end_s))
+
+
+def _span(dwell: Dwell) -> str:
+    return f"{dwell.start_s:.3f} to {dwell.end_s:.3f} s"
+
+
+def _sentences(robot: Robot, dwells: Sequence[Dwell], tolerance: Matrix) -> list[str]:
+    notes = []
+    for i, (dwell, earlier) in enumerate(zip(dwells, repeats(dwells, tolerance), strict=True)):
+        widest = int(np.argmax(dwell.spread / tolerance))
+        sentence = (
+            f"  dwell {i + 1}: {_span(dwell)}, mean of {dwell.used.stop - dwell.used.start} readings, "
+            f"spread up to {dwell.spread[widest]:.4f} {robot.joints[widest].unit} (joint {widest + 1})"
+        )
+        notes.append(sentence + ("" if earlier is None else f"; repeats dwell {earlier + 1}"))
+    return notes
+
+
+def _rejected(robot: Robot, dwell: Dwell, tolerance: Matrix) -> str:
+    joint = int(np.argmax(dwell.spread / tolerance))
+    return (
+        f"  rejected: {_span(dwell)}, joint {joint + 1} drifts by "
+        f"{dwell.spread[joint]:.4g} {robot.joints[joint].unit}, more than {tolerance[joint]:g}"
+    )

@@ -1,0 +1,269 @@
+"""Joint values as people type them, or paste them from a pendant, a program or a spreadsheet; and the lines
+that a plan's program writes (zerobeam export plan).
+
+    zerobeam posture 3 deg -69.348 -18.862 49.270 136.545 -39.529 -82.750
+
+Anything may precede those on the line: the time that a controller prints. Lists of URScript have brackets and
+commas, and whole millionths of a degree.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.files.limits import require_joint_count
+from ...model.files.reading import read_text, shown
+from ...model.kinematics.pendant import Pendant, pendant_of
+from ...model.kinematics.robot import J3, PendantUnit
+from .recordings import FileMeasurements, Imported, ImportJob, without_unused
+
+_NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+_LABELLED = re.compile(
+    rf"(?<![A-Za-z0-9])(?:joint|axis|achse|rax|actual_q|j|a|q)[ _]?(\d{{1,2}})(?:\s*[:=]\s*|\s+)({_NUMBER})",
+    re.IGNORECASE,
+)
+_YASKAWA = re.compile(rf"(?<![A-Za-z0-9])([SLURBT])\s*[:=]?\s*({_NUMBER})")
+_CARTESIAN = re.compile(rf"(?<![A-Za-z0-9])[XYZ]\s*[:=]?\s*{_NUMBER}", re.IGNORECASE)
+_INNERMOST = re.compile(r"[\[{(]([^\[\](){}]*)[\])}]")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+(,\d+)?")
+_MINUS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "°": " deg "})
+
+PROGRAM_LINE = re.compile(
+    r"zerobeam (?P<what>posture|rehearsal) (?P<number>\d{1,9}) (?P<unit>\w+)(?P<values>.*)"
+)
+_PROGRAM_UNITS = {"deg": 1.0, "microdegrees": 1e-6}
+
+
+@dataclass(frozen=True)
+class TypedJoints:
+    """Joint values as a text has them, the unit if the text states it, and the posture's number if it is the
+    line of a plan's program."""
+
+    values: tuple[float, ...]
+    unit: PendantUnit | None
+    number: int | None = None
+
+
+def program_line(text: str, n: int) -> TypedJoints | None:
+    """The joints in a line of a plan's program, degrees (mm), `n` or all that it has; None in any other line.
+
+    BadInput for a line that cannot be read, or that a rehearsal wrote.
+    """
+    match = PROGRAM_LINE.search(text)
+    if match is None:
+        return None
+    if match["what"] == "rehearsal":
+        raise BadInput(
+            "the log is of a rehearsal: the joints are commanded ones, not measured ones",
+            found=shown(text.strip()[:60]),
+            remedy="run the program on the robot",
+        )
+    scale = _PROGRAM_UNITS.get(match["unit"])
+    try:
+        values = [float(part) for part in re.split(r"[\s,\[\]]+", match["values"]) if part]
+    except ValueError:
+        values = []
+    if scale is None or len(values) < n or not all(map(isfinite, values)):
+        raise BadInput(
+            "the joints of a posture cannot be read",
+            found=shown(match[0][:120]),
+            allowed=f"zerobeam posture NUMBER deg, and {n} numbers",
+            remedy="remove the line, and record the posture again",
+        )
+    return TypedJoints(tuple(value * scale for value in values), "deg", int(match["number"]))
+
+
+def labelled(text: str, names: Sequence[str] = ()) -> dict[int, float]:
+    """Values with a joint's name before them, by its number from 1: `J1= 10 deg`, `A1 10`, `S: 10`. `names`
+    are those of the pendant, joint 1 first."""
+    text = text.translate(_MINUS)
+    values = _by_names(text, names)
+    if values:
+        return values
+    values = {int(match[1]): _value(match[2]) for match in _LABELLED.finditer(text)}
+    if 0 in values:  # q0 to q5
+        values = {number + 1: value for number, value in values.items()}
+    if not values:
+        letters = {match[1]: _value(match[2]) for match in _YASKAWA.finditer(text)}
+        if {"S", "L", "U"} <= letters.keys():
+            values = {"SLURBT".index(letter) + 1: value for letter, value in letters.items()}
+    return values
+
+
+def _by_names(text: str, names: Sequence[str]) -> dict[int, float]:
+    """Values behind the pendant's own names, by number from 1, where there is one."""
+    values: dict[int, float] = {}
+    for number, name in enumerate(names, start=1):
+        match = re.search(rf"(?<![\w.]){re.escape(name)}(?:\s*[:=]\s*|\s+)({_NUMBER})", text)
+        if match is not None:
+            values[number] = _value(match[1])
+    return values
+
+
+def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> TypedJoints:
+    """The `n` joint values of a text, in the order of the joints: values without names are in the pendant's
+    order.
+
+    Read are numbers with blanks, tabs, commas or semicolons between them, lists in brackets (`[…]`, RAPID's
+    `[[…], […]]`, KRL's `{A1 …, A2 …}`), values with the joints' names (`J1= 10.5 deg`), decimal commas where
+    nothing else can be meant, and lines of a plan's program. BadInput for anything else, a Cartesian position
+    included.
+    """
+    logged = program_line(text, n)
+    if logged is not None and not any(logged.values[n:]):
+        return TypedJoints(logged.values[:n], logged.unit, logged.number)
+    plain = text.translate(_MINUS)
+    unit = _unit(plain)
+    by_name = labelled(text, [] if pendant is None else pendant.names)
+    if by_name:
+        missing = [number for number in range(1, n + 1) if number not in by_name]
+        if missing:
+            raise BadInput(
+                "some joints have no value",
+                found=f"{shown(text.strip())}: none for joint {', '.join(map(str, missing))}",
+                allowed=f"values of joints 1 to {n}",
+            )
+        return TypedJoints(_in_order(by_name, n), unit)
+    if _CARTESIAN.search(plain):
+        raise BadInput(
+            "this is a Cartesian position, and the configuration of the arm would be a guess",
+            found=shown(text.strip()),
+            allowed=f"{n} joint values",
+            remedy="switch the pendant to joint values",
+        )
+    plain = re.sub(r"\b(?:deg|degrees|rad|radians|mm|pulses?)\b", " ", plain)
+    order = list(range(n)) if pendant is None else pendant.order
+    for inner in [match[1] for match in _INNERMOST.finditer(plain)]:
+        values = _numbers(inner, n)
+        if values is not None and len(values) == n:
+            return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
+    values = _numbers(re.sub(r"[\[\](){}]", " ", plain), n)
+    if values is None or len(values) != n:
+        count = "no numbers" if not values else f"{len(values)} numbers"
+        raise BadInput(
+            "these are not the joint values",
+            found=f"{shown(text.strip()) or 'nothing'} ({count})",
+            allowed=f"{n} numbers, "
+            + ("joint 1 first" if order == sorted(order) else "in the pendant's order"),
+        )
+    return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
+
+
+def _unit(text: str) -> PendantUnit | None:
+    if re.search(r"\b(?:deg|degrees)\b", text):
+        return "deg"
+    if re.search(r"\bpulses?\b", text):
+        return "pulse"
+    return "rad" if re.search(r"\b(?:rad|radians)\b", text) else None
+
+
+def _in_order(by_name: Mapping[int, float], n: int) -> tuple[float, ...]:
+    return tuple(by_name[number] for number in range(1, n + 1))
+
+
+def _numbers(text: str, n: int) -> tuple[float, ...] | None:
+    """All numbers of a text of numbers and delimiters; None where anything else is in it."""
+    parts = [part for part in re.split(r"[;\s|]+", text.strip()) if part]
+    if len(parts) == n and any("," in part for part in parts) and all(map(_DECIMAL_COMMA.fullmatch, parts)):
+        return _floats([part.replace(",", ".") for part in parts])
+    return _floats([part for part in re.split(r"[;,\s|]+", text.strip()) if part])
+
+
+def _floats(parts: Sequence[str]) -> tuple[float, ...] | None:
+    if not all(re.fullmatch(_NUMBER, part) for part in parts):
+        return None
+    return tuple(_value(part) for part in parts)
+
+
+def _value(text: str) -> float:
+    value = float(text.replace(",", "."))
+    if not isfinite(value):
+        raise BadInput("a number is too large", found=shown(text), allowed="joint values in degrees or mm")
+    return value
+
+
+_PLAN = re.compile(r"zerobeam plan (?P<hash>[0-9a-f]{12})\b")
+
+
+def is_program_log(job: ImportJob) -> bool:
+    """Whether the first of the files has lines of a plan's program."""
+    return PROGRAM_LINE.search(read_text(job.paths[0])[0]) is not None
+
+
+def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> Imported:
+    """Measurements from logs of a plan's program; of a posture that was recorded again the last counts.
+
+    `source` says in the answer who wrote it, `j3` what it counts joint 3 from, if not as the
+    robot file states. BadInput for the log of a rehearsal, or of another plan than
+    `stated`.
+    """
+    pendant = pendant_of(job.robot, j3)
+    parts = [
+        _logged(path, target, job, pendant) for path, target in zip(job.paths, job.targets(), strict=True)
+    ]
+    note = f"{source}: lines of a plan's program, in degrees, joint 1 first"
+    return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
+
+
+def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMeasurements:
+    text, _ = read_text(path)
+    lines = text.split("\n")
+    rows: dict[int, tuple[tuple[float, ...], int]] = {}
+    again: list[int] = []
+    notes: list[str] = []
+    for line, content in enumerate(lines, start=1):
+        _require_same_plan(content, job, path, line)
+        if line == len(lines) and PROGRAM_LINE.search(content):
+            # Without the end of the line its last number may be incomplete.
+            notes.append(f"  line {line} has no end and is ignored")
+            continue
+        try:
+            logged = program_line(content, job.robot.n)
+        except BadInput as error:
+            raise error.at(path, line) from None
+        if logged is None or logged.number is None:
+            continue
+        number, joints = logged.number, without_unused(logged.values, job.robot)
+        require_joint_count(joints, job.robot, f"posture {number}", path, line)
+        if rows.pop(number, None) is not None:
+            again.append(number)
+        rows[number] = joints, line
+    if not rows:
+        raise BadInput(
+            "no measurements found: the file has no line of a plan's program",
+            allowed="lines such as zerobeam posture 0 deg -69.348 …",
+            remedy="import what the program recorded; for other recordings see zerobeam import --help",
+            file=path,
+        )
+    if again:
+        postures = ", ".join(map(str, dict.fromkeys(again)))
+        notes.append(f"  recorded more than once, the last one counts: posture {postures}")
+    return FileMeasurements(
+        path,
+        "line",
+        pendant.between_links(np.array([joints for joints, _ in rows.values()])),
+        [target] * len(rows),
+        lines=[line for _, line in rows.values()],
+        numbers=list(rows),
+        notes=notes,
+    )
+
+
+def _require_same_plan(content: str, job: ImportJob, path: Path, line: int) -> None:
+    plan_line = _PLAN.search(content)
+    if plan_line is not None and job.plan is not None and not job.plan.sha256.startswith(plan_line["hash"]):
+        raise BadInput(
+            "the log is of another plan, or of this one before it was changed",
+            found=f"plan {plan_line['hash']}",
+            allowed=f"plan {job.plan.sha256[:12]} ({job.plan.path.name})",
+            remedy="import with the plan that the program was made of; use a new log for each program",
+            file=path,
+            line=line,
+        )

@@ -1,0 +1,82 @@
+"""KUKA: mastering, KRL."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, OffsetFile, PlanProgram, PointNames, ProgramFiles, Reader, names_of, require_vendor
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ....model.files.run import Run
+    from ..calibration import RobotCalibration
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+_ABOUT = [
+    "Mastering sheet for KUKA (KRC). Two ways, do ONE of them:",
+    "- Re-master: drive the axis to the position in the third column, as the display shows it with",
+    "  the present mastering, and master it there (dial): it then shows the mastering position.",
+    "- Or add the offset to $MAMES of the axis (its position at the mark) and master at the marks as",
+    "  always. The sign is that of the offset: with a larger $MAMES the axis reads more.",
+    "ModuleFrames: TOOL and BASE that were measured with the old mastering hold its error: measure them",
+    "again.",
+]
+
+
+def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
+    """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""
+    from ....model.kinematics.pendant import require_link_encoder
+    from ..sheets import sheet_text
+
+    require_vendor(run.robot, "kuka", "this sheet")
+    require_link_encoder(run.robot, "this sheet")
+    table = [
+        "axis   offset deg   master the axis where it reads      $MAMES[] (machine data)",
+        *(
+            f"A{i}   {offset.applied:+11.6f}   mastering position {-offset.applied:+11.6f} deg   old value"
+            f" {offset.applied:+11.6f}"
+            if offset.exported
+            else f"A{i}   {'-':>11}   leave it as it is"
+            for i, offset in enumerate(calibration.offsets, start=1)
+        ),
+    ]
+    return sheet_text(calibration, _ABOUT, table)
+
+
+def _krl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .krl_program import krl_program
+
+    return krl_program(plan, motion, file)
+
+
+def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """KUKA: axis positions (AXIS, E6AXIS) of a data list, taught or recorded by a plan's program."""
+    from .krl_points import import_kuka
+
+    return import_kuka(job, points=names_of(points))
+
+
+def _krl() -> "Language":
+    from .krl_targets import KRL
+
+    return KRL
+
+
+MAKER = Maker(
+    "KUKA",
+    "kuka",
+    r"kuka|kr ?\d+\w*|lbr|iiwa ?\d*",
+    offsets=(OffsetFile("kuka", _sheet),),
+    program=(PlanProgram("krl", "krl (KUKA)", _krl_program, ("speed", "zone", "tool")),),
+    read=(
+        Reader("krl", _read_krl, "Data lists (.dat)."),
+        Reader("kuka", _read_krl, "Data lists (.dat).", hidden=True),
+    ),
+    correct=(
+        ProgramFiles(
+            "KRL", ".src or .dat (KRL, both together)", (".src", ".dat"), _krl, paired=(".src", ".dat")
+        ),
+    ),
+)

@@ -1,0 +1,202 @@
+"""Makers of robots, and what is there for the controllers of each: files, programs, readers.
+
+A folder beside this file that has a `MAKER` is a maker: its formats are in the command line without any other
+entry. What a maker lacks is empty. Only what a command needs is loaded.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
+
+from ...model.errors import BadInput
+
+if TYPE_CHECKING:
+    from ...model.files.robot_file import Vendor
+    from ...model.kinematics.robot import Robot
+    from .recordings import Imported
+
+# What a kind of file has room for: the offsets, these and the links, or every parameter.
+Holds = Literal["offsets", "links", "all"]
+# Of makers without a folder here: the name in small letters, words apart by one blank.
+_OTHER_MODELS = (
+    r"panda|franka|fr3|kinova|gen ?[23]|jaco|motoman|yaskawa|gp ?\d+\w*|staubli|tx2?|tx2? ?\d+\w*"
+    r"|x ?arm ?\d*|ufactory|denso|epson|doosan|techman|kawasaki|nachi|comau|mitsubishi|meca ?500"
+)
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option of a command for a format, as an annotation of a parameter: what help says of it."""
+
+    help: str
+    flag: str | None = None
+    least: int | None = None
+
+
+J3Counting = Annotated[
+    Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")
+]
+PointNames = Annotated[str | None, Option("Points to use, by name: a,b,c (default: all).")]
+StillDeg = Annotated[float | None, Option("Dwell: each joint within so many degrees.")]
+StillSeconds = Annotated[float | None, Option("Dwell: for at least so many seconds.")]
+StillMm = Annotated[float | None, Option("Dwell: each prismatic joint within so many mm.")]
+Decimal = Annotated[str, Option("Decimal sign: . or ,")]
+MarkerColumn = Annotated[str | None, Option("Only dwells in which this column becomes other than 0.")]
+
+
+class NamedFormat(Protocol):
+    """A kind of format, as below."""
+
+    @property
+    def name(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class OffsetFile:
+    """`zerobeam export NAME`: `text` makes the file of a run and its calibration; its docstring is the help,
+    its other parameters are options. `as_data`: the file states every status."""
+
+    name: str
+    text: Callable[..., str]
+    holds: Holds = "offsets"
+    as_data: bool = False
+
+
+@dataclass(frozen=True)
+class PlanProgram:
+    """`zerobeam export plan NAME`: `texts` makes the files of a plan, a motion and the path that was stated.
+
+    `options` are those of the motion that the format has room for; `notes` are sentences on how it counts
+    joints, by default where the pendant does not count them as the robot file.
+    """
+
+    name: str
+    about: str
+    texts: Callable[..., Mapping[Any, str]]
+    options: tuple[str, ...]
+    notes: Callable[..., str | None] | None = None
+
+
+@dataclass(frozen=True)
+class Reader:
+    """`zerobeam import NAME`: `read` makes a run of a job; its docstring is the help, its other parameters
+    are options. `files` is the help of the argument, `first` are the parameters that help lists first."""
+
+    name: str
+    read: Callable[..., Imported]
+    files: str
+    first: tuple[str, ...] = ()
+    hidden: bool = False
+
+
+@dataclass(frozen=True)
+class KnownLog:
+    """`zerobeam import log NAME`: `layout` is the CsvLayout of a log of so many joints."""
+
+    name: str
+    about: str
+    layout: Callable[[int], Any]
+
+
+@dataclass(frozen=True)
+class ProgramFiles:
+    """`zerobeam export program`: files of a language by their endings, `paired` where the program is several;
+    `language` loads what reads them (`user_programs.Language`)."""
+
+    name: str
+    about: str
+    endings: tuple[str, ...]
+    language: Callable[[], Any]
+    paired: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Maker:
+    """`name` as people write it, `vendor` as robot files do (None: for robots of any), `models` a pattern of
+    the names of its robots; `live` is the rig that talks to its controllers."""
+
+    name: str
+    vendor: Vendor | None = None
+    models: str = ""
+    offsets: tuple[OffsetFile, ...] = ()
+    program: tuple[PlanProgram, ...] = ()
+    read: tuple[Reader, ...] = ()
+    logs: tuple[KnownLog, ...] = ()
+    correct: tuple[ProgramFiles, ...] = ()
+    live: str | None = None
+    tried: str = field(default="on no controller")
+
+
+@cache
+def makers() -> tuple[Maker, ...]:
+    """All that have a folder here."""
+    package = import_module(__package__)
+    folders = sorted(module.name for module in pkgutil.iter_modules(package.__path__) if module.ispkg)
+    return tuple(import_module(f"{__package__}.{folder}").MAKER for folder in folders)
+
+
+_Kind = TypeVar("_Kind", bound=NamedFormat)
+
+
+def in_order(kinds: Sequence[_Kind], names: Sequence[str]) -> list[_Kind]:
+    """Kinds as they are listed in help: those in `names` first."""
+    return sorted(kinds, key=lambda kind: names.index(kind.name) if kind.name in names else len(names))
+
+
+def program_languages() -> list[tuple[ProgramFiles, Vendor]]:
+    """The languages of programs that can be corrected, each with its maker."""
+    languages = {files: maker.vendor for maker in makers() if maker.vendor for files in maker.correct}
+    order = in_order(list(languages), ("RAPID", "KRL", "TP", "URScript"))
+    return [(files, languages[files]) for files in order]
+
+
+def vendor_of(robot: Robot) -> str | None:
+    """The vendor that the robot's file states, else by its name; None where neither says one."""
+    if robot.vendor is not None:
+        return robot.vendor
+    name = " ".join(re.findall(r"[a-z0-9]+", robot.name.lower()))
+    models = {**{maker.vendor: maker.models for maker in makers() if maker.vendor}, "other": _OTHER_MODELS}
+    vendors = [vendor for vendor, words in models.items() if re.search(rf"(?:^| )(?:{words})(?: |$)", name)]
+    return vendors[0] if len(vendors) == 1 else None
+
+
+def require_vendor(robot: Robot, vendor: Vendor, what: str) -> str | None:
+    """BadInput where `robot` is known to be of another vendor than `what` is for; where its vendor is not
+    known, a sentence that says what to check."""
+    stated_vendor = vendor_of(robot)
+    name = next(maker.name for maker in makers() if maker.vendor == vendor)
+    if stated_vendor == vendor:
+        return None
+    if stated_vendor is None:
+        return f"{what} is for robots of {name}; nothing says who made {robot.name!r}: check that"
+    raise BadInput(
+        f"{what} is for robots of {name}",
+        found=f"{robot.name}, of {'another vendor' if stated_vendor == 'other' else stated_vendor}",
+        allowed=f"a robot of {name}",
+        remedy="choose the format of this robot's controller; csv is for every robot",
+    )
+
+
+def names_of(text: str | None) -> list[str] | None:
+    """Names that are separated by commas."""
+    return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def blanked(program: str, remark: str, *, strings: bool = True) -> str:
+    """A program with blanks for its remarks, which a pattern describes, and for its strings or without."""
+    text = re.compile(rf'"[^"\n]*"|{remark}')
+    return text.sub(
+        lambda match: match[0] if match[0][0] == '"' and not strings else " " * len(match[0]), program
+    )
+
+
+def one_line(text: str) -> str:
+    """Text that may hold any character, as ASCII on one line; control and other characters as escapes."""
+    ascii_text = text.replace("±", "+-")
+    return re.sub(r"[^ -~]", lambda letter: letter.group().encode("unicode_escape").decode(), ascii_text)

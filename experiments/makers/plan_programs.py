@@ -1,0 +1,204 @@
+"""A plan as a program: its postures in their order, slow moves, text in ASCII, and its files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...model.arrays import Matrix
+from ...model.errors import BadInput
+from ...model.files.plan import Plan
+from ...model.files.robot_file import Vendor
+from ...model.files.whole_file import refuse_existing, write_whole
+from ...model.kinematics.pendant import Pendant, pendant_of
+from ...model.kinematics.robot import J3, Robot
+from ..plans.constraints import require_constraints
+from .maker import PlanProgram, makers, one_line, require_vendor
+
+LOG = "zerobeam posture"  # what a line of a program's log begins with, before number, unit and values
+LOG_PLAN = "zerobeam plan"  # … and the line that says of which plan it is
+REHEARSAL = "zerobeam rehearsal"
+
+_DIGITS = 9  # decimals of a degree (mm): more than a plan is written with
+_SHOWN_HASH = 12
+_FASTEST = 60.0  # deg/s
+_SUPPOSED_TOP = 1000.0  # deg/s, of a joint whose speed the robot file does not state: faster than any
+
+
+@dataclass(frozen=True)
+class ProgramMotion:
+    """How a program moves, by options of the command.
+
+    `speed` deg/s is that of the fastest joint; `zone` rounds the path at intermediate postures, mm or percent
+    as the language has it, 0 stops there; `tool` is its name or number in the controller; `j3` what the
+    controller counts joint 3 from, if it is not as the robot file states; `register` the first position
+    register for what is recorded; `listener` HOST:PORT.
+    """
+
+    speed: float = 10.0
+    zone: float = 0.0
+    tool: str | None = None
+    j3: J3 | None = None
+    register: int | None = None
+    listener: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.1 <= self.speed <= _FASTEST:
+            raise BadInput(
+                "--speed is out of range",
+                found=f"{self.speed:g}",
+                allowed=f"0.1 to {_FASTEST:g} degrees a second: people stand beside the arm",
+            )
+        if not 0 <= self.zone <= 100:
+            raise BadInput(
+                "--zone is out of range", found=f"{self.zone:g}", allowed="0 (stop) to 100 (mm or percent)"
+            )
+
+    def require_only(self, language: str, options: Sequence[str]) -> None:
+        """BadInput for the first of the stated options that the language has no place for."""
+        unset = ProgramMotion()
+        for name in vars(unset):
+            if name not in options and getattr(self, name) != getattr(unset, name):
+                raise BadInput(f"--{name} is not for {language}", remedy=f"leave --{name} out")
+
+
+@dataclass(frozen=True)
+class PlanStep:
+    """One posture of a plan: its number (from 0), its target, degrees (mm if prismatic) as the controller
+    counts them, to the last digit of the plan, and those of the intermediate postures on the way to it."""
+
+    number: int
+    target: str
+    joints: tuple[float, ...]
+    via: tuple[tuple[float, ...], ...]
+
+
+def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
+    """The postures of a plan in its order."""
+    pendant, display = pendant_of(plan.robot, motion.j3), plan.robot.display
+
+    def rows(joints: np.ndarray) -> tuple[tuple[float, ...], ...]:
+        return rounded(pendant.counted(joints * display))
+
+    return [
+        PlanStep(i, target, joints, rows(plan.via_of(i)))
+        for i, (target, joints) in enumerate(zip(plan.targets, rows(plan.postures), strict=True))
+    ]
+
+
+def rounded(joints: Matrix) -> tuple[tuple[float, ...], ...]:
+    """Rows of joints to the last digit of a plan."""
+    return tuple(tuple(round(value, _DIGITS) + 0.0 for value in row) for row in joints.tolist())
+
+
+def short_hash(plan: Plan) -> str:
+    """Enough of the plan's hash to know it again."""
+    return plan.sha256[:_SHOWN_HASH]
+
+
+def head_lines(plan: Plan, motion: ProgramMotion, note: str | None) -> list[str]:
+    """Lines of ASCII, for a comment: what the program is of, and what to look at before it is started."""
+    robot = one_line(plan.robot.name)
+    lines = [
+        f"zerobeam: plan {one_line(plan.path.name)} of {robot}, {len(plan.postures)} postures",
+        f"{LOG_PLAN} {short_hash(plan)}",
+        f"Joint moves in the plan's order, no joint faster than about {motion.speed:g} deg/s.",
+        "Not checked: collisions on the way. First run: reduced speed, a hand on the enabling switch.",
+    ]
+    counting = Pendant(plan.robot, motion.j3).counting
+    if counting is not None:
+        lines.append(one_line(counting[0].upper() + counting[1:] + "."))
+    if not plan.via:
+        lines.append("The plan states no intermediate postures: the arm goes straight from one to the next.")
+    return lines if note is None else [*lines, f"Note: {one_line(note)}."]
+
+
+def require_axes(robot: Robot, most: int, holder: str) -> None:
+    """BadInput for an arm that a language's joint positions cannot hold."""
+    sliding = [joint.name for joint in robot.joints if joint.kind == "prismatic"]
+    if robot.n > most or sliding:
+        raise BadInput(
+            f"{holder} has no place for this robot's joints",
+            found=f"{robot.n} joints" + (f", prismatic: {one_line(', '.join(sliding))}" if sliding else ""),
+            allowed=f"at most {most} revolute joints",
+            remedy="csv, ros and robodk hold every robot",
+        )
+
+
+def made_for(plan: Plan, vendor: Vendor, what: str, most: int, holder: str) -> str | None:
+    """BadInput where the plan's robot is not of `vendor` or does not fit; else what there is to check."""
+    note = require_vendor(plan.robot, vendor, what)
+    require_axes(plan.robot, most, holder)
+    return note
+
+
+def top_speeds(robot: Robot) -> list[float]:
+    """(n,) degrees (mm) a second; 1000 where the robot file states none."""
+    return [_SUPPOSED_TOP if joint.speed is None else joint.speed * joint.display for joint in robot.joints]
+
+
+def percents(robot: Robot, speed: float) -> list[int]:
+    """(n,) percent of each joint's top speed that is not faster than `speed` deg/s; 1 at least."""
+    return [min(100, max(1, math.floor(round(100 * speed / top, 6)))) for top in top_speeds(robot)]
+
+
+def decimal(value: float, least: int = 1) -> str:
+    """A number without exponent, to its last digit and with `least` decimals at least."""
+    whole, _, fraction = np.format_float_positional(value, trim="0").partition(".")
+    return f"{whole}.{fraction.ljust(least, '0')}" if least else f"{whole}.{fraction}".removesuffix(".0")
+
+
+def listed(values: Sequence[float], least: int = 1) -> str:
+    """Numbers with commas between them."""
+    return ",".join(decimal(value, least) for value in values)
+
+
+def program_of(kind: str) -> tuple[PlanProgram, Vendor | None]:
+    """The kind of program of this name, and whose controllers it is for; BadInput where there is none."""
+    programs = {program.name: (program, maker.vendor) for maker in makers() for program in maker.program}
+    if kind not in programs:
+        raise BadInput("unknown kind of program", found=kind, allowed=", ".join(programs))
+    return programs[kind]
+
+
+def program_texts(kind: str, plan: Plan, motion: ProgramMotion, file: Path) -> Mapping[Path, str]:
+    """The files of a program and their texts: one, but two for KRL.
+
+    BadInput for a robot of another vendor, joints that the language cannot hold, options that it has no place
+    for, and a name that the controller does not allow.
+    """
+    program, _ = program_of(kind)
+    motion.require_only(kind, program.options)
+    return program.texts(plan, motion, file)
+
+
+def write_program(
+    kind: str,
+    plan: Plan,
+    motion: ProgramMotion,
+    file: Path,
+    *,
+    force: bool = False,
+    keep: Sequence[Path | None] = (),
+) -> tuple[list[Path], list[str]]:
+    """Write a plan as a program; the files, and sentences that a person must see.
+
+    With `force` other files are replaced, but none of those to `keep`. BadInput for a plan that breaks its
+    constraints.
+    """
+    require_constraints(plan)
+    texts = program_texts(kind, plan, motion, file)
+    for path in texts:
+        refuse_existing(path, force=force, keep=keep)
+    for path, text in texts.items():
+        write_whole(path, text, force=force)
+    program, vendor = program_of(kind)
+    notes = [
+        None if vendor is None else require_vendor(plan.robot, vendor, f"a program in {kind}"),
+        program.notes(plan, motion) if program.notes else Pendant(plan.robot, motion.j3).counting,
+    ]
+    return list(texts), [*plan.warnings, *(note for note in notes if note is not None)]

@@ -1,0 +1,387 @@
+"""Jobs of all importers: header, robot, measurements within limits, sentences on how files were read."""
+
+from __future__ import annotations
+
+import gc
+import glob
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...model.arrays import Matrix, Progress
+from ...model.errors import BadInput
+from ...model.files.header import Header, check_header, read_header
+from ...model.files.limits import check_limits, require_joint_count
+from ...model.files.plan import Plan
+from ...model.files.reading import KeyPath, did_you_mean, read_text, read_yaml
+from ...model.files.robot_file import load_robot, rebased
+from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
+from ...model.files.validation import validate
+from ...model.kinematics.pendant import pendant_of
+from ...model.kinematics.robot import J3, Robot
+
+
+class Imported(NamedTuple):
+    """Header and measurements of a run, and sentences that say how the files were understood."""
+
+    header: Header
+    shots: list[Shot]
+    understood: list[str]
+
+
+@dataclass(frozen=True)
+class FileMeasurements:
+    """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point').
+
+    `joints` (K, n) are degrees or mm; `lines` (K,) of the file, if it is text; `numbers` (K,) of the
+    measurements; `spots` (K, 2) mm; `times` (K,) s since the start of the recording.
+    """
+
+    path: Path
+    noun: str
+    joints: Matrix
+    targets: Sequence[str]
+    lines: Sequence[int] | None = None
+    numbers: Sequence[int] | None = None
+    spots: Matrix | None = None
+    times: Matrix | None = None
+    notes: Sequence[str] = ()
+
+
+# Farther from the planned posture is another posture; as near as this is the plan itself.
+_NEAR_DEG, _NEAR_MM = 30.0, 300.0
+_SAME = 5e-4
+
+
+@dataclass(frozen=True)
+class ImportJob:
+    """Files to import, and what is stated about them. `patterns` has how many files each argument stands for.
+
+    `out` is the run file that will be written: the robot's path in its header is relative to it. `names` are
+    those of targets. `plan` is the plan that was measured, if it is stated: then it says which posture has
+    which target. `progress` gets the stage and the share of the whole.
+    """
+
+    paths: tuple[Path, ...]
+    patterns: tuple[int, ...]
+    header_path: Path
+    header: Header
+    robot: Robot
+    out: Path | str
+    names: Sequence[str] = ()
+    plan: Plan | None = None
+    progress: Progress = lambda stage, share: None
+
+    @classmethod
+    def begin(
+        cls,
+        files: Sequence[Path | str],
+        header_or_plan: Path | str | Plan,
+        out: Path | str,
+        names: Sequence[str] = (),
+        progress: Progress = lambda stage, share: None,
+    ) -> ImportJob:
+        """Read the header file `stated`, or that of the plan that was measured; `names` are those of targets.
+
+        BadInput for the header, without files, or for a duplicate file.
+
+        A file that does not exist and has `*`, `?` or `[` in its name stands for all that match, by name.
+        """
+        each = [matching(Path(file)) for file in files]
+        paths = tuple(path for group in each for path in group)
+        if not paths:
+            raise BadInput("no file to import is given")
+        for i, path in enumerate(paths):
+            if path.resolve() in [other.resolve() for other in paths[:i]]:
+                raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
+        plan = None
+        if isinstance(header_or_plan, Plan):
+            plan = header_or_plan
+            header_path, header, robot = plan.path, plan.header, plan.robot
+        else:
+            header_path = Path(header_or_plan)
+            header = read_header(header_path)
+            robot = load_robot(header.robot, header_path.parent, file=header_path)
+            check_header(header, robot, file=header_path, line=read_yaml(header_path).line)
+        return cls(paths, tuple(map(len, each)), header_path, header, robot, out, names, plan, progress)
+
+    def targets(self) -> list[str]:
+        """The target of each file; where a plan is stated it says so in the end, and names are refused.
+
+        BadInput unless there is one name for each file, or for each pattern.
+        """
+        names = self.names
+        if self.plan is not None:
+            if names:
+                raise BadInput(
+                    "targets are stated, and a plan, which says them itself",
+                    found=", ".join(names),
+                    remedy="leave out --target, or state --header instead of --plan",
+                )
+            return [self.plan.targets[0]] * len(self.paths)
+        if len(names) != len(self.patterns):
+            raise BadInput(
+                "one target name is required for each file",
+                found=f"{len(names)} names, {len(self.patterns)} files",
+                remedy="state the target of each file, in the order of the files; names may repeat",
+            )
+        return [name for name, count in zip(names, self.patterns, strict=True) for _ in range(count)]
+
+    def finish(self, parts: Sequence[FileMeasurements], notes: Sequence[str]) -> Imported:
+        """The measurements of all files, numbered through; `notes` says how the files were read."""
+        robot = self.robot
+        if self.plan is not None:
+            parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
+        names = tuple(dict.fromkeys(target for part in parts for target in part.targets))
+        check_distances(self.header, names, file=self.header_path, line=None)
+        shots: list[Shot] = []
+        sentences: list[str] = []
+        for part in parts:
+            new = self._shots(part, len(shots))
+            if self.header.limits == "error":
+                self._check_limits(part)
+            sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
+            shots += new
+        _numbered_once(shots)
+        joints = np.concatenate([part.joints for part in parts])
+        numbers = [shot.shot for shot in shots]
+        limits = check_limits(robot, joints, "measurement", numbers, numbers, limits="warn", file=None)
+        plural = "s" if len(self.paths) > 1 else ""
+        understood = [
+            f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"
+            f" ({robot.n} joints)",
+            *([] if self.plan is None else [f"postures and targets by the plan {self.plan.path}"]),
+            *sentences,
+            *notes,
+            *_ranges_told(robot, joints),
+            *(f"note: {sentence}" for sentence in (*limits, *unknown_targets(self.header, names))),
+        ]
+        moved = rebased(self.header.robot, self.header_path.parent, Path(self.out).parent)
+        header = self.header.model_copy(update={"robot": moved})
+        if self.plan is not None:
+            about = {**header.provenance, "plan sha256": self.plan.sha256}
+            header = header.model_copy(update={"provenance": about})
+        return Imported(header, shots, understood)
+
+    def _planned(self, part: FileMeasurements, plan: Plan, file: int) -> FileMeasurements:
+        """The measurements of a file as those of the plan's postures: by their numbers, or in their order."""
+        count = len(plan.postures)
+        if part.numbers is None and file:
+            raise BadInput(
+                "measurements without numbers are in several files",
+                remedy="state one file, in the plan's order; or --header and --target instead of --plan",
+                file=part.path,
+            )
+        numbers = list(range(len(part.joints)) if part.numbers is None else part.numbers)
+        planned = plan.postures * plan.robot.display
+        near = np.where(plan.robot.display > 1, _NEAR_DEG, _NEAR_MM)
+        for i, (number, row) in enumerate(zip(numbers, part.joints, strict=True)):
+            line = None if part.lines is None else part.lines[i]
+            if number >= count:
+                raise BadInput(
+                    "there are more measurements than the plan has postures",
+                    found=f"measurement {number}",
+                    allowed=f"0 to {count - 1}",
+                    file=part.path,
+                    line=line,
+                )
+            off = np.abs(row - planned[number])
+            if (off > near).any():
+                joint = int(np.argmax(off / near))
+                raise BadInput(
+                    f"measurement {number} is not at the plan's posture {number}",
+                    found=f"joint {joint + 1} is {off[joint]:.1f} {plan.robot.joints[joint].unit} off",
+                    allowed=f"within {near[joint]:g} {plan.robot.joints[joint].unit}",
+                    remedy="import with the plan that was measured; measurements without numbers are in the"
+                    " plan's order, and none may be missing",
+                    file=part.path,
+                    line=line,
+                )
+        if np.abs(part.joints - planned[numbers]).max() < _SAME:
+            raise BadInput(
+                "these are the planned postures, not measured ones",
+                found=f"no joint differs from the plan by {_SAME:g}",
+                allowed="joints recorded with the beam on the target",
+                remedy="import what the program recorded, not the program; the beam must be centred first",
+                file=part.path,
+            )
+        return replace(part, numbers=numbers, targets=[plan.targets[number] for number in numbers])
+
+    def _shots(self, part: FileMeasurements, first: int) -> list[Shot]:
+        """Times of several files have no common start: only those of a single file are kept."""
+        times = part.times if len(self.paths) == 1 else None
+        columns = {
+            "shot": range(first, first + len(part.joints)) if part.numbers is None else part.numbers,
+            "target": part.targets,
+            "joints_deg": part.joints.tolist(),
+        }
+        if part.spots is not None:
+            columns["spot_mm"] = part.spots.tolist()
+        if times is not None:
+            columns["time_s"] = times.tolist()
+        shots = []
+        for i, row in enumerate(zip(*columns.values(), strict=True)):
+            line = None if part.lines is None else part.lines[i]
+            try:
+                shot = validate(Shot, dict(zip(columns, row, strict=True)), file=None, line=_nowhere)
+                check_shot(self.header, self.robot, shot, file=None, line=None)
+            except BadInput as error:
+                raise error.at(part.path, line) from None
+            shots.append(shot)
+        return shots
+
+    def _check_limits(self, part: FileMeasurements) -> None:
+        count = len(part.joints)
+        lines = part.lines or [0] * count
+        numbers = range(1, count + 1)
+        try:
+            check_limits(self.robot, part.joints, part.noun, numbers, lines, limits="error", file=None)
+        except BadInput as error:
+            raise error.at(part.path, error.line or None) from None
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Without the collector of circles: among millions of rows there are none, and it would visit all of them
+    again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _nowhere(_: KeyPath) -> None:
+    """The line of a value: `_shots` knows that of the whole row."""
+
+
+def matching(path: Path) -> list[Path]:
+    """The file, or those that its name stands for; BadInput without any."""
+    if not any(sign in path.name for sign in "*?[") or path.exists():
+        return [path]
+    paths = sorted(Path(name) for name in glob.glob(str(path)))
+    if not paths:
+        raise BadInput("no file matches", found=path.name, file=path)
+    return paths
+
+
+def _counted(shots: Sequence[Shot], part: FileMeasurements) -> str:
+    """'3 measurements of target 'a', numbered 0 to 2'."""
+    names = list(dict.fromkeys(part.targets))
+    plural = "s" if len(names) > 1 else ""
+    which = ", ".join(repr(name) for name in names)
+    numbers = [shot.shot for shot in shots]
+    return f"{len(shots)} measurements of target{plural} {which}, numbered {min(numbers)} to {max(numbers)}"
+
+
+def _numbered_once(shots: Sequence[Shot]) -> None:
+    twice = [number for number, times in Counter(shot.shot for shot in shots).items() if times > 1]
+    if twice:
+        raise BadInput(
+            "duplicate measurement number",
+            found=", ".join(map(str, twice[:10])),
+            allowed="each number once, over all files",
+            remedy="import without the column of numbers: measurements are then numbered from 0",
+        )
+
+
+def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:
+    return [
+        f"joint {i + 1} ({joint.name}): {joints[:, i].min():.2f} to {joints[:, i].max():.2f} {joint.unit}, "
+        f"limits {joint.lower * joint.display:.2f} to {joint.upper * joint.display:.2f}"
+        for i, joint in enumerate(robot.joints)
+    ]
+
+
+class Point(NamedTuple):
+    """A point of the file: degrees (mm if prismatic), or None where it is Cartesian or was not taught.
+
+    `number` is that of the posture of a plan, where a program of zerobeam recorded the point.
+    """
+
+    name: str
+    joints: tuple[float, ...] | None
+    line: int
+    number: int | None = None
+
+
+def import_points(
+    job: ImportJob,
+    parse: Callable[[str, Path], list[Point]],
+    *,
+    names: Sequence[str] | None,
+    j3: J3 | None = None,
+    vendor: str | None = None,
+    note: str,
+) -> Imported:
+    """Measurements at the points of files, as `parse` (text, path) reads them; `names` selects some.
+
+    `j3` says what joint 3 is counted from, by default the robot file, which must for arms of some makers
+    (`vendor`, if the robot file names none). BadInput for a point without joint values.
+    """
+    pendant = pendant_of(job.robot, j3, vendor)
+    parts = []
+    for path, target in zip(job.paths, job.targets(), strict=True):
+        points = _chosen(parse(read_text(path)[0], path), names, path)
+        rows = [_joints(point, job.robot, path) for point in points]
+        joints = pendant.between_links(np.array(rows))
+        listed = f"  points in their order: {', '.join(point.name for point in points)}"
+        lines = [point.line for point in points]
+        numbers = [point.number for point in points if point.number is not None]
+        parts.append(
+            FileMeasurements(
+                path,
+                "point",
+                joints,
+                [target] * len(points),
+                lines=lines,
+                numbers=numbers if len(numbers) == len(points) else None,
+                notes=[listed],
+            )
+        )
+    return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
+
+
+def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) -> list[Point]:
+    known = [point.name for point in points]
+    if not points:
+        raise BadInput("no measurements found: the file has no points", file=path)
+    if names is None:
+        return list(points)
+    for name in names:
+        if name not in known:
+            raise BadInput(
+                "there is no point of this name",
+                found=name,
+                allowed=", ".join(known),
+                remedy=did_you_mean(name, known),
+                file=path,
+            )
+    return [points[known.index(name)] for name in dict.fromkeys(names)]
+
+
+def _joints(point: Point, robot: Robot, path: Path) -> tuple[float, ...]:
+    if point.joints is None:
+        raise BadInput(
+            f"point {point.name} has no joint values",
+            found="a Cartesian position, or one that was not taught",
+            allowed="joint values: the configuration of the arm is not guessed",
+            remedy="show it as joints on the controller and save again, or name the points to use (--points)",
+            file=path,
+            line=point.line,
+        )
+    joints = without_unused(point.joints, robot)
+    require_joint_count(joints, robot, f"point {point.name}", path, point.line)
+    return joints
+
+
+def without_unused(joints: tuple[float, ...], robot: Robot) -> tuple[float, ...]:
+    """Without the zeros at the end, of axes that the robot does not have."""
+    return joints if any(joints[robot.n :]) else joints[: robot.n]

@@ -1,0 +1,367 @@
+"""Corrections of a program's targets: the calibrated arm then reaches what they mean.
+
+A target means the pose of the flange that the nominal arm has there: the controller computes with nominal
+kinematics. The calibrated arm reaches that pose at other joints, which inverse kinematics finds near the
+nominal ones less the offsets. They are what has to be commanded: as they are, or as the pose that the nominal
+arm has at them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...model.arrays import Matrix
+from ...model.files.limits import beyond_limits
+from ...model.files.robot_file import load_robot
+from ...model.kinematics.branches import Branch, Branches
+from ...model.kinematics.inverse import Solver, is_singular, reach
+from ...model.kinematics.orientation import from_rotation_vector, orientation
+from ...model.kinematics.robot import Robot, same_arm, shift
+from .program_parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
+
+_FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
+_CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far
+_SAME_POSTURE = 0.01  # deg
+_ASIDE = 0.05  # rad
+_JUMP = np.pi / 2  # rad (mm) from one of them to the next: more is another posture
+_FLANGE_OF_IRB1600 = 65.0  # mm
+_ON_THE_WAY = 24  # poses of a linear motion that are followed
+
+
+class _Unsolved(Exception):
+    """A target that cannot be corrected; the sentence says why."""
+
+
+def up_to_flange(robot: Robot, nominal: Robot) -> Robot:
+    """The arm up to what its controller calls the flange: that of the paper ends at the wrist's centre."""
+    if not same_arm(nominal, load_robot("irb1600")):
+        return robot
+    return replace(robot, flange=robot.flange @ shift(z=_FLANGE_OF_IRB1600))
+
+
+@dataclass(frozen=True, eq=False)
+class Arms:
+    """The arm that the controller computes with, the calibrated one, the offsets between (n,), rad or mm;
+    `up` as of `Branches`."""
+
+    nominal: Robot
+    calibrated: Robot
+    offsets: Matrix
+    up: int
+
+    @cached_property
+    def solver(self) -> Solver:
+        return Solver(self.nominal)
+
+    @cached_property
+    def branches(self) -> Branches | None:
+        branches = Branches(self.nominal, self.up)
+        return branches if branches.exist else None
+
+    def branch(self, joints: Matrix) -> Branch | None:
+        """The branch of joints in degrees."""
+        return None if self.branches is None else self.branches.of(joints)
+
+    def commanded(self, joints: Matrix) -> Matrix:
+        """The joints, degrees (mm), at which the calibrated arm has the flange where the nominal one has it
+        at `joints`: those to command."""
+        display = self.nominal.display
+        start = joints / display - self.offsets
+        reached, arrived = reach(self.calibrated, self.nominal.fk(joints), start[None])
+        result = np.asarray(reached[0] * display)
+        if not arrived[0] or np.abs(result - start * display).max() > _FAR:
+            raise _Unsolved("the calibrated arm does not reach it near the joints that it has there")
+        beyond = [
+            f"joint {i}: {value:.3f} {joint.unit}"
+            for i, (value, joint, outside) in enumerate(
+                zip(result.tolist(), self.nominal.joints, beyond_limits(self.nominal, result), strict=True),
+                start=1,
+            )
+            if outside
+        ]
+        if beyond:
+            raise _Unsolved(f"the corrected joints are beyond their limits ({', '.join(beyond)})")
+        return result
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """The edits of a program, and how far its targets move: degrees (mm) of a joint, mm of a pose.
+
+    `changed` are names of targets whose configuration changes, `nearest` those whose configuration was taken
+    from the joints nearest to known ones.
+    """
+
+    edits: list[Edit]
+    joint_targets: int
+    poses: int
+    most_joint: float
+    most_mm: float
+    changed: list[str]
+    nearest: list[str]
+
+
+def correct_targets(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrections:
+    """All targets of a program corrected; what cannot be is added to its problems."""
+    work = _Corrector(arms, near, parsed)
+    for motion in parsed.motions:
+        work.go(motion)
+    for target in parsed.targets.values():
+        work.solved(target)
+    return Corrections(
+        work.edits,
+        sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
+        sum(isinstance(target, PoseTarget) for target in parsed.targets.values()),
+        work.most_joint,
+        work.most_mm,
+        work.changed,
+        list(dict.fromkeys(work.nearest)),
+    )
+
+
+class _Corrector:
+    def __init__(self, arms: Arms, near: Matrix | None, parsed: Parsed) -> None:
+        self.arms, self.near, self.parsed = arms, near, parsed
+        self.edits: list[Edit] = []
+        self.most_joint = self.most_mm = 0.0
+        self.changed: list[str] = []
+        self.nearest: list[str] = []
+        self._joints: dict[str, Matrix | None] = {}
+        self._last: Matrix | None = None
+        self._linear = False
+        self._commanded: dict[str, Matrix] = {}
+        self._start: str | None = None  # the target of the motion before
+        self._near_motion: Matrix | None = None
+
+    def go(self, motion: Motion) -> None:
+        """Solve the target of a motion, from where the arm is before it."""
+        if motion.first:
+            self._last = self._start = None
+        if motion.name is None:
+            self._last = self._start = None
+            return
+        target = self.parsed.targets[motion.name]
+        before, self._linear, self._near_motion = self._last, motion.linear, motion.near
+        start, self._start = self._start, motion.name
+        self._last = self._reached(target, motion)
+        self._linear, self._near_motion = False, None
+        if self._last is None or self.arms.branches is None:
+            return
+        changes = before is not None and self.arms.branch(before) != self.arms.branch(self._last)
+        if motion.unchecked:
+            self._require_kept(motion, start)
+        elif motion.linear and changes:
+            self.parsed.problems.append(
+                (
+                    motion.line,
+                    f"the linear motion to {motion.name} would change the arm's configuration, which it"
+                    " cannot: its stated configuration is not the one that the arm has there",
+                )
+            )
+
+    def _require_kept(self, motion: Motion, start: str | None) -> None:
+        """The arm keeps its branch in a motion of which the controller ignores the configuration: the target
+        `start` and that of the motion must have one, as they are meant, and as they are commanded.
+
+        From a start that is not known the branch is that of the target as it is meant, or the language has
+        refused the motion.
+        """
+        assert motion.name is not None
+        for joints in (self._joints, self._commanded):
+            begin, end = joints.get(start or ""), joints.get(motion.name)
+            if end is None or (start is not None and begin is None):
+                return
+            kept = self._branch(begin if begin is not None else self._meant(motion.name))
+            if self._branch(end) != kept:
+                what = "would change the arm's configuration, which it keeps"
+            elif begin is not None and motion.linear and not self._smooth(begin, end):
+                what = "passes a singularity, behind which the arm's configuration is not known"
+            else:
+                continue
+            by = "as it is" if joints is self._joints else "with the corrected targets"
+            self.parsed.problems.append((motion.line, f"{by}, the motion to {motion.name} {what}"))
+            return
+
+    def _meant(self, name: str) -> Matrix:
+        joints = self._joints[name]
+        assert joints is not None
+        return joints
+
+    def _smooth(self, begin: Matrix, end: Matrix) -> bool:
+        """Whether the arm gets from joints to others, degrees, by a straight line of the flange.
+
+        Where all poses on the way have joints near those of the pose before, the arm ends at the last.
+        """
+        nominal, share = self.arms.nominal, np.linspace(0, 1, _ON_THE_WAY + 1)
+        first = begin / nominal.display
+        last = self.arms.solver.nearest_turns(end / nominal.display, first)
+        poses = self._line(nominal.fk(begin), nominal.fk(end), share[1:-1])
+        between, arrived = reach(nominal, poses, first + share[1:-1, None] * (last - first))
+        rows = np.array([first, *between, last])
+        jumps = np.remainder(np.diff(rows, axis=0) + np.pi, 2 * np.pi) - np.pi
+        return bool(arrived.all() and np.abs(jumps).max() < _JUMP)
+
+    def solved(self, target: Target) -> Matrix | None:
+        """The joints of the target as the program means it, degrees; None where they are not known."""
+        if target.name not in self._joints:
+            try:
+                self._joints[target.name] = self._solve(target)
+            except _Unsolved as error:
+                self._joints[target.name] = None
+                self.parsed.problems.append((target.line, f"{target.name}: {error}"))
+        return self._joints[target.name]
+
+    def _reached(self, target: Target, motion: Motion) -> Matrix | None:
+        """The joints at the end of a motion, degrees. A pose without configuration may have others at each
+        use, and then has no correction."""
+        first_use = target.name not in self._joints
+        joints = self.solved(target)
+        if first_use or joints is None or not isinstance(target, PoseTarget) or target.matches is not None:
+            return joints
+        try:
+            again = self._chosen(target, target.frame @ target.pose @ np.linalg.inv(target.tool))
+        except _Unsolved as error:
+            self.parsed.problems.append((motion.line, f"{target.name}: {error}"))
+            return None
+        apart = np.abs((again - joints + 180) % 360 - 180).max()
+        if apart > _SAME_POSTURE:
+            self.parsed.problems.append(
+                (motion.line, f"{target.name} is reached in another configuration here than before")
+            )
+        return again
+
+    def _solve(self, target: Target) -> Matrix:
+        arms = self.arms
+        if isinstance(target, JointTarget):
+            commanded = self._commanded[target.name] = arms.commanded(target.joints)
+            self.most_joint = max(self.most_joint, float(np.abs(commanded - target.joints).max()))
+            self.edits += target.write(commanded)
+            return target.joints
+        flange = target.frame @ target.pose @ np.linalg.inv(target.tool)
+        joints = self._chosen(target, flange)
+        commanded = self._commanded[target.name] = arms.commanded(joints)
+        pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
+        self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
+        branch = arms.branch(commanded)
+        if branch != arms.branch(joints):
+            self.changed.append(target.name)
+        self.edits += target.write(np.asarray(pose), branch, commanded)
+        return joints
+
+    def _chosen(self, target: PoseTarget, flange: Matrix) -> Matrix:
+        if self.arms.nominal.n != 6:
+            raise _Unsolved(f"a pose does not determine the {self.arms.nominal.n} joints of this arm")
+        display = self.arms.nominal.display
+        if target.matches is not None:
+            if self.arms.branches is None:
+                raise _Unsolved("configurations are known of arms with a spherical wrist only; state --near")
+            rows = self._matching_nearby(target, flange)
+            for thorough in (False, True):
+                if not len(rows):
+                    rows = self._matching(target, flange, thorough)
+            if len(rows) and all(self.arms.solver.same(rows[0] / display, other) for other in rows / display):
+                self._require_isolated(flange, rows[0])
+                near = next((each for each in (self._last, self.near) if each is not None), rows[0])
+                return np.asarray(rows[np.argmin(np.abs(rows - near).max(axis=1))])
+            if len(rows):
+                raise _Unsolved(
+                    f"several sets of joints have the stated configuration {target.configuration}"
+                )
+            if self.near is None:
+                raise _Unsolved(
+                    "no joints within the limits reach it with the stated configuration"
+                    f" {target.configuration}"
+                )
+            return self._nearest(target, flange, (self.near,))
+        return self._nearest(target, flange, (self._near_motion, self._last, self.near))
+
+    def _require_isolated(self, flange: Matrix, joints: Matrix) -> None:
+        """At a singularity a configuration has many sets of joints, and the controller's choice is not known:
+        from joints that are moved along the singular direction the arm stays away from these."""
+        nominal, row = self.arms.nominal, joints / self.arms.nominal.display
+        if not is_singular(nominal, row):
+            return
+        direction = np.linalg.svd(nominal.jacobian(row, "rad"))[2][-1]
+        others, arrived = reach(nominal, flange, row + _ASIDE * np.array([[1.0], [-1.0]]) * direction)
+        if any(not self.arms.solver.same(row, other) for other in others[arrived]):
+            raise _Unsolved(
+                "it is at a singularity, where many sets of joints reach it; replace it by a joint target"
+            )
+
+    def _matching_nearby(self, target: PoseTarget, flange: Matrix) -> Matrix:
+        """Joints near those of the motion before: off singularities a configuration has one solution only."""
+        nominal = self.arms.nominal
+        if self._last is None:
+            return np.empty((0, nominal.n))
+        reached, arrived = reach(nominal, flange, (self._last / nominal.display)[None])
+        if not arrived[0] or is_singular(nominal, reached[0]):
+            return np.empty((0, nominal.n))
+        return self._with_stated(target, reached)
+
+    def _matching(self, target: PoseTarget, flange: Matrix, thorough: bool) -> Matrix:
+        return self._with_stated(target, self.arms.solver.solutions(flange, thorough=thorough))
+
+    def _with_stated(self, target: PoseTarget, solutions: Matrix) -> Matrix:
+        """The solutions, with their whole turns, that have the stated configuration; degrees."""
+        solver, display = self.arms.solver, self.arms.nominal.display
+        rows = [row * display for solution in solutions for row in solver.with_turns(solution)]
+        assert target.matches is not None
+        return np.array([row for row in rows if target.matches(self._branch(row), row)]).reshape(
+            -1, self.arms.nominal.n
+        )
+
+    def _branch(self, joints: Matrix) -> Branch:
+        branch = self.arms.branch(joints)
+        assert branch is not None
+        return branch
+
+    def _nearest(self, target: PoseTarget, flange: Matrix, known: Sequence[Matrix | None]) -> Matrix:
+        """The joints nearest to the first that are `known`, degrees."""
+        near = next((each for each in known if each is not None), None)
+        if near is None:
+            raise _Unsolved("nothing says in which configuration the arm reaches it; state --near")
+        solver, display = self.arms.solver, self.arms.nominal.display
+        if self._linear and self._last is not None and near is self._last:
+            return self._followed(flange, near)
+        reached, arrived = reach(self.arms.nominal, flange, (near / display)[None])
+        rows = [*reached[arrived], *solver.solutions(flange)]
+        unique: list[Matrix] = []
+        for row in rows:
+            turned = solver.nearest_turns(row, near / display)
+            if not any(np.abs(turned - other).max() < 1e-4 for other in unique):
+                unique.append(turned)
+        if not unique:
+            raise _Unsolved("the arm does not reach it")
+        apart = [float(np.linalg.norm(row - near / display)) for row in unique]
+        order = np.argsort(apart)
+        if len(order) > 1 and apart[order[1]] < _CLEAR * apart[order[0]]:
+            raise _Unsolved(
+                "two configurations of the arm are about as near to the joints before it; state --near, or a"
+                " joint target before it"
+            )
+        if apart[order[0]] > np.radians(_SAME_POSTURE):  # else the known joints reach it themselves
+            self._require_isolated(flange, unique[order[0]] * display)
+        self.nearest.append(target.name)
+        return np.asarray(unique[order[0]] * display)
+
+    def _followed(self, flange: Matrix, start: Matrix) -> Matrix:
+        """The joints at the end of a linear motion, degrees, from those at its start."""
+        nominal = self.arms.nominal
+        joints = start / nominal.display
+        for pose in self._line(nominal.fk(start), flange, np.linspace(0, 1, _ON_THE_WAY + 1)[1:]):
+            reached, arrived = reach(nominal, pose, joints[None])
+            if not arrived[0]:
+                raise _Unsolved("the arm does not reach it in a straight line from the target before")
+            joints = reached[0]
+        return np.asarray(joints * nominal.display)
+
+    def _line(self, begin: Matrix, end: Matrix, shares: Matrix) -> Matrix:
+        """(N, 4, 4) poses on the straight line between two."""
+        turn = np.array(orientation(end[:3, :3] @ begin[:3, :3].T).rotation_vector)
+        poses = np.array([from_rotation_vector((0, 0, 0, *(share * turn))) @ begin for share in shares])
+        poses[:, :3, 3] = begin[:3, 3] + shares[:, None] * (end[:3, 3] - begin[:3, 3])
+        return poses

@@ -1,0 +1,125 @@
+"""Universal Robots: zeros of joints, factory calibrations, URScript, RTDE recordings."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from ..maker import (
+    Decimal,
+    KnownLog,
+    Maker,
+    MarkerColumn,
+    OffsetFile,
+    Option,
+    PlanProgram,
+    ProgramFiles,
+    Reader,
+    StillDeg,
+    StillSeconds,
+    require_vendor,
+)
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ....model.files.run import Run
+    from ..calibration import RobotCalibration
+    from ..generic.csv_file import CsvLayout
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+_ABOUT = [
+    "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",
+    "manual. For each joint below: bring it to the position in the column 'drive to', as the",
+    "pendant shows it, and set its zero there. Afterwards the joint is truly at 0 where it shows 0.",
+    "The arm's factory calibration (calibration.yaml) stays valid: it describes the links.",
+]
+
+
+def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
+    """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
+    from ....model.kinematics.pendant import require_link_encoder
+    from ..sheets import sheet_text
+
+    require_vendor(run.robot, "universal-robots", "this sheet")
+    require_link_encoder(run.robot, "this sheet")
+    table = ["joint  offset deg   drive to (pendant, deg), set zero there"]
+    for i, offset in enumerate(calibration.offsets, start=1):
+        if offset.exported:
+            table.append(f"J{i}   {offset.applied:+11.6f}   {-offset.applied:+11.6f}")
+        else:
+            table.append(f"J{i}   {'-':>11}   leave it as it is")
+    return sheet_text(calibration, _ABOUT, table)
+
+
+def _calibration(
+    run: "Run",
+    calibration: "RobotCalibration",
+    against: Annotated[
+        Path | None,
+        Option("The arm's present calibration.yaml: its hash is kept, which ROS compares with the robot's."),
+    ] = None,
+) -> str:
+    """Universal Robots: a corrected calibration.yaml for ROS, of offsets, link lengths and angles."""
+    from .kinematics import ur_calibration_text
+
+    return ur_calibration_text(run, calibration, against)
+
+
+def _urscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .urscript_program import urscript_program
+
+    return {file: urscript_program(plan, motion)}
+
+
+def _rtde(joints: int) -> "CsvLayout":
+    """`record.py` of the RTDE client: blanks between values, q in rad, time in s."""
+    from ..generic.csv_file import CsvLayout
+
+    columns = tuple(f"actual_q_{i}" for i in range(joints))
+    return CsvLayout(
+        "rad", header_row=True, columns=columns, delimiter=" ", time_column="timestamp", time_units="s"
+    )
+
+
+def _read(
+    job: "ImportJob",
+    still_deg: StillDeg = None,
+    still_s: StillSeconds = None,
+    delimiter: Annotated[str | None, Option("Delimiter of a recording, if not the usual one.")] = None,
+    decimal: Decimal = ".",
+    marker_column: MarkerColumn = None,
+) -> "Imported":
+    """Universal Robots: what a plan's program has recorded, or RTDE recordings, by where the arm dwells."""
+    from ..generic.csv_file import import_log
+    from ..generic.dwells import Stillness
+    from ..joint_text import import_program_log
+
+    if still_deg is None and still_s is None:
+        return import_program_log(job, source="URScript")
+    still = Stillness.required(still_deg, still_s)
+    return import_log(
+        _rtde, job, still=still, delimiter=delimiter, decimal=decimal, marker_column=marker_column
+    )
+
+
+def _urscript() -> "Language":
+    from .urscript_targets import URSCRIPT
+
+    return URSCRIPT
+
+
+MAKER = Maker(
+    "Universal Robots",
+    "universal-robots",
+    r"ur ?\d+ ?e?|universal robots?",
+    offsets=(OffsetFile("ur", _sheet), OffsetFile("ur-calibration", _calibration, holds="links")),
+    program=(
+        PlanProgram(
+            "urscript", "urscript (Universal Robots)", _urscript_program, ("speed", "zone", "listener")
+        ),
+    ),
+    read=(Reader("universal-robots", _read, "Logs of a plan's program, or RTDE recordings (.csv)."),),
+    logs=(KnownLog("ur", "RTDE recording", _rtde),),
+    correct=(ProgramFiles("URScript", ".script (URScript)", (".script", ".urscript"), _urscript),),
+)

@@ -1,0 +1,251 @@
+"""The factory calibration of a Universal Robots arm, as a robot file of that arm.
+
+Two public forms are read:
+
+- `calibration.conf`, as the controller keeps it: `delta_theta`, `delta_a`, `delta_d`, `delta_alpha`, six
+  numbers each, radians and metres, to be added to the nominal Denavit-Hartenberg rows. Axes 2 to 4 are nearly
+  parallel, so that `delta_d` may be many metres; such rows are exact and useless to a person.
+- the YAML of the ROS package `ur_calibration`: origin and roll, pitch, yaw of each joint, metres and radians.
+
+Both are chains of axes, and are written as rows near the nominal ones, with `beta_deg` where axes are nearly
+parallel.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....model.arrays import Matrix
+from ....model.errors import BadInput
+from ....model.files.header import UrdfRef
+from ....model.files.reading import did_you_mean, read_text, read_yaml
+from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
+from ....model.files.run import Run
+from ....model.files.urdf import MILLIMETRES
+from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
+from ....model.kinematics.robot import DHRow, Robot, dh_chain, shift
+from ..calibration import RobotCalibration
+from ..generic.robot_rows import corrected_table, rows_text
+from ..maker import one_line, require_vendor
+
+DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
+LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
+_POSTURES = 400
+_LARGEST = 1e6  # m, rad: `delta_d` of nearly parallel axes may be kilometres
+_FARTHEST = 50.0  # mm at the flange: a calibrated arm is nearer to its nominal geometry
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedArm:
+    """`nominal_file` is that of the nominal robot, `robot` the calibrated arm; `apart_mm` are the root mean
+    square and the largest distance between both flanges, over random postures."""
+
+    nominal_file: RobotFile
+    robot: Robot
+    apart_mm: tuple[float, float]
+
+
+def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
+    """The arm `name` (a built-in UR) with the calibration of the file; BadInput if it is of no such arm."""
+    known = [each for each in built_in_robots() if load_robot(each).vendor == "universal-robots"]
+    if name not in known:
+        raise BadInput(
+            "the calibration is of another vendor's robot, or there is no such robot",
+            found=name,
+            allowed=", ".join(known),
+            remedy=did_you_mean(name, known),
+        )
+    file, nominal = stated_rows(name, Path()), load_robot(name)
+    text, _ = read_text(path)
+    chain = _deltas(text, path, file) if "delta_" in text else _transforms(path)
+    robot = _along_axes(_as_chain(nominal, *chain), nominal)
+    rms, most = flanges_apart(robot, nominal)
+    if most > _FARTHEST:
+        raise BadInput(
+            f"this is not the calibration of a {file.model}",
+            found=f"its flange would be up to {most:.0f} mm from that of the nominal arm",
+            allowed=f"up to {_FARTHEST:.0f} mm",
+            remedy=f"state the right --robot: {', '.join(known)}",
+            file=path,
+        )
+    return CalibratedArm(file, robot, (rms, most))
+
+
+def flanges_apart(one: Robot, other: Robot) -> tuple[float, float]:
+    """mm between the flanges of two arms in the same joints, over random ones: root mean square and
+    largest."""
+    joints = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, one.n))
+    apart = np.linalg.norm((one.fk(joints, "rad") - other.fk(joints, "rad"))[:, :3, 3], axis=1)
+    return float(np.sqrt(np.mean(apart**2))), float(apart.max())
+
+
+def ros_chain(nominal: Robot, path: Path) -> Robot:
+    """`nominal` with the transforms of a YAML of ROS's ur_calibration; BadInput where it is none."""
+    return _as_chain(nominal, *_transforms(path))
+
+
+def _deltas(text: str, path: Path, file: RobotFile) -> tuple[list[Matrix], Matrix]:
+    deltas: dict[str, list[float]] = {}
+    for key in DELTAS:
+        match = re.search(rf"^[ \t]*{key}\s*=\s*\[([^\]]*)\]", text, re.MULTILINE)
+        try:
+            values = [] if match is None else [float(part) for part in match[1].split(",")]
+        except ValueError:
+            values = []
+        if len(values) != len(file.joints) or not all(abs(value) <= _LARGEST for value in values):
+            raise BadInput(
+                f"the calibration has no {key}" if match is None else f"{key} cannot be used",
+                found=None if match is None else match[1].strip(),
+                allowed=f"{key} = [six numbers], as in the controller's calibration.conf",
+                file=path,
+            )
+        deltas[key] = values
+    rows = [
+        DHRow(
+            row.a + deltas["delta_a"][i] * MILLIMETRES,
+            row.alpha + deltas["delta_alpha"][i],
+            row.d + deltas["delta_d"][i] * MILLIMETRES,
+            row.theta + deltas["delta_theta"][i],
+        )
+        for i, row in enumerate(joint.row for joint in file.joints)
+    ]
+    return dh_chain(rows, file.convention)
+
+
+def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
+    document = read_yaml(path)
+    links: Any = document.data.get("kinematics")
+    if not isinstance(links, Mapping):
+        raise BadInput(
+            "this is no calibration of a UR",
+            allowed="calibration.conf of the controller (delta_theta, delta_a, …), or the YAML of ROS's"
+            " ur_calibration (kinematics: shoulder: …)",
+            file=path,
+        )
+    chain = []
+    for name in LINKS:
+        link = links.get(name)
+        values: list[Any] = [None]
+        if isinstance(link, Mapping):
+            values = [link.get(key) for key in PLACE]
+        if not all(isinstance(value, int | float) and abs(value) <= _LARGEST for value in values):
+            raise BadInput(
+                f"the calibration has no {name}, or it is incomplete",
+                allowed=f"{name}: {{{', '.join(PLACE)}}}, metres and radians",
+                file=path,
+                line=document.line(("kinematics",)),
+            )
+        x, y, z, *turns = values
+        origin = shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES)
+        chain.append(origin @ roll_pitch_yaw(*turns))
+    return chain, np.eye(4)
+
+
+def _as_chain(nominal: Robot, fixed: list[Matrix], flange: Matrix) -> Robot:
+    joints = tuple(replace(joint, fixed=each) for joint, each in zip(nominal.joints, fixed, strict=True))
+    return replace(nominal, joints=joints, flange=flange)
+
+
+def _along_axes(robot: Robot, nominal: Robot) -> Robot:
+    """The same arm, its joints' origins moved along their axes to where they are nearest to the nominal."""
+    here, there, before = np.eye(4), np.eye(4), np.eye(4)
+    fixed = []
+    for joint, theirs in zip(robot.joints, nominal.joints, strict=True):
+        here, there = here @ joint.fixed, there @ theirs.fixed
+        along = float(here[:3, 2] @ (there[:3, 3] - here[:3, 3]))
+        moved = here @ shift(z=along)
+        fixed.append(np.asarray(np.linalg.inv(before) @ moved))
+        before = moved
+    flange = np.asarray(np.linalg.inv(before) @ here @ robot.flange)
+    return _as_chain(robot, fixed, flange)
+
+
+_ROUNDING = 1e-7  # rad, and mm over a metre
+_SAME_ARM = 0.01  # mm at the flange
+_OWN_HASH = "zerobeam_corrected"
+
+
+def ur_calibration_text(run: Run, calibration: RobotCalibration, against: Path | None) -> str:
+    """The text of the file. `against` is the arm's present file: its hash is kept, and the run must have been
+    analysed with the arm that it describes.
+
+    BadInput for another vendor's arm, and for a link behind the last joint that the file has no place for.
+    """
+    robot = calibration.corrected
+    require_vendor(run.robot, "universal-robots", "calibration.yaml")
+    if robot.n != len(LINKS) or any(not np.allclose(joint.axis, (0, 0, 1)) for joint in robot.joints):
+        raise BadInput(
+            "calibration.yaml is for arms of six joints that turn about their z axes",
+            found=f"{robot.name}, {robot.n} joints",
+            allowed="a built-in UR, or a robot file of one",
+        )
+    hashed = _OWN_HASH if against is None else _hash(run, against)
+    lines = [f"# {line}" for line in calibration.head]
+    lines += [
+        "# For ROS: kinematics_params_file:=THIS_FILE of ur_robot_driver. The robot's own controller does",
+        "# not read it, and keeps its calibration.",
+        "kinematics:",
+    ]
+    for name, transform in zip(LINKS, _joint_transforms(run, robot), strict=True):
+        x, y, z = (transform[:3, 3] / MILLIMETRES).tolist()
+        values = (x, y, z, *angles_of(transform[:3, :3]))
+        lines.append(f"  {name}:")
+        lines += [f"    {key}: {value + 0.0!r}" for key, value in zip(PLACE, values, strict=True)]
+    return "\n".join([*lines, f"  hash: {one_line(hashed)}", ""])
+
+
+def _joint_transforms(run: Run, robot: Robot) -> list[Matrix]:
+    """(4, 4) of each joint, its origin moved along its axis to where the file has it."""
+    ref = run.header.robot
+    along = [0.0] * robot.n
+    if not isinstance(ref, UrdfRef):
+        along = [joint.d_mm for joint in stated_rows(ref, run.path.parent).joints]
+    transforms: list[Matrix] = []
+    before = np.eye(4)
+    for joint, length in zip(robot.joints, along, strict=True):
+        transforms.append(np.asarray(before @ joint.fixed @ shift(z=length)))
+        before = shift(z=-length)
+    rest = before @ robot.flange
+    # What is about and along the last axis changes places with the joint.
+    if np.abs(rest[:2, 3]).max() > _ROUNDING * MILLIMETRES or np.abs(rest[:2, 2]).max() > _ROUNDING:
+        raise BadInput(
+            "calibration.yaml has no place for what is behind the last joint",
+            found="a link or flange that is not along the axis of joint 6",
+            allowed="the geometry of links 1 to 5",
+            remedy="exclude it by name (--without link6.alpha …), or zerobeam export urdf",
+        )
+    transforms[-1] = np.asarray(transforms[-1] @ rest)
+    return transforms
+
+
+def _hash(run: Run, against: Path) -> str:
+    _, most = flanges_apart(ros_chain(run.robot, against), run.robot)
+    if most > _SAME_ARM:
+        raise BadInput(
+            "the run was analysed with another arm than the one that this calibration describes",
+            found=f"flanges up to {most:.3f} mm apart",
+            allowed=f"up to {_SAME_ARM} mm",
+            remedy="zerobeam import ur-calibration makes a robot file of it: name that as robot of the run",
+            file=against,
+        )
+    present = read_yaml(against).data["kinematics"].get("hash")
+    return _OWN_HASH if present is None else str(present)
+
+
+def calibrated_text(arm: CalibratedArm, source: Path) -> str:
+    """The robot file of a calibrated arm: rows near the nominal ones, exact for its chain."""
+    rms, most = arm.apart_mm
+    head = [
+        f"{arm.nominal_file.model} with the factory calibration of {source.name}.",
+        f"Its flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal arm.",
+    ]
+    return rows_text(
+        [one_line(line) for line in head], arm.nominal_file, corrected_table(arm.nominal_file, arm.robot)
+    )

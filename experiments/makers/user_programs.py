@@ -1,0 +1,273 @@
+"""A whole program for the arm whose offsets were found: its targets corrected, every other byte as it was.
+
+Nothing is written unless every motion of the program is understood: a program that is corrected in part moves
+the arm to places that nobody has meant.
+"""
+
+from __future__ import annotations
+
+import re
+from codecs import BOM_UTF8
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...model.arrays import Matrix
+from ...model.errors import BadInput
+from ...model.files.reading import read_bytes
+from ...model.files.robot_file import Vendor
+from ...model.kinematics.orientation import stated_numbers
+from ...model.kinematics.pendant import Pendant, pendant_of
+from ...model.kinematics.robot import J3, Robot
+from ...words.wording import listed
+from .calibration import RobotCalibration
+from .maker import ProgramFiles, one_line, program_languages, require_vendor
+from .plan_programs import require_axes
+from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
+from .solving import Arms, Corrections, correct_targets, up_to_flange
+
+MARK = "zerobeam export program"  # in the head of what was corrected once
+_SHOWN = 8  # problems of a program that are named
+_REMARK = 32  # characters of a FANUC remark
+
+
+@dataclass(frozen=True)
+class ProgramOptions:
+    """Options of the command, as they were typed."""
+
+    tools: Sequence[str] = ()
+    frames: Sequence[str] = ()
+    leave: Sequence[str] = ()
+    near: str | None = None
+    j3: J3 | None = None
+    calls: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class CorrectedProgram:
+    """The files of the corrected program, and sentences about what was corrections and what was not."""
+
+    files: dict[Path, bytes]
+    notes: list[str]
+
+
+def program_files_of(path: Path) -> tuple[ProgramFiles, Vendor]:
+    """The language of a program and its maker, by the end of the file's name."""
+    suffix = path.suffix.lower()
+    for files, vendor in program_languages():
+        if suffix in files.endings:
+            return files, vendor
+    raise BadInput(
+        "the file ending is of no language that is read here",
+        found=path.name,
+        allowed=", ".join(files.about for files, _ in program_languages()),
+        file=path,
+    )
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files of the program: of KRL the .src and the .dat of one name, as far as they are there."""
+    suffix, (language, _) = path.suffix.lower(), program_files_of(path)
+    if not language.paired:
+        return [path]
+    others = (
+        [other for other in path.parent.iterdir() if other.stem == path.stem] if path.parent.is_dir() else []
+    )
+    paths = [path, *(other for other in others if other.suffix.lower() in {*language.paired} - {suffix})]
+    return sorted(paths, key=lambda each: language.paired.index(each.suffix.lower()))
+
+
+def corrected_program(
+    nominal: Robot,
+    calibration: RobotCalibration,
+    path: Path,
+    out: Path,
+    choices: ProgramOptions | None = None,
+) -> CorrectedProgram:
+    """The program `path` with corrected targets, for `out`.
+
+    BadInput for another vendor's robot, for a program that was corrected before, and for one with
+    motions that are not understood: then all of them are named.
+    """
+    files_of_language, vendor = program_files_of(path)
+    language, choices = files_of_language.language(), choices or ProgramOptions()
+    note = require_vendor(nominal, vendor, f"a program in {language.name}")
+    require_axes(nominal, 6, f"a program in {language.name}")
+    if out.suffix.lower() != path.suffix.lower():
+        raise BadInput(
+            "the corrected program has another file ending", found=out.name, allowed=f"*{path.suffix}"
+        )
+    paths = files_of(path)
+    texts = [_text(each) for each in paths]
+    # The .dat begins on a line of its own.
+    parts = [text if text.endswith("\n") else text + "\n" for text in texts]
+    facts = _facts(language, nominal, choices)
+    source = Source("".join(parts), nominal, facts)
+    parsed = language.targets(source)
+    arms = Arms(
+        up_to_flange(nominal, nominal),
+        up_to_flange(calibration.corrected, nominal),
+        np.array([offset.internal for offset in calibration.offsets]),
+        language.up,
+    )
+    corrections = correct_targets(parsed, arms, facts.near)
+    _claim_all(language, source, parsed)
+    if parsed.problems:
+        raise _not_understood(parsed, parts, paths)
+    facts.check_names()
+    if not parsed.targets:
+        raise BadInput(
+            "the program has no targets to correct", file=path, allowed="joint and Cartesian targets"
+        )
+    notes = [*_summary(calibration, parsed, corrections, choices), *([] if note is None else [note])]
+    ends = np.cumsum([0, *map(len, parts)])
+    files = {}
+    for each, text, start in zip(paths, texts, ends.tolist(), strict=False):
+        edits = [
+            Edit(edit.start - start, edit.end - start, edit.text)
+            for edit in corrections.edits
+            if start <= edit.start < start + len(text)
+        ]
+        name = out if each == path else out.with_suffix(each.suffix)
+        whole = _with_head(language, _applied(text, edits), calibration, notes, path.name).encode("latin-1")
+        # What an editor put before the first line stays there, and only there.
+        files[name] = BOM_UTF8 + whole if read_bytes(each).startswith(BOM_UTF8) else whole
+    return CorrectedProgram(files, notes)
+
+
+def _text(path: Path) -> str:
+    """A file as text of which each letter is one byte: whatever its encoding, the rest stays as it was."""
+    text = read_bytes(path).removeprefix(BOM_UTF8).decode("latin-1")
+    if "\0" in text:
+        raise BadInput("this is a binary file, or UTF-16", file=path, remedy="save the program as plain text")
+    if MARK in text:
+        raise BadInput(
+            "this program was corrected before: the offsets would be applied twice",
+            file=path,
+            remedy="correct the program that it was made of",
+        )
+    return text
+
+
+def _facts(language: Language, robot: Robot, choices: ProgramOptions) -> ProgramFacts:
+    upper = language.case_sensitive
+    if language.name == "TP":
+        choices = replace(choices, j3=pendant_of(robot, choices.j3, "fanuc").joint3)
+    elif choices.j3 is not None:
+        raise BadInput(f"--j3 is not for {language.name}", remedy="leave --j3 out")
+    near = None
+    if choices.near is not None:
+        near = np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
+        near = Pendant(robot, choices.j3).between_links(near) if choices.j3 else near
+    return ProgramFacts(
+        dict(_frame(text, "--tool", language) for text in choices.tools),
+        dict(_frame(text, "--frame", language) for text in choices.frames),
+        frozenset(_bare(name) if upper else _bare(name).lower() for name in choices.leave),
+        near,
+        choices.j3,
+        frozenset(name if upper else name.lower() for name in choices.calls),
+    )
+
+
+def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
+    """A problem of each literal with the shape of a pose or of joints that no statement has said the
+    meaning of.
+
+    The literals are found a second time, without the grammar: what is corrected, left and defined must be
+    all of them.
+    """
+    claimed = {(literal_span.start, literal_span.end) for literal_span in parsed.literals}
+    lines = {line for line, _ in parsed.problems}
+    for span in sorted(claimed ^ set(language.literals(source.text))):
+        line = source.line(span[0])
+        if line not in lines:
+            literal = " ".join(source.text[slice(*span)].split())[:60]
+            parsed.problems.append((line, f"{literal}: it is not said what this position is (--leave?)"))
+
+
+def _bare(name: str) -> str:
+    """P[3] of FANUC is 3."""
+    match = re.fullmatch(r"[Pp]\[(\d+)\]", name)
+    return match[1] if match else name
+
+
+def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
+    name, _, values = text.rpartition("=")
+    count = language.form.split(" ")[0].count(",") + 1
+    return name.strip().lower(), language.pose(
+        stated_numbers(values, count, option, f"[NAME=]{language.form}")
+    )
+
+
+def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:
+    """The error that names all problems, by file and line."""
+    lines = [text.count("\n") for text in texts]
+    sentences = []
+    for line, sentence in sorted(dict.fromkeys(parsed.problems)):
+        file, file_line = (
+            (paths[1], line - lines[0]) if len(paths) > 1 and line > lines[0] else (paths[0], line)
+        )
+        sentences.append(f"{file.name} line {file_line}: {sentence}")
+    shown = "\n           ".join(sentences[:_SHOWN])
+    more = f"\n           and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
+    return BadInput(
+        "the program cannot be corrected as a whole, so nothing is written",
+        found=shown + more,
+        remedy="state what is asked for, rewrite these lines with fixed targets, or leave targets that are"
+        " right as they are (taught on this very arm) by --leave NAME",
+        file=paths[0],
+    )
+
+
+def _summary(
+    calibration: RobotCalibration, parsed: Parsed, moved: Corrections, choices: ProgramOptions
+) -> list[str]:
+    gone = [offset.name for offset in calibration.offsets if not offset.exported]
+    uses = Counter(literal.use for literal in parsed.literals)
+    notes = [
+        f"positions in the program: {uses.total()}; corrected: {uses['target']};"
+        f" left as they are: {uses['left']}; poses of tools and frames: {uses['frame']}",
+        f"joint targets: {moved.joint_targets}, moved by up to {moved.most_joint:.3f} deg; Cartesian targets:"
+        f" {moved.poses}, moved by up to {moved.most_mm:.3f} mm",
+    ]
+    if gone:
+        notes.append(f"not corrected, as 0: {', '.join(gone)}")
+    if choices.leave:
+        notes.append(f"left as they are: {listed(list(choices.leave))}")
+    if moved.changed:
+        notes.append(f"another configuration is needed, and written, at {listed(moved.changed)}")
+    if moved.nearest:
+        notes.append(f"configuration taken from the joints nearest by, at {listed(moved.nearest)}")
+    return [*notes, *parsed.left]
+
+
+def _applied(text: str, edits: Sequence[Edit]) -> str:
+    for edit in sorted(edits, reverse=True):
+        text = text[: edit.start] + edit.text + text[edit.end :]
+    return text
+
+
+def _with_head(
+    language: Language, text: str, calibration: RobotCalibration, notes: Sequence[str], name: str
+) -> str:
+    head = re.search(language.head, text, re.MULTILINE | re.IGNORECASE)
+    start = 0 if head is None else head.end()
+    newline = "\r\n" if "\r\n" in text else "\n"
+    if language.name == "TP":
+        lines = [
+            MARK,
+            f"zerobeam {calibration.versions['zerobeam']}, offsets of the run",
+            calibration.sha256[:16],
+            *(
+                f"{offset.name} {offset.applied:+.4f}" if offset.exported else f"{offset.name} NOT CORRECTED"
+                for offset in calibration.offsets
+            ),
+        ]
+        rows = [f"{language.remark}{one_line(line).replace(';', ',')[:_REMARK]} ;" for line in lines]
+    else:
+        lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
+        rows = [language.remark + one_line(line) for line in lines]
+    return text[:start] + "".join(row + newline for row in rows) + text[start:]

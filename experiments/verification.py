@@ -1,0 +1,192 @@
+"""The acceptance test of a corrected robot as files: its plan from a run, its answer from a new run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..analysis.acceptance.acceptance_test import (
+    AcceptancePrediction,
+    AcceptanceResult,
+    VerificationPlan,
+    accept,
+    choose,
+)
+from ..analysis.estimation.threads import one_blas_thread
+from ..analysis.solution import Solution
+from ..model.errors import BadInput
+from ..model.files.header import Header, StatedTarget
+from ..model.files.plan import write_plan
+from ..model.files.robot_file import rebased, robot_path
+from ..model.files.run import Run, read_run
+from ..model.files.whole_file import refuse_existing
+from .makers.calibration import converged_solution, errors_of, require_validated
+
+_RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
+_DECIMALS = 6  # of degrees and mm in the plan
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """A written plan, and the run that it verifies."""
+
+    plan: VerificationPlan
+    run: str
+    sha256: str
+
+
+def write_verification(
+    path: Path, file: Path, shots: int | None, tolerance: float | None, *, force: bool = False
+) -> Verification:
+    """Choose postures of the run that test its offsets once they are entered, and write them as a plan.
+
+    BadInput where an offset is not identified, NotValidated for a misfit: then nothing is to be entered.
+    """
+    refuse_existing(file, force=force, keep=[path])
+    run = read_run(path)
+    refuse_existing(file, force=force, keep=[robot_path(run.header.robot, path.parent)])
+    if shots is not None and shots > len(run.shots):
+        raise BadInput(
+            "the run has fewer postures than are asked for",
+            found=f"--shots {shots}, {len(run.shots)} measurements",
+            allowed="postures of the run: they are known to be reachable",
+        )
+    with one_blas_thread():
+        solution = _solution(run)
+        entered = _entered(run, solution)
+        header = run.header.model_copy(update={"distances": ()})
+        plan = choose(solution, header, entered, _tolerances(run.header, tolerance), shots)
+    _write(run, solution, plan, entered, file, force)
+    return Verification(plan, path.name, run.sha256)
+
+
+def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult:
+    """The answer of the acceptance test: the calibration run at `path`, the corrected robot's run `new`."""
+    run, verified = read_run(path), read_run(new)
+    _require_of(run, verified)
+    verified.require_analysable()
+    with one_blas_thread():
+        solution = _solution(run)
+        entered = _entered(run, solution)
+        targets = tuple(shot.target for shot in verified.shots)
+        declared = {**run.header.targets, **verified.header.targets}
+        kept = {name: declared[name] for name in targets if name in declared}
+        header = run.header.model_copy(update={"distances": (), "targets": kept})
+        laser = run.header.tool.kind == "laser"
+        prediction = AcceptancePrediction(
+            solution, header, verified.joints, targets, verified.spots if laser else None, entered
+        )
+        return accept(prediction, solution, _tolerances(run.header, tolerance))
+
+
+def _solution(run: Run) -> Solution:
+    solution = converged_solution(run, "nothing was to be entered")
+    with errors_of(run):
+        require_validated(solution)
+    return solution
+
+
+def _entered(run: Run, solution: Solution) -> tuple[str, ...]:
+    """The offsets that are to be entered: all that are not held, and each identified."""
+    free = [row for row in solution.offsets if not row.held]
+    open_ = [row.name for row in free if row.status != "identified"]
+    if open_ or not free:
+        raise BadInput(
+            "there is no acceptance test of a run that does not determine all its offsets: nothing is to be"
+            " entered",
+            found=", ".join(f"{row.name}: {row.status}" for row in free if row.name in open_) or "all held",
+            allowed="a run with the verdict pass",
+            remedy="record more measurements: zerobeam check PLAN says which postures help",
+            file=run.path,
+            line=run.header_line,
+        )
+    return tuple(row.name for row in free)
+
+
+def offsets_to_enter(run: Run) -> dict[str, float]:
+    """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
+    with one_blas_thread():
+        solution = _solution(run)
+    entered = _entered(run, solution)
+    rows = {row.name: row.estimate for row in solution.offsets if row.name in entered}
+    return {name: estimate for name, estimate in rows.items() if estimate is not None}
+
+
+def _tolerances(header: Header, tolerance: float | None) -> dict[str, float]:
+    tolerances = header.tolerance
+    return {
+        "deg": tolerances.offset_deg if tolerance is None else tolerance,
+        "mm": tolerances.length_mm if tolerance is None else tolerance,
+    }
+
+
+def _require_of(run: Run, verified: Run) -> None:
+    """BadInput unless the new run is one of the plan that was made for this calibration."""
+    sha256 = verified.header.provenance.get(_SHA)
+    if sha256 != run.sha256:
+        raise BadInput(
+            "this run was not recorded with the plan that verifies that calibration",
+            found="no provenance of a verification" if sha256 is None else f"{_SHA}: {sha256}",
+            allowed=f"{_SHA}: {run.sha256}",
+            remedy="make the plan with zerobeam plan verify RUN -o PLAN and record it; for measurements that"
+            " are imported its head is the header",
+            file=verified.path,
+            line=verified.header_line,
+        )
+    if verified.robot.n != run.robot.n or not np.allclose(
+        [joint.fixed for joint in verified.robot.joints], [joint.fixed for joint in run.robot.joints]
+    ):
+        raise BadInput(
+            "the two runs are of different robots, or one with a corrected robot file",
+            found=verified.robot.name,
+            allowed=f"{run.robot.name}, as in the calibration: the controller has the offsets, not the file",
+            file=verified.path,
+            line=verified.header_line,
+        )
+
+
+def _write(
+    run: Run, solution: Solution, plan: VerificationPlan, entered: tuple[str, ...], file: Path, force: bool
+) -> None:
+    problem = solution.problem
+    points = problem.split(solution.fit.x).targets
+    targets = {}
+    for name, point in zip(problem.targets, points.tolist(), strict=True):
+        if name in plan.targets:
+            x, y, z = (round(value, 3) for value in point)
+            targets[name] = StatedTarget(guess_mm=(x, y, z))
+    about: dict[str, str | bool | int | float] = {
+        _RUN: run.path.name,
+        _SHA: run.sha256,
+        _ENTERED: ", ".join(entered),
+    }
+    kept = {k: v for k, v in run.header.provenance.items() if not k.startswith("true ") and k != "origin"}
+    header = run.header.model_copy(
+        update={
+            "robot": rebased(run.header.robot, run.path.parent, file.parent),
+            "targets": targets,
+            "distances": (),
+            "provenance": {**kept, **about},
+        }
+    )
+    rows = np.round(plan.joints * problem.robot.display, _DECIMALS)
+    write_plan(file, header, rows, plan.targets, force=force)
+
+
+def acceptance_json(result: AcceptanceResult) -> dict[str, object]:
+    """Plain JSON types, schema `zerobeam/acceptance/1`."""
+    return {"schema": "zerobeam/acceptance/1", **asdict(result)}
+
+
+def plan_json(made: Verification) -> dict[str, object]:
+    """The errors that the plan would notice, schema `zerobeam/verification-plan/1`."""
+    return {
+        "schema": "zerobeam/verification-plan/1",
+        "run": made.run,
+        "sha256": made.sha256,
+        "shots": list(made.plan.rows),
+        "enough": made.plan.enough,
+        "offsets": [asdict(offset) for offset in made.plan.offsets],
+    }

@@ -1,0 +1,94 @@
+"""The RAPID module, read back and carried out by a small interpreter of what it may consist of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from export_runs import SLIDING, WITHIN_NOISE_MM, arm_run, hostile, rms_mm, urdf_run
+
+from zerobeam.experiments.makers.abb.rapid_program import rapid_text
+from zerobeam.experiments.makers.calibration import calibration
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import BadInput
+
+_ROUNDED = np.radians(5e-7)  # six decimals of a degree
+
+
+def carried_out(text: str, function: str, joints: Matrix) -> Matrix:
+    """What the module's function gives for jointtargets (N, 6), degrees. Comments are not looked at."""
+    code = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith("!")]
+    assert re.fullmatch(r"MODULE [a-z_]{1,32}", code[0])
+    assert code[-1] == "ENDMODULE"
+    constant = re.fullmatch(r"CONST num zb_offset_deg\{6\}:=\[([-0-9.,]+)\];", code[1])
+    assert constant is not None
+    offsets = [float(number) for number in constant.group(1).split(",")]
+    start = next(i for i, line in enumerate(code) if line.startswith(f"FUNC jointtarget {function}("))
+    body = code[start + 1 : code.index("ENDFUNC", start)]
+    given = re.findall(r"\(jointtarget (\w+)\)", code[start])[0]
+    assert body[:2] == ["VAR jointtarget result;", f"result:={given};"]
+    assert body[-1] == "RETURN result;"
+    result = joints.copy()
+    for line in body[2:-1]:
+        told = re.fullmatch(
+            rf"result\.robax\.rax_(\d):={given}\.robax\.rax_(\d)([-+])zb_offset_deg\{{(\d)\}};", line
+        )
+        assert told is not None, line
+        to, of, index = int(told[1]), int(told[2]), int(told[4])
+        result[:, to - 1] = joints[:, of - 1] + float(f"{told[3]}1") * offsets[index - 1]
+    return result
+
+
+def test_readings_corrected_by_it_hit_the_target(tmp_path: Path) -> None:
+    run = arm_run(tmp_path)
+    recorded = np.array([shot.joints_deg for shot in run.shots])
+    text = rapid_text(calibration(run))
+    assert rms_mm(run) > 10 * WITHIN_NOISE_MM
+    assert rms_mm(run, np.radians(carried_out(text, "zb_true", recorded))) < WITHIN_NOISE_MM
+    assert rms_mm(run, np.radians(carried_out(text, "zb_command", recorded))) > 10 * WITHIN_NOISE_MM
+
+
+def test_commanded_by_it_the_arm_stands_where_it_is_wanted(tmp_path: Path) -> None:
+    run = arm_run(tmp_path)
+    answer = calibration(run)
+    aimed = np.random.default_rng(0).uniform(-90, 90, (20, 6))
+    reading = carried_out(rapid_text(answer), "zb_command", aimed)
+    truly = np.radians(reading) + [offset.internal for offset in answer.offsets]
+    np.testing.assert_allclose(truly, np.radians(aimed), atol=1.01 * _ROUNDED, rtol=0)
+    assert abs(reading - aimed).max() > 1
+    back = carried_out(rapid_text(answer), "zb_true", reading)
+    np.testing.assert_allclose(back, aimed, atol=1e-12)
+
+
+def test_what_is_held_or_left_out_is_zero_and_said_so(tmp_path: Path) -> None:
+    answer = calibration(arm_run(tmp_path), without=["delta4"])
+    text = rapid_text(answer)
+    joints = np.zeros((1, 6))
+    moved = carried_out(text, "zb_true", joints)[0]
+    assert (moved == 0).tolist() == [True, False, False, True, False, False]
+    comments = " ".join(line.strip(" !") for line in text.splitlines() if line.strip().startswith("!"))
+    assert re.search(r"delta1 \(joint1\): HELD at 0", comments)
+    assert re.search(r"delta4 \(joint4\): \+0\.\d+ deg, std \S+ deg, identified, EXCLUDED", comments)
+    assert answer.sha256 in comments
+
+
+def test_hostile_names_are_comments_only(tmp_path: Path) -> None:
+    """Every line that is not a comment is the same as with tame names."""
+    run = arm_run(tmp_path)
+    tame, wild = (rapid_text(calibration(one)) for one in (run, hostile(run)))
+    assert wild != tame
+    assert wild.isascii()
+
+    def code(text: str) -> list[str]:
+        return [line for line in text.split("\n") if not line.lstrip().startswith("!")]
+
+    assert code(wild) == code(tame)
+    assert "\r" not in wild
+    assert max(map(len, wild.split("\n"))) < 120
+
+
+def test_robots_that_a_jointtarget_cannot_hold(tmp_path: Path, refused: Callable[..., BadInput]) -> None:
+    run = urdf_run(tmp_path, SLIDING)
+    assert "prismatic: delta3" in str(refused(rapid_text, calibration(run)).found)

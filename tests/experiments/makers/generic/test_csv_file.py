@@ -1,0 +1,323 @@
+import contextlib
+import gc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from import_files import import_csv
+
+from zerobeam.experiments.makers.generic.csv_file import CsvLayout
+from zerobeam.experiments.makers.recordings import uncollected
+from zerobeam.model.files.header import UrdfRef
+from zerobeam.model.files.robot_file import BUILT_IN
+from zerobeam.model.files.run import read_run, write_run
+
+HEADER = """\
+robot: irb1600
+tool: {kind: probe, calibrated: false, point_mm: [0, 0, 100]}
+noise: {joint_deg: 0.01, spot_mm: 0.5}
+"""
+ROWS = np.array([[10, 20, -30, 40, 50, -60], [11, 21, -31, 41, 51, -61], [170.5, 22, -32, 42, 52, 300]])
+
+
+def csv(folder: Path, name: str, rows, top="", delimiter=",") -> Path:
+    path = folder / name
+    lines = [delimiter.join(str(value) for value in row) for row in rows]
+    path.write_text(top + "\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def header(tmp_path) -> Path:
+    path = tmp_path / "header.yaml"
+    path.write_text(HEADER)
+    return path
+
+
+@pytest.fixture
+def out(tmp_path) -> Path:
+    return tmp_path / "run.jsonl"
+
+
+def test_several_files_go_into_one_run_numbered_on(tmp_path, header, out):
+    files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2]), csv(tmp_path, "c.csv", ROWS[1:])]
+    found = import_csv(files, ["one", "two", "one"], CsvLayout("deg"), header, out)
+    assert [shot.shot for shot in found.shots] == list(range(7))
+    assert [shot.target for shot in found.shots] == ["one"] * 3 + ["two"] * 2 + ["one"] * 2
+    assert not out.exists()
+    write_run(out, found.header, found.shots)
+    run = read_run(out)
+    run.require_analysable()
+    expected = np.radians(np.concatenate([ROWS, ROWS[:2], ROWS[1:]]))
+    np.testing.assert_allclose(run.joints, expected, rtol=1e-15)
+
+
+def test_the_collector_of_circles_rests_within_an_import_alone():
+    for failing in (False, True):
+        with contextlib.suppress(ZeroDivisionError), uncollected():
+            assert not gc.isenabled()
+            if failing:
+                raise ZeroDivisionError
+        assert gc.isenabled()
+    gc.disable()
+    with uncollected():
+        pass
+    assert not gc.isenabled()
+    gc.enable()
+
+
+def test_radians_are_turned_into_degrees(tmp_path, header, out):
+    file = csv(tmp_path, "a.csv", np.radians(ROWS))
+    found = import_csv([file], ["one"], CsvLayout("rad"), header, out)
+    np.testing.assert_allclose([shot.joints_deg for shot in found.shots], ROWS, rtol=1e-14)
+    assert "angles in radians, converted to degrees" in found.understood
+
+
+def test_what_was_understood_is_told(tmp_path, header, out):
+    files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2])]
+    told = import_csv(files, ["one", "two"], CsvLayout("deg"), header, out).understood
+    assert told[0] == "2 files, 5 measurements, robot irb1600 (6 joints)"
+    assert told[1].endswith("a.csv: 3 measurements of target 'one', numbered 0 to 2")
+    assert told[2].endswith("b.csv: 2 measurements of target 'two', numbered 3 to 4")
+    assert told[3] == "angles in degrees"
+    assert told[4] == "columns in file order, joint 1 first; no header row"
+    assert told[5] == "joint 1 (joint1): 10.00 to 170.50 deg, limits -180.00 to 180.00"
+    assert len(told) == 11
+
+
+def test_columns_by_name(tmp_path, header, out, refused):
+    order = [5, 0, 1, 2, 3, 4]
+    top = "time,j6,j1,j2,j3,j4,j5\n"
+    rows = [[i, *(row[order])] for i, row in enumerate(ROWS)]
+    file = csv(tmp_path, "a.csv", rows, top)
+    names = [f"j{i}" for i in range(1, 7)]
+    found = import_csv([file], ["one"], CsvLayout("deg", header_row=True, columns=names), header, out)
+    np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
+    assert "columns by name, joint 1 first: j1, j2, j3, j4, j5, j6" in found.understood
+    error = refused(
+        import_csv,
+        [file],
+        ["one"],
+        CsvLayout("deg", header_row=True, columns=[*names[:5], "j7"]),
+        header,
+        out,
+    )
+    assert error.found == "j7"
+    assert error.allowed == "time, j6, j1, j2, j3, j4, j5"
+    assert error.line == 1
+    unnamed = refused(import_csv, [file], ["one"], CsvLayout("deg", header_row=True), header, out)
+    assert "not just the joints in their order" in unnamed.what
+    assert (
+        "one column is required"
+        in refused(
+            import_csv, [file], ["one"], CsvLayout("deg", header_row=True, columns=names[:5]), header, out
+        ).what
+    )
+    assert (
+        "no header row"
+        in refused(import_csv, [file], ["one"], CsvLayout("deg", columns=names), header, out).what
+    )
+
+
+def test_a_header_row_that_names_the_joints_in_another_order(tmp_path, header, out, refused):
+    names = [f"joint{i}" for i in range(1, 7)]
+    right = csv(tmp_path, "a.csv", ROWS, ",".join(names) + "\n")
+    assert len(import_csv([right], ["one"], CsvLayout("deg", header_row=True), header, out).shots) == 3
+    turned = csv(tmp_path, "b.csv", ROWS[:, ::-1], ",".join(reversed(names)) + "\n")
+    assert (
+        "in their order"
+        in refused(import_csv, [turned], ["one"], CsvLayout("deg", header_row=True), header, out).what
+    )
+
+
+def test_a_header_row_must_be_stated_and_be_one(tmp_path, header, out, refused):
+    file = csv(tmp_path, "a.csv", ROWS, "j1,j2,j3,j4,j5,j6\n")
+    error = refused(import_csv, [file], ["one"], CsvLayout("deg"), header, out)
+    assert "the first row holds no numbers" in error.what
+    assert "header row" in error.remedy
+    assert error.line == 1
+    plain = csv(tmp_path, "b.csv", ROWS)
+    error = refused(import_csv, [plain], ["one"], CsvLayout("deg", header_row=True), header, out)
+    assert "not a header row" in error.what
+
+
+@pytest.mark.parametrize(
+    ("content", "what", "line"),
+    [
+        ("1,2,3,4,5,6\n1,2,3,4,5\n", "wrong number of values", 2),
+        ("1,2,3,4,5,6\n\n1,2,3,4,5,6,7\n", "wrong number of values", 3),
+        ("1,2,3,4,5,6\n1,2,x,4,5,6\n", "column 3 is not a number", 2),
+        ("1,2,3,4,5,6\n1,2,,4,5,6\n", "column 3 is not a number", 2),
+        ("1,2,3,4,5,6\n1,2,1_0,4,5,6\n", "column 3 is not a number", 2),
+        ("1,2,3,4,5,nan\n", "column 6 is not a finite number", 1),
+        ("1,2,3,4,5,inf\n", "column 6 is not a finite number", 1),
+        ("1,2,3,4,5\n", "wrong number of values", 1),
+        ("1;2;3;4;5;6\n", "wrong number of values|holds no numbers", 1),
+        ('1,2,3,4,5,"6\n', "not valid CSV", 1),
+        ("1,2,3,4,5,6\n1,2,3,4,200,6\n", "row 2: joint 5 is outside its limits", 2),
+        ("\n \n", "empty", None),
+        (",,\n", "no rows", None),
+    ],
+)
+def test_rows_that_cannot_be_used(tmp_path, header, out, refused, content, what, line):
+    good = csv(tmp_path, "good.csv", ROWS)
+    bad = tmp_path / "bad.csv"
+    bad.write_text(content)
+    error = refused(import_csv, [good, bad], ["one", "two"], CsvLayout("deg"), header, out)
+    assert any(part in error.what for part in what.split("|")), error
+    assert error.line == line
+    assert error.file == str(bad)
+
+
+def test_another_delimiter(tmp_path, header, out, refused):
+    file = csv(tmp_path, "a.csv", ROWS, delimiter=";")
+    found = import_csv([file], ["one"], CsvLayout("deg", delimiter=";"), header, out)
+    np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
+    assert "delimiter" in refused(import_csv, [file], ["one"], CsvLayout("deg"), header, out).remedy
+    assert (
+        "not a delimiter"
+        in refused(import_csv, [file], ["one"], CsvLayout("deg", delimiter=";;"), header, out).what
+    )
+
+
+def test_what_must_be_stated(tmp_path, header, out, refused):
+    file = csv(tmp_path, "a.csv", ROWS)
+    assert "unit" in refused(import_csv, [file], ["one"], CsvLayout("grad"), header, out).what
+    assert "one target name" in refused(import_csv, [file], [], CsvLayout("deg"), header, out).what
+    assert "no file" in refused(import_csv, [], [], CsvLayout("deg"), header, out).what
+    assert "duplicate" in refused(import_csv, [file, file], ["a", "b"], CsvLayout("deg"), header, out).what
+    assert "'tool'" in refused(import_csv, [file], ["tool"], CsvLayout("deg"), header, out).what
+    absent = [tmp_path / "x.csv"]
+    assert "no such file" in refused(import_csv, absent, ["a"], CsvLayout("deg"), header, out).what
+    header.write_text(HEADER + "distances: [{between: [one, two], mm: 50, sigma_mm: 0.1}]\n")
+    assert refused(import_csv, [file], ["one"], CsvLayout("deg"), header, out).found == "two"
+
+
+def test_the_wrong_unit_is_asked_about(tmp_path, header, out, refused):
+    small = csv(tmp_path, "a.csv", np.radians(ROWS))
+    assert "--units rad" in refused(import_csv, [small], ["one"], CsvLayout("deg"), header, out).remedy
+    large = csv(tmp_path, "b.csv", ROWS)
+    assert "radians?" in refused(import_csv, [large], ["one"], CsvLayout("rad"), header, out).remedy
+
+
+def test_limits_warn_is_respected(tmp_path, header, out):
+    far = ROWS.astype(float)
+    far[1, 4] = 140
+    header.write_text(HEADER + "limits: warn\n")
+    found = import_csv([csv(tmp_path, "a.csv", far)], ["one"], CsvLayout("deg"), header, out)
+    assert found.understood[-1].endswith("up to 140, in 1 of 3 measurements: 1")
+
+
+SCARA = """
+schema: zerobeam/robot/1
+name: scara
+convention: standard
+joints:
+  - {a_mm: 300, alpha_deg: 0, d_mm: 400, theta_deg: 0, lower_deg: -130, upper_deg: 130}
+  - {kind: prismatic, a_mm: 0, alpha_deg: 0, d_mm: 0, theta_deg: 0, lower_mm: -200, upper_mm: 10}
+"""
+
+
+def test_the_unit_of_prismatic_joints_is_stated_too(tmp_path, out, refused):
+    folder = tmp_path / "cell"
+    folder.mkdir()
+    (folder / "scara.yaml").write_text(SCARA)
+    header = folder / "header.yaml"
+    text = HEADER.replace("irb1600", "scara.yaml").replace(
+        "joint_deg: 0.01", "joint_deg: 0.01, joint_mm: 0.1"
+    )
+    header.write_text(text)
+    file = csv(tmp_path, "a.csv", [[1.5, -0.1], [1.2, -0.15]])
+    assert "prismatic" in refused(import_csv, [file], ["one"], CsvLayout("rad"), header, out).what
+    found = import_csv([file], ["one"], CsvLayout("rad", lengths="m"), header, out)
+    np.testing.assert_allclose(
+        [shot.joints_deg for shot in found.shots], [[np.degrees(1.5), -100], [np.degrees(1.2), -150]]
+    )
+    # The robot's file is found from where the run will stand, not from where the header stood.
+    assert found.header.robot == "cell/scara.yaml"
+    write_run(out, found.header, found.shots)
+    assert read_run(out).robot.name == "scara"
+
+
+def arm(shared_data: Path, tmp_path: Path, name: str, robot: str):
+    folder = tmp_path / "headers"
+    folder.mkdir()
+    header = folder / "header.yaml"
+    header.write_text(HEADER.replace("irb1600", robot.format(shared_data / "mukca/urdf")))
+    files = sorted((shared_data / "mukca" / name).rglob("*.csv"))
+    names = [f"{file.parent.name}.{file.stem}" for file in files]
+    return files, names, header
+
+
+PANDA = "{{urdf: {}/panda.urdf, base: panda_link0, tip: panda_hand_tcp}}"
+
+
+def test_the_recordings_of_panda_2(shared_data, tmp_path, out):
+    files, names, header = arm(shared_data, tmp_path, "panda_2", PANDA)
+    found = import_csv(files, names, CsvLayout("rad"), header, out)
+    assert (len(files), len(found.shots)) == (18, 559)
+    assert isinstance(found.header.robot, UrdfRef)
+    write_run(out, found.header, found.shots)
+    run = read_run(out)
+    run.require_analysable()
+    assert run.warnings == ()
+    recorded = np.concatenate([np.loadtxt(file, delimiter=",", ndmin=2) for file in files])
+    np.testing.assert_allclose(run.joints, recorded, rtol=1e-14)
+
+
+def test_the_recordings_of_panda_taken_for_degrees(shared_data, tmp_path, out, refused):
+    files, names, header = arm(shared_data, tmp_path, "panda_1", PANDA)
+    error = refused(import_csv, files, names, CsvLayout("deg"), header, out)
+    assert "look like radians" in error.what
+    assert "--units rad" in error.remedy
+
+
+def test_the_arm_that_goes_beyond_its_limits(shared_data, tmp_path, out, refused):
+    robot = "{{urdf: {}/gen3lite.urdf, base: kinova_base_link, tip: end_effector_link}}"
+    files, names, header = arm(shared_data, tmp_path, "dinova_1", robot)
+    error = refused(import_csv, files, names, CsvLayout("rad"), header, out)
+    assert "joint 6 is outside its limits" in error.what
+    assert "limits: warn" in error.remedy
+    header.write_text(header.read_text() + "limits: warn\n")
+    found = import_csv(files, names, CsvLayout("rad"), header, out)
+    assert len(found.shots) == 137
+    write_run(out, found.header, found.shots)
+    (warning,) = read_run(out).warnings
+    assert warning.startswith("joint 6 is outside its limits (-119.748 to 119.748 deg), up to -157.128")
+    assert "in 33 of 137 measurements" in warning
+
+
+PENDANT = """
+mounting: {below_base_mm: 0}
+pendant:
+  joint3: ground
+  order: [1, 2, 6, 3, 4, 5]
+  names: [S, L, U, R, B, T]
+  unit: pulse
+  pulses_per_deg: [100, -200, 300, 400, 500, 600]
+"""
+
+
+def test_a_table_as_the_pendant_shows_it_in_pulses_and_in_its_order(tmp_path, out, refused):
+    arm = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    (tmp_path / "arm.yaml").write_text(arm[: arm.index("mounting:")] + PENDANT.lstrip(), encoding="utf-8")
+    header = tmp_path / "header.yaml"
+    header.write_text(HEADER.replace("irb1600", "arm.yaml"))
+    ground = ROWS.copy()
+    ground[:, 2] -= ROWS[:, 1]
+    pulses = ground * [100, -200, 300, 400, 500, 600]
+    file = csv(tmp_path, "a.csv", pulses[:, [0, 1, 5, 2, 3, 4]])
+    found = import_csv([file], ["one"], CsvLayout("pulse"), header, out)
+    np.testing.assert_allclose([shot.joints_deg for shot in found.shots], ROWS, atol=1e-9)
+    said = " ".join(found.understood)
+    for words in ("from the ground, as the robot file of irb1600 states", "as on the pendant", "in pulses"):
+        assert words in said
+    # Columns may be named for the pendant's names; `--j3` overrides the file.
+    layout = CsvLayout("pulse", columns=["1=S", "2=L", "3=T", "4=U", "5=R", "6=B"], j3="link")
+    plain = import_csv([file], ["one"], layout, header, out)
+    np.testing.assert_allclose([shot.joints_deg[2] for shot in plain.shots], ground[:, 2], atol=1e-9)
+    header.write_text(HEADER)
+    assert (
+        "pulses for a degree are not stated"
+        in refused(import_csv, [file], ["one"], CsvLayout("pulse"), header, out).what
+    )

@@ -1,0 +1,182 @@
+"""What of a run is exported: what `analyse` calls identified, and nothing else unasked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import OPEN_LASER, OPEN_PROBE, good_plan, pattern_plan, simulated
+from export_runs import TRUTH, arm_run, hostile
+
+from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
+from zerobeam.analysis.posterior.posterior import PosteriorSummary
+from zerobeam.experiments.makers.calibration import calibration
+from zerobeam.experiments.makers.maker import one_line
+from zerobeam.model.errors import BadInput, FitFailed
+from zerobeam.model.files.run import Run
+from zerobeam.model.files.shot import Shot
+
+Refused = Callable[..., BadInput]
+
+
+def x_pattern() -> Run:
+    """δ2 is a gauge there, others are weak."""
+    return simulated(pattern_plan("x"), TRUTH, 2)[1]
+
+
+RUNS: dict[str, Callable[[], Run]] = {
+    "good": lambda: simulated(good_plan(10), TRUTH, 2)[1],
+    "estimated scale": lambda: simulated(good_plan(8, noise={"scale": "estimated"}), TRUTH, 2)[1],
+    "open laser": lambda: simulated(good_plan(16, tool=OPEN_LASER), {}, 2)[1],
+    "x-pattern": x_pattern,
+    # The Jacobian promises 0.07 degrees of delta5 there, the mode's curvature 0.09: it is weak.
+    "x-pattern, 0.08": lambda: simulated(pattern_plan("x", tolerance={"offset_deg": 0.08}), TRUTH, 2)[1],
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up to rounding, which is another in Python's climb than in C's; without the sampling."""
+    run = RUNS[name]()
+    told = calibration(run, allow_weak=True, without=["delta2"] if "x-pattern" in name else [])
+    unsampled = PosteriorSummary(False, "not asked for", 0, 0, 0, None, None, None, 0.0, None)
+    monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", lambda *_, **__: (unsampled, None))
+    rows = [row for row in analyse(run).result.parameters if row.group == "offset"]
+    assert len(rows) == len(told.offsets) == 6
+    for offset, row in zip(told.offsets, rows, strict=True):
+        told_row, own = asdict(offset.row), asdict(replace(row, midpoint=None))
+        for key, value in own.items():
+            if isinstance(value, float | tuple):
+                assert told_row[key] == pytest.approx(value, rel=1e-8, abs=1e-9)
+            else:
+                assert told_row[key] == value
+
+
+def test_held_ones_are_said_to_be_held_at_zero() -> None:
+    first, *_, last = calibration(RUNS["open laser"]()).offsets
+    for offset in (first, last):
+        assert (offset.status, offset.exported, offset.applied) == ("held", False, 0.0)
+        assert "HELD at 0" in offset.sentence
+    assert "defines the base frame" in first.sentence
+    assert "equivalent to one of the uncalibrated laser" in last.sentence
+
+
+def test_an_unidentifiable_one_is_refused_by_name_with_its_reason(refused: Refused) -> None:
+    error = refused(calibration, x_pattern(), allow_weak=True)
+    assert error.what.startswith("delta2 cannot be exported")
+    assert "joint 1 varies by no more than" in str(error.found)
+    assert error.remedy is not None
+    assert error.remedy.endswith("--without delta2")
+    told = calibration(x_pattern(), allow_weak=True, without=["delta2"])
+    second = told.offsets[1]
+    assert (second.row.estimate, second.row.std, second.applied, second.exported) == (None, None, 0.0, False)
+    assert "UNIDENTIFIABLE, excluded" in second.sentence
+
+
+def test_a_weak_one_asks_to_be_allowed_and_is_marked(refused: Refused) -> None:
+    error = refused(calibration, x_pattern(), without=["delta2"])
+    assert "delta3" in error.what
+    assert error.remedy is not None
+    assert "--allow-weak" in error.remedy
+    allowed = {o.name: o for o in calibration(x_pattern(), allow_weak=True, without=["delta2"]).offsets}
+    assert allowed["delta3"].applied == allowed["delta3"].row.estimate != 0
+    assert "WEAK" in allowed["delta3"].sentence
+    weak = [name for name, offset in allowed.items() if offset.status == "weak"]
+    others = calibration(x_pattern(), without=["delta2", *weak])
+    assert {o.name for o in others.offsets if o.exported} == set(allowed) - {"delta1", "delta2", *weak}
+    assert all(o.applied == 0 for o in others.offsets if o.name in weak)
+
+
+def test_the_last_joint_of_a_probe_with_a_free_tip(refused: Refused) -> None:
+    run = simulated(good_plan(12, tool=OPEN_PROBE), {}, 2)[1]
+    assert refused(calibration, run, allow_weak=True).what.startswith("delta6 cannot be exported")
+    assert not calibration(run, allow_weak=True, without=["delta6"]).offsets[5].exported
+
+
+def test_names_to_leave_out_are_checked(refused: Refused) -> None:
+    run = RUNS["good"]()
+    error = refused(calibration, run, without=["delta22"])
+    assert error.remedy == "did you mean 'delta2'?"
+    assert refused(calibration, run, without=["delta1"]).allowed == "delta2, delta3, delta4, delta5, delta6"
+    everything = [f"delta{i}" for i in range(2, 7)]
+    assert "nothing to export" in refused(calibration, run, without=everything).what
+
+
+def test_shots_that_contradict_the_model_are_refused(refused: Refused) -> None:
+    """Misses ten times the stated noise are; a scale that is to be estimated cannot be contradicted."""
+    run = RUNS["good"]()
+    rng = np.random.default_rng(0)
+
+    def off(shot: Shot) -> Shot:
+        joints = np.array(shot.joints_deg) + rng.normal(0, 0.1, 6)
+        return shot.model_copy(update={"joints_deg": tuple(joints.tolist())})
+
+    bad = replace(run, shots=tuple(off(shot) for shot in run.shots))
+    error = refused(calibration, bad)
+    assert (error.exit_status, "(misfit)" in error.what) == (1, True)
+    assert error.remedy is not None
+    assert "noise.scale" not in error.remedy
+    assert "--unvalidated" in error.remedy
+    # As data the offsets are written with their status, and nothing is applied; if asked for, all of it is.
+    data, wanted = calibration(bad, as_data=True), calibration(bad, unvalidated=True)
+    for told, applied in ((data, False), (wanted, True)):
+        assert told.misfit
+        assert [o.status for o in told.offsets] == ["held"] + ["unvalidated"] * 5
+        assert [o.exported for o in told.offsets] == [False] + [applied] * 5
+        assert any(o.applied != 0 for o in told.offsets) == applied
+        assert all("UNVALIDATED" in o.sentence for o in told.offsets[1:])
+        assert any("Lack of fit" in warning for warning in told.warnings)
+    noise = bad.header.noise.model_copy(update={"scale": "estimated", "plausible_factor": 30.0})
+    freed = replace(bad, header=bad.header.model_copy(update={"noise": noise}))
+    told = calibration(freed, allow_weak=True)
+    assert not told.misfit
+    for wide, narrow in zip(told.offsets, calibration(run).offsets, strict=True):
+        assert narrow.row.std is None or (wide.row.std is not None and wide.row.std > 3 * narrow.row.std)
+
+
+def test_a_target_that_has_moved_is_refused_or_told(refused: Refused) -> None:
+    plan = good_plan(24, joint_deg=0.002, noise={"scale": "estimated"})
+    before, after = (
+        simulated(plan, {**TRUTH, "psd.x": 900.0, "psd.y": 0.0, "psd.z": z}, 2)[1] for z in (0.0, 3.0)
+    )
+    assert calibration(before).offsets[1].exported
+    moved = replace(before, shots=before.shots[:12] + after.shots[12:])
+    error = refused(calibration, moved, allow_weak=True)
+    assert "(misfit)" in error.what
+    assert "another target name" in str(error.found)
+    told = calibration(moved, allow_weak=True, unvalidated=True)
+    assert any("note: Target psd seems to have moved" in line for line in told.head)
+    assert not calibration(before, allow_displaced=True).warnings
+
+
+def changed(monkeypatch: pytest.MonkeyPatch, **how: Any) -> None:
+    def fit(*args: Any, **more: Any) -> LikelihoodFit:
+        return replace(fit_likelihood(*args, **more), **how)
+
+    monkeypatch.setattr("zerobeam.analysis.ladder.fit_likelihood", fit)
+
+
+def test_a_fit_that_did_not_converge_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed(monkeypatch, converged=False, reason="out of patience")
+    with pytest.raises(FitFailed, match="did not converge \\(out of patience\\): nothing can be exported"):
+        calibration(RUNS["good"]())
+
+
+def test_two_answers_are_none(monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
+    other = Optimum(np.zeros(1), np.ones(1), 10.0)
+    changed(monkeypatch, others=(other, other))
+    assert "several sets of offsets" in refused(calibration, RUNS["good"]()).what
+
+
+def test_names_stay_on_one_line_of_ascii(tmp_path: Path) -> None:
+    told = calibration(hostile(arm_run(tmp_path)))
+    for line in told.head:
+        assert line.isascii()
+        assert line.isprintable()
+    assert "delta1" in "".join(told.head)
+    assert one_line("a\nb\u2028é\x7f") == "a\\nb\\u2028\\xe9\\x7f"

@@ -1,0 +1,200 @@
+"""A run with geometry, out again: robot file, URDF, JSON, and what controllers' files say of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_runs import HOSTILE, arm_run, urdf_file
+from geometry_runs import geometry_run, on
+
+from zerobeam.analysis.ladder import solve_run
+from zerobeam.experiments.makers.abb.rapid_program import rapid_text
+from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, calibration
+from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
+from zerobeam.experiments.makers.generic.robot_rows import robot_text
+from zerobeam.experiments.makers.generic.urdf import urdf_text
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.robot_file import BUILT_IN, load_robot
+from zerobeam.model.files.run import Run
+from zerobeam.model.files.urdf import read_urdf
+from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.likelihood.problem import Problem
+
+
+def told(run: Run, holds: Holds = "links", **how: bool) -> RobotCalibration:
+    return calibration(run, allow_weak=True, holds=holds, **how)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return geometry_run(tmp_path_factory.mktemp("geometry"))
+
+
+@pytest.fixture(scope="module")
+def answer(run: Run) -> RobotCalibration:
+    return told(run)
+
+
+def postures(robot: Robot) -> Matrix:
+    return np.random.default_rng(3).uniform(robot.lower, robot.upper, (200, robot.n))
+
+
+def calibrated_poses(run: Run, answer: RobotCalibration) -> Matrix:
+    """Poses of the calibrated model, by the symbolic one: links moved, offsets added."""
+    geometry = Problem.from_run(run).geometry
+    moved = geometry.applied(run.robot, np.array([own.internal for own in answer.geometry]))
+    return moved.fk(postures(run.robot) + [own.internal for own in answer.offsets], "rad")
+
+
+def test_a_robot_file_has_the_kinematics_of_the_calibrated_model(
+    run: Run, answer: RobotCalibration, tmp_path: Path
+) -> None:
+    path = tmp_path / "corrected.yaml"
+    path.write_text(robot_text(run, answer), encoding="utf-8")
+    robot = load_robot(path)
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
+    assert [(j.name, j.kind, j.lower, j.upper, j.speed) for j in robot.joints] == [
+        (j.name, j.kind, j.lower, j.upper, j.speed) for j in run.robot.joints
+    ]
+    assert robot.vendor == run.robot.vendor is not None
+    nominal = run.robot.fk(postures(robot), "rad")
+    assert abs(nominal - calibrated_poses(run, answer)).max() > 1.0
+    assert "J2" in path.read_text(encoding="utf-8").split("schema:")[0]  # its beta is said
+
+
+def test_a_new_urdf_has_the_same(run: Run, answer: RobotCalibration, tmp_path: Path) -> None:
+    path = tmp_path / "corrected.urdf"
+    path.write_text(urdf_text(run, answer), encoding="utf-8")
+    robot = read_urdf(path, "base", "flange")
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
+
+
+@pytest.mark.long
+def test_the_same_run_on_the_exported_robot_has_nothing_left(
+    run: Run, answer: RobotCalibration, tmp_path: Path
+) -> None:
+    """But for what the priors held back, offsets and links come out as 0."""
+    path = tmp_path / "corrected.yaml"
+    path.write_text(robot_text(run, answer), encoding="utf-8")
+    again = on(run, load_robot(path))
+    solution = solve_run(Problem.from_run(again), run.header)
+    first = {own.row.name: own.row for own in (*answer.offsets, *answer.geometry)}
+    compared = 0
+    for row in solution.parameters:
+        if row.group not in ("offset", "geometry") or row.estimate is None or row.std is None:
+            continue
+        before = first[row.name]
+        assert abs(row.estimate) < 0.7 * row.std, row.name
+        if before.estimate is not None and abs(before.estimate) > 10 * row.std:
+            assert abs(row.estimate) < 0.05 * abs(before.estimate), row.name
+            compared += 1
+    assert compared >= 5
+
+
+def test_a_urdf_takes_links_into_its_origins(tmp_path: Path) -> None:
+    ref = {"urdf": urdf_file(tmp_path).name, "base": "base", "tip": "tool"}
+    run = geometry_run(tmp_path, ref, {"link2.a": 0.3, "link3.alpha": 0.08})
+    answer = told(run)
+    path = tmp_path / "corrected.urdf"
+    path.write_bytes(urdf_text(run, answer).encode())
+    robot = read_urdf(path, "base", "tool")
+    assert sum(own.exported for own in answer.geometry) > 5
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
+    with pytest.raises(BadInput, match="no Denavit-Hartenberg rows"):
+        robot_text(run, answer)
+
+
+def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
+    tmp_path: Path, refused: Callable[..., BadInput]
+) -> None:
+    ref = {"urdf": urdf_file(tmp_path).name, "base": "base", "tip": "l6"}
+    run = geometry_run(tmp_path, ref, {"link2.a": 0.3})
+    answer = told(run)
+    error = refused(urdf_text, run, answer)
+    assert "the last joint moves the tip" in error.what
+    names = str(error.remedy).partition("exclude by name: ")[2].replace("--without ", "").split()
+    assert names
+    path = tmp_path / "corrected.urdf"
+    without = calibration(run, allow_weak=True, holds="links", without=names)
+    path.write_bytes(urdf_text(run, without).encode())
+    robot = read_urdf(path, "base", "l6")
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, without), atol=1e-9)
+
+
+def test_what_is_unidentifiable_stays_nominal_and_is_named(answer: RobotCalibration) -> None:
+    unknown = [own for own in answer.geometry if own.status == "unidentifiable"]
+    assert unknown
+    for own in unknown:
+        assert (own.applied, own.exported, own.row.estimate) == (0.0, False, None)
+    head = " ".join(answer.head)
+    assert all(f"{own.name}: UNIDENTIFIABLE, nominal" in head for own in unknown)
+    assert {own.name for own in answer.left_out} == {own.name for own in unknown}
+
+
+def test_a_controller_s_file_says_what_it_leaves_out(run: Run) -> None:
+    answer = told(run, "offsets")
+    text = rapid_text(answer)
+    assert "NOT IN THIS FILE" in text
+    said = " ".join(line.strip(" !") for line in text.splitlines())
+    for own in answer.geometry:
+        assert own.status == "held" or own.name in said
+    whole, left = answer.rms_mm
+    assert left > 10 * whole
+    assert f"{left:.3g} mm with what this file holds" in said
+    assert "link2.a: +" not in said
+    assert csv_text(answer).count("\n") == 7
+
+
+def test_gravity_and_harmonics_are_in_no_robot_but_in_the_json(tmp_path: Path) -> None:
+    run = geometry_run(tmp_path, gravity=True, harmonics=True)
+    answer = told(run)
+    names = {own.name for own in answer.left_out}
+    assert {"joint3.gravity", "joint3.cos", "joint3.sin"} <= names
+    text = robot_text(run, answer)
+    assert "joint3.gravity" in text.partition("NOT IN THIS FILE")[2]
+    assert "joint3.gravity: +" not in text
+    data = json.loads(json_text(told(run, "all")))
+    rows = {row["name"]: row for row in data["parameters"]}
+    assert rows["joint3.gravity"]["status"] != "held"
+    known = [name for name, row in rows.items() if row["estimate"] is not None and row["std"] is not None]
+    assert data["covariance"]["names"] == known
+    matrix = np.array(data["covariance"]["matrix"])
+    np.testing.assert_allclose(np.sqrt(np.diag(matrix)), [rows[name]["std"] for name in known], rtol=1e-9)
+    assert np.linalg.eigvalsh(matrix).min() > 0
+    assert not any(
+        row["estimate"] or row["std"] for row in rows.values() if row["status"] == "unidentifiable"
+    )
+
+
+def test_nominal_geometry_says_nothing_of_links(tmp_path: Path) -> None:
+    run = geometry_run(tmp_path, values={})
+    nominal = Run(
+        run.header.model_copy(update={"geometry": None}), run.robot, run.shots, run.lines, run.header_line,
+        run.path, run.sha256, run.warnings,
+    )  # fmt: skip
+    answer = told(nominal)
+    assert answer.geometry == answer.left_out == ()
+    assert "link" not in " ".join(answer.head)
+
+
+def test_names_that_mean_harm_stay_names(tmp_path: Path) -> None:
+    harm = "=" + "".join(c for c in HOSTILE if c.isprintable()) + " 机器人🤖"
+    rows = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    rows = rows.replace("name: irb1600", f"name: {json.dumps(harm, ensure_ascii=False)}")
+    rows = rows.replace("  - {a_mm: 700", f"  - {{name: {json.dumps(harm, ensure_ascii=False)}, a_mm: 700")
+    (tmp_path / "arm.yaml").write_text(rows, encoding="utf-8")
+    run = arm_run(tmp_path, robot="irb1600")
+    arm = load_robot("arm.yaml", tmp_path)
+    run = replace(run, robot=arm, header=run.header.model_copy(update={"robot": "arm.yaml"}))
+    answer = told(run)
+    (tmp_path / "out.yaml").write_text(robot_text(run, answer), encoding="utf-8")
+    (tmp_path / "out.urdf").write_text(urdf_text(run, answer), encoding="utf-8")
+    for robot in (load_robot("out.yaml", tmp_path), read_urdf(tmp_path / "out.urdf", "base", "flange")):
+        assert (robot.name, robot.joints[1].name) == (harm, harm)
+        np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)

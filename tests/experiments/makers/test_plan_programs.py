@@ -1,0 +1,278 @@
+"""Programs of a plan, read back to its last digit; what their languages cannot hold is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import fanuc_interpreter
+import numpy as np
+import pytest
+import robodk_interpreter
+import ros_interpreter
+import urscript_interpreter
+from cells import good_plan, random_robot
+from import_files import import_csv
+from krl_interpreter import KrlController
+from rapid_interpreter import RapidController
+
+from zerobeam.experiments.makers.abb.rapid_points import rapid_positions
+from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
+from zerobeam.experiments.makers.generic.csv_file import CsvLayout
+from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
+from zerobeam.experiments.makers.plan_programs import (
+    PlanStep,
+    ProgramMotion,
+    decimal,
+    percents,
+    program_texts,
+    steps_of,
+    write_program,
+)
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.plan import Plan, read_plan
+from zerobeam.model.files.robot_file import load_robot
+
+PLAN = """\
+schema: zerobeam/plan/1
+robot: {robot}
+tool: {{kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}}
+noise: {{joint_deg: 0.01, spot_mm: 0.05}}
+targets: {{"left \\"one\\"": {{guess_mm: [500, 0, 0]}}, right: {{guess_mm: [500, 100, 0]}}}}
+postures_deg:
+  - {{joints_deg: [-69.348, -18.862, 49.27, 0.0000001, -39.5, 12.123456789], target: right}}
+  - joints_deg: [10, -20, 30, 40, -50, 60]
+    target: 'left "one"'
+    via_deg: [[0, -10, 20, 0.5, -30, 0], [5, -15, 25, 0, -40, 30]]
+"""
+ROBOTS = {
+    "rapid": "irb1600",
+    "urscript": "ur5e",
+    "krl": "kr6_r900",
+    "fanuc": "lrmate_200id",
+    "robodk": "gp7",
+    "ros": "irb2600",
+    "csv": "tx2_60",
+}
+FIRST = (-69.348, -18.862, 49.27, 1e-7, -39.5, 12.123456789)
+VIA = ((0.0, -10.0, 20.0, 0.5, -30.0, 0.0), (5.0, -15.0, 25.0, 0.0, -40.0, 30.0))
+LAST = (10.0, -20.0, 30.0, 40.0, -50.0, 60.0)
+
+
+class Obedient:
+    """Goes where it is told; nothing has to be centred."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.moves, self.paused_after = plan, [], []
+
+    def move(self, joints: Any) -> None:
+        self.moves.append(tuple(joints))
+
+    def joints(self) -> list[float]:
+        return list(self.moves[-1]) if self.moves else [0.0] * self.plan.robot.n
+
+    def centre(self) -> None:
+        self.paused_after.append(len(self.moves))
+
+
+def plan_of(folder: Path, kind: str) -> Plan:
+    path = folder / "plan.yaml"
+    text = PLAN.format(robot=ROBOTS[kind])
+    path.write_text(text)
+    return read_plan(path)
+
+
+def files_of(folder: Path, kind: str, motion: ProgramMotion) -> dict[str, str]:
+    suffix = {"krl": ".src", "fanuc": ".ls"}.get(kind, ".txt")
+    texts = program_texts(kind, plan_of(folder, kind), motion, folder / f"zb_plan{suffix}")
+    return {path.suffix: text for path, text in texts.items()}
+
+
+def moved(folder: Path, kind: str, motion: ProgramMotion, monkeypatch: pytest.MonkeyPatch) -> Obedient:
+    """What an interpreter does with the program."""
+    monkeypatch.chdir(folder)
+    arm: Any = Obedient(plan_of(folder, kind))
+    texts = files_of(folder, kind, motion)
+    text = next(iter(texts.values()))
+    if kind == "rapid":
+        RapidController(text, arm).run()
+    elif kind == "urscript":
+        urscript_interpreter.carried_out(text, arm)
+    elif kind == "fanuc":
+        fanuc_interpreter.carried_out(text, arm, ground=motion.j3 == "ground")
+    elif kind == "robodk":
+        robodk_interpreter.carried_out(text, arm)
+    elif kind == "ros":
+        ros_interpreter.carried_out(text, arm)
+    else:
+        controller = KrlController(texts[".src"], texts[".dat"], arm)
+        while controller.start():
+            arm.centre()
+    return arm
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ROBOTS if kind != "csv"])
+def test_a_program_goes_through_the_plan_in_its_order_and_waits_at_each_posture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    arm = moved(tmp_path, kind, ProgramMotion(j3="ground" if kind == "fanuc" else None), monkeypatch)
+    np.testing.assert_allclose(arm.moves, [FIRST, *VIA, LAST], atol=1e-10, rtol=0)
+    assert arm.paused_after == [1, 4]
+
+
+@pytest.mark.parametrize("kind", ["rapid", "urscript", "krl", "fanuc", "robodk"])
+def test_the_path_is_rounded_at_intermediate_postures_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    motion = ProgramMotion(zone=20, j3="link" if kind == "fanuc" else None)
+    text = next(iter(files_of(tmp_path, kind, motion).values()))
+    rounded = {"rapid": r",zb_zone;", "urscript": r"r=0.02", "krl": r"C_PTP", "fanuc": r"CNT20"}
+    if kind == "robodk":
+        assert "robot.setRounding(20)" in text
+    else:
+        assert len(re.findall(rounded[kind], text)) == 2
+    assert moved(tmp_path, kind, motion, monkeypatch).paused_after == [1, 4]
+
+
+def test_declared_positions_are_those_of_the_plan_to_the_last_digit(tmp_path: Path) -> None:
+    rapid = rapid_positions(files_of(tmp_path, "rapid", ProgramMotion())[".txt"], tmp_path)
+    assert [point.joints for point in rapid] == [FIRST, *VIA, LAST]
+    assert [point.name for point in rapid] == ["zb_p0", "zb_v1_1", "zb_v1_2", "zb_p1"]
+    kuka = kuka_positions(files_of(tmp_path, "krl", ProgramMotion())[".dat"], tmp_path)
+    assert [point.joints for point in kuka][:4] == [FIRST, *VIA, LAST]
+    link = fanuc_positions(files_of(tmp_path, "fanuc", ProgramMotion(j3="link"))[".ls"], tmp_path)
+    assert [point.joints for point in link] == [FIRST, *VIA, LAST]
+    ground = fanuc_positions(files_of(tmp_path, "fanuc", ProgramMotion(j3="ground"))[".ls"], tmp_path)
+    assert [point.joints[2] for point in ground] == [68.132, 30.0, 40.0, 50.0]
+    assert [point.joints[1] for point in ground] == [-18.862, -10.0, -15.0, -20.0]
+
+
+def test_the_table_is_read_by_the_importer_of_tables(tmp_path: Path) -> None:
+    plan = good_plan(3)
+    file = tmp_path / "plan.csv"
+    write_program("csv", plan, ProgramMotion(), file)
+    (tmp_path / "header.yaml").write_text(
+        "robot: irb1600\ntool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}\n"
+        "noise: {joint_deg: 0.01, spot_mm: 0.05}\n"
+    )
+    columns = [f"joint{i}_deg" for i in range(1, 7)]
+    layout = CsvLayout("deg", True, columns, target_column="target", shot_column="posture")
+    found = import_csv([file], [], layout, tmp_path / "header.yaml", tmp_path / "run.jsonl")
+    assert [shot.joints_deg for shot in found.shots] == [
+        step.joints for step in steps_of(plan, ProgramMotion())
+    ]
+    assert [shot.target for shot in found.shots] == ["psd"] * 3
+    rows = files_of(tmp_path, "csv", ProgramMotion())[".txt"].splitlines()
+    assert rows[2] == ",,0.0,-10.0,20.0,0.5,-30.0,0.0"
+
+
+def test_no_joint_is_faster_than_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = load_robot("kr6_r900")
+    top = np.array([joint.speed for joint in robot.joints]) * robot.display
+    assert (np.array(percents(robot, 10.0)) * top / 100 <= 10.0).all()
+    assert percents(replace(robot, joints=(replace(robot.joints[0], speed=None),)), 20.0) == [2]
+    source = files_of(tmp_path, "krl", ProgramMotion(speed=30))[".src"]
+    assert [int(value) for value in re.findall(r"\$VEL_AXIS\[\d\]=(\d+)", source)] == percents(robot, 30)
+    assert " 5% FINE" in files_of(tmp_path, "fanuc", ProgramMotion(speed=50, j3="link"))[".ls"]
+    assert "global zb_v = d2r(12.5)" in files_of(tmp_path, "urscript", ProgramMotion(speed=12.5))[".txt"]
+    # RAPID computes the time of a motion where it runs: from zero to -69.348 degrees at 10 degrees a second.
+    plan: Any = Obedient(plan_of(tmp_path, "rapid"))
+    controller = RapidController(files_of(tmp_path, "rapid", ProgramMotion())[".txt"], plan)
+    controller.run()
+    assert controller.longest_s == pytest.approx(7.4348)
+    time = re.findall(r"time_from_start: (.*)", files_of(tmp_path, "ros", ProgramMotion())[".txt"])
+    assert json.loads(time[1])["sec"] == math.floor(69.348 / 10 + 1)
+
+
+@pytest.mark.parametrize("kind", ["rapid", "urscript", "krl", "fanuc"])
+def test_a_robot_of_another_vendor_is_refused(
+    tmp_path: Path, kind: str, refused: Callable[..., BadInput]
+) -> None:
+    file = tmp_path / {"krl": "a.src", "fanuc": "a.ls"}.get(kind, "a.txt")
+    motion = ProgramMotion(j3="ground" if kind == "fanuc" else None)
+    for other, robot in ROBOTS.items():
+        if other == kind or (kind == "rapid" and robot.startswith("irb")):
+            continue
+        path = tmp_path / f"{robot}.yaml"
+        path.write_text(PLAN.format(robot=robot))
+        error = refused(write_program, kind, read_plan(path), motion, file)
+        assert "is for robots of" in error.what
+        path.unlink()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_vendor_by_the_name_alone_and_one_that_nobody_knows(
+    tmp_path: Path, refused: Callable[..., BadInput]
+) -> None:
+    plan = good_plan(2)
+    kuka = replace(plan, robot=replace(plan.robot, vendor=None, name="KR 10 R1100-2"))
+    error = refused(write_program, "rapid", kuka, ProgramMotion(), tmp_path / "a.mod")
+    assert error.found == "KR 10 R1100-2, of kuka"
+    unknown = replace(plan, robot=replace(plan.robot, vendor=None, name="our arm"))
+    files, notes = write_program("rapid", unknown, ProgramMotion(), tmp_path / "a.mod")
+    assert "nothing says who made 'our arm'" in notes[0]
+    assert "nothing says who made 'our arm'" in files[0].read_text()
+
+
+def test_joints_that_a_language_cannot_hold(tmp_path: Path, refused: Callable[..., BadInput]) -> None:
+    plan = good_plan(2)
+    robot = replace(random_robot("rrprrr", 1), name="irb", vendor="abb")
+    error = refused(write_program, "rapid", replace(plan, robot=robot), ProgramMotion(), tmp_path / "a.mod")
+    assert error.found == "6 joints, prismatic: joint3"
+    seven = replace(random_robot("rrrrrrr", 1), name="iiwa14", vendor="kuka")
+    error = refused(write_program, "krl", replace(plan, robot=seven), ProgramMotion(), tmp_path / "a.src")
+    assert error.allowed == "at most 6 revolute joints"
+
+
+@pytest.mark.parametrize(
+    ("kind", "motion", "what"),
+    [
+        ("rapid", {"tool": "a;b"}, "--tool is not a name of RAPID"),
+        ("rapid", {"j3": "ground"}, "--j3 is not for rapid"),
+        ("krl", {"tool": "0"}, "--tool is not a tool number of KRL"),
+        (
+            "fanuc",
+            {"j3": "link", "register": 100},
+            "the position registers of the postures do not exist",
+        ),
+        ("fanuc", {"j3": "link", "tool": "11"}, "--tool is not a tool frame number of FANUC"),
+        ("urscript", {"listener": "here"}, "--listener is not understood"),
+        ("urscript", {"tool": "1"}, "--tool is not for urscript"),
+        ("csv", {"speed": 20.0}, "--speed is not for csv"),
+        ("ros", {"zone": 5.0}, "--zone is not for ros"),
+    ],
+)
+def test_options_that_a_language_has_no_place_for(
+    tmp_path: Path, kind: str, motion: dict[str, Any], what: str, refused: Callable[..., BadInput]
+) -> None:
+    assert refused(files_of, tmp_path, kind, ProgramMotion(**motion)).what == what
+
+
+def test_numbers_that_nobody_should_move_by(refused: Callable[..., BadInput]) -> None:
+    assert refused(ProgramMotion, speed=200.0).what == "--speed is out of range"
+    assert refused(ProgramMotion, speed=math.nan).what == "--speed is out of range"
+    assert refused(ProgramMotion, zone=-1.0).what == "--zone is out of range"
+
+
+def test_names_that_a_controller_does_not_allow(tmp_path: Path, refused: Callable[..., BadInput]) -> None:
+    plan = plan_of(tmp_path, "krl")
+    assert refused(write_program, "krl", plan, ProgramMotion(), tmp_path / "1st.src").found == "1st"
+    assert refused(write_program, "krl", plan, ProgramMotion(), tmp_path / "a.krl").what == (
+        "a KRL program is a .src and a .dat"
+    )
+    (tmp_path / "a.dat").write_text("mine")
+    refused(write_program, "krl", plan, ProgramMotion(), tmp_path / "a.src")
+    assert not (tmp_path / "a.src").exists()
+
+
+def test_numbers_as_machines_read_them() -> None:
+    assert [decimal(value) for value in (4.05, 0.0, -69.348, 1e-7, 180.0)] == [
+        *("4.05", "0.0", "-69.348", "0.0000001", "180.0")
+    ]
+    assert decimal(4.0, 3) == "4.000"
+    assert PlanStep(0, "psd", FIRST, ()).joints == FIRST

@@ -1,0 +1,128 @@
+"""The sheets for UR, KUKA and FANUC: their signs, followed by hand, give true positions; nothing unknown is
+in them."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command_line import zerobeam
+
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.experiments.makers.calibration import calibration
+from zerobeam.experiments.makers.fanuc.mastering import FanucCounts, fanuc_text
+from zerobeam.experiments.makers.maker import makers
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.run import read_run
+
+SHEETS = {kind.name: kind.text for maker in makers() for kind in maker.offsets}
+GOOD, X_PATTERN = demo_runs()[0].path, demo_runs()[1].path
+PULSES = (10000.0, -11000.0, 12000.0, -9000.0, 8000.5, 7000.0)
+COUNTS = (100, 200, -300, 400, 500, 600)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The good run with a robot of no known vendor."""
+    folder = tmp_path_factory.mktemp("sheets")
+    made = folder / "arm.yaml"
+    told = zerobeam("export", "robot", GOOD, "-o", made)
+    assert told.status == 0
+    text = re.sub(r"^vendor:.*\n", "", made.read_text(), flags=re.MULTILINE)
+    made.write_text(re.sub(r"^name:.*", "name: arm", text, flags=re.MULTILINE))
+    copy = folder / "run.jsonl"
+    copy.write_text(GOOD.read_text().replace('"robot":"irb1600"', '"robot":"arm.yaml"', 1))
+    return read_run(copy)
+
+
+@pytest.fixture(scope="module")
+def offsets(run):
+    """The calibration of the run, and its offsets in degrees."""
+    found = calibration(run)
+    return found, [own.applied for own in found.offsets]
+
+
+def numbers(text, pattern):
+    return [float(value) for value in re.findall(pattern, text, flags=re.MULTILINE)]
+
+
+def test_universal_robots(run, offsets):
+    found, values = offsets
+    text = SHEETS["ur"](run, found)
+    at = numbers(text, r"^J\d +\S+ +([-+][\d.]+)$")
+    # Where the controller reads this, the joint is truly at zero: true = reading + offset.
+    np.testing.assert_allclose(np.array(at) + values[1:], 0, atol=1e-6)
+    assert re.search(r"^J1 +- +leave it as it is$", text, flags=re.MULTILINE)
+    assert "CAUTION" in text
+    text.encode("ascii")
+
+
+def test_kuka(run, offsets):
+    found, values = offsets
+    text = SHEETS["kuka"](run, found)
+    np.testing.assert_allclose(
+        numbers(text, r"mastering position +([-+][\d.]+) deg"), np.negative(values[1:]), atol=1e-6
+    )
+    np.testing.assert_allclose(numbers(text, r"old value +([-+][\d.]+)$"), values[1:], atol=1e-6)
+
+
+@pytest.mark.parametrize("encoder", ["link", "ground"])
+@pytest.mark.parametrize("pendant", ["link", "ground"])
+def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, encoder, pendant):
+    """What the encoder measures decides, whatever the pendant counts joint 3 from."""
+    found, values = offsets
+    robot = replace(run.robot, conventions=replace(run.robot.conventions, encoder3=encoder))
+    text = fanuc_text(robot, found, FanucCounts(COUNTS, PULSES), pendant)
+    assert ("from the ground: at the same place" in text) == (pendant == "ground")
+    assert "DCS (Dual Check Safety)" in text
+    rows = re.findall(r"^J(\d) +\S+ +(-?\d+) +\(now (-?\d+)\)$", text, flags=re.MULTILINE)
+    assert [int(row[0]) for row in rows] == [2, 3, 4, 5, 6]
+    pulses = np.array([5000, 6000, 7000, 8000, 9000, 10000])
+
+    def read(counts):
+        """The angles between the links that a controller with these encoders believes in."""
+        own = (pulses - counts) / np.array(PULSES)
+        if encoder == "ground":
+            own[2] += own[1]
+        return own
+
+    new = np.array([COUNTS[0], *(int(row[1]) for row in rows)])
+    np.testing.assert_allclose(read(new) - read(np.array(COUNTS)), values, atol=2e-4)
+
+
+def test_only_what_is_determined_is_in_a_sheet(tmp_path):
+    for command in (["ur"], ["kuka"], ["fanuc"]):
+        out = tmp_path / "sheet.txt"
+        assert (
+            "unidentifiable" in zerobeam("export", *command, X_PATTERN, "-o", out).err.lower()
+            or not out.exists()
+        )
+        assert not out.exists()
+
+
+def test_another_vendors_robot_is_refused(tmp_path):
+    for command in (["ur"], ["kuka"], ["fanuc", "--j3", "link"]):
+        said = zerobeam("export", *command, GOOD, "-o", tmp_path / "sheet.txt").refused()
+        assert "irb1600, of abb" in said
+
+
+def test_a_vendor_is_known_by_the_robots_name_too(run, offsets):
+    found, _ = offsets
+    named = replace(run, robot=replace(run.robot, name="My IRB 1600"))
+    assert (run.robot.vendor, named.robot.vendor) == (None, None)
+    for name in ("ur", "kuka", "fanuc"):
+        with pytest.raises(BadInput, match="this sheet is for robots of"):
+            SHEETS[name](named, found)
+
+
+def test_counts_that_cannot_be_used():
+    for master, pulses in (
+        ("1,2", "1,2,3"),
+        ("1,2,x", "1,2,3"),
+        ("1,2,3", None),
+        ("1.5,2,3", "1,2,3"),
+        ("1,2,3", "1,0,3"),
+    ):
+        with pytest.raises(BadInput):
+            FanucCounts.of_options(master, pulses, 3)
+    assert FanucCounts.of_options(None, None, 3) is None
