@@ -114,7 +114,7 @@ def verify(
         require_library,
         why_not_signed,
     )
-    from ..reports.history.certificate import Verification, files_of_certificate
+    from ..reports.history.certificate import SignatureVerification, files_of_certificate
 
     require_library()
     by = public_key(public)
@@ -127,7 +127,7 @@ def verify(
     if db is not None:
         checks += _against_history(db, list(read), signed)
     if as_json:
-        print_json(Verification(fingerprint=fingerprint(by), checks=checks).to_json())
+        print_json(SignatureVerification(fingerprint=fingerprint(by), checks=checks).to_json())
     else:
         say(f"Key: {grouped(fingerprint(by))}")
         for row in checks:

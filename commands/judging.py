@@ -200,8 +200,8 @@ def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="run-header, run-shot, plan, header, robot, obstacles, cell, sensors, psd-calibration or"
-            " study-file.",
+            help="run-header, run-shot, plan, header, robot, obstacles, cell, sensors, psd-calibration,"
+            " study-file, result, check, compare, batch or history.",
             show_default=False,
         ),
     ] = None,

@@ -63,7 +63,7 @@ class JobWhole(JobBrief):
     answer: Any = Field(description="the JSON that the command printed")
 
 
-class Job:
+class AppJob:
     """One command: `state` is waiting, running, done (it gave its answer), stopped or failed."""
 
     def __init__(self, number: int, command: Sequence[str]) -> None:
@@ -166,19 +166,19 @@ class Jobs:
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
         self.runs = StartedRuns(folder)
-        self._jobs: dict[str, Job] = {}
+        self._jobs: dict[str, AppJob] = {}
         # Who followed a job of a server that was killed must not be told of another one of the same number.
         self._number = int(time.time())
         self._places = asyncio.Semaphore(AT_ONCE)
 
-    def all(self) -> list[Job]:
+    def all(self) -> list[AppJob]:
         """The newest first."""
         return list(reversed(self._jobs.values()))
 
-    def of(self, number: str) -> Job | None:
+    def of(self, number: str) -> AppJob | None:
         return self._jobs.get(number)
 
-    def begin(self, command: Sequence[str], password: str | None = None) -> Job:
+    def begin(self, command: Sequence[str], password: str | None = None) -> AppJob:
         """A new job; `command` is as `job_command` gives it, `password` that of an ABB controller."""
         if len(self._jobs) >= MOST_JOBS:
             oldest = next((number for number, job in self._jobs.items() if job.ended), None)
@@ -186,12 +186,12 @@ class Jobs:
                 raise BadInput("too many jobs are waiting", allowed=MOST_JOBS, remedy="wait, or end some")
             del self._jobs[oldest]
         self._number += 1
-        job = Job(self._number, command)
+        job = AppJob(self._number, command)
         self._jobs[str(job.number)] = job
         job.task = asyncio.get_running_loop().create_task(self._carry_out(job, password))
         return job
 
-    async def answer(self, job: Job, text: str) -> None:
+    async def answer(self, job: AppJob, text: str) -> None:
         """Write lines to a job that reads them; BadInput where it asks nothing, or not this."""
         process = job.process
         if job.asks is None or process is None or process.stdin is None or job.ended or job.cancelled:
@@ -215,7 +215,7 @@ class Jobs:
             self.cancel(job)
         await asyncio.gather(*(job.task for job in under_way if job.task is not None), return_exceptions=True)
 
-    def cancel(self, job: Job) -> None:
+    def cancel(self, job: AppJob) -> None:
         """Ask a job to end as Ctrl-C does; what it has recorded stays. It is killed where it does not."""
         if job.ended or job.cancelled:
             return
@@ -226,7 +226,7 @@ class Jobs:
         process = job.process
         asyncio.get_running_loop().call_later(_PATIENCE_S, lambda: _kill(process))
 
-    async def _carry_out(self, job: Job, password: str | None) -> None:
+    async def _carry_out(self, job: AppJob, password: str | None) -> None:
         # Who measures does not wait until something is calculated.
         measures = job.command[0] == "run"
         try:
@@ -243,7 +243,7 @@ class Jobs:
             job.took_s = None if job.started_at is None else time.monotonic() - job.started_at
             await job.tell("end", job.whole().to_json())
 
-    async def _run(self, job: Job, password: str | None) -> None:
+    async def _run(self, job: AppJob, password: str | None) -> None:
         job.state, job.started_at = "running", time.monotonic()
         measures = job.command[0] == "run"
         secret = {} if password is None else {PASSWORD: password}
@@ -277,7 +277,7 @@ class Jobs:
             job.state = "stopped" if job.cancelled else "failed"
         job.asks = None
 
-    async def _events(self, job: Job, stream: asyncio.StreamReader) -> None:
+    async def _events(self, job: AppJob, stream: asyncio.StreamReader) -> None:
         """The events of a run, a line each; the last is its answer."""
         under_way, done, of = False, 0, 1
         async for line in stream:
@@ -308,7 +308,7 @@ class Jobs:
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
                 await job.tell("progress", job.brief().to_json())
 
-    async def _log(self, job: Job, stream: asyncio.StreamReader) -> None:
+    async def _log(self, job: AppJob, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""
         async for raw in stream:
             line = self._folder.without(raw.decode("utf-8", "replace").rstrip("\n"))
@@ -321,7 +321,7 @@ class Jobs:
                 await job.tell("progress", job.brief().to_json())
 
 
-async def _answer(job: Job, stream: asyncio.StreamReader) -> None:
+async def _answer(job: AppJob, stream: asyncio.StreamReader) -> None:
     """What a command prints: JSON, or lines for the log."""
     parts, size = [], 0
     while part := await stream.read(2**16):

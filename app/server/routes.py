@@ -33,7 +33,7 @@ from .end_points import END_POINTS, description
 from .folder import Folder
 from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
-from .jobs import Job, Jobs
+from .jobs import AppJob, Jobs
 from .requests import EndPoint, as_model, error_answer, require_plain
 
 _PAGE = Path(__file__).parents[1] / "page"
@@ -56,7 +56,7 @@ _TYPES = {
 
 def application(folder: Folder, access: Access) -> Starlette:
     """The server of one folder."""
-    server = _Server(folder, access)
+    server = _AppServer(folder, access)
     routes = [
         Route("/", server.page),
         Route("/page/{path:path}", server.page),
@@ -107,7 +107,7 @@ def page_files() -> dict[str, bytes]:
     return read | {"index.html": index, "report.css": sheet().encode()}
 
 
-class _Server:
+class _AppServer:
     """The end points. The calculations have one thread: two at a time would take each twice as long."""
 
     def __init__(self, folder: Folder, access: Access) -> None:
@@ -212,7 +212,7 @@ class _Server:
     async def described(self, request: Request) -> Response:
         return JSONResponse(description())
 
-    def _job(self, request: Request) -> Job:
+    def _job(self, request: Request) -> AppJob:
         job = self.jobs.of(request.path_params["id"])
         if job is None:
             raise HTTPException(404)

@@ -37,7 +37,7 @@ def serve(root: Path, host: str | None, port: int, announce: Callable[[str], Non
     access = Access() if host is None else Access(host)
     with listening(access.host, port) as open_socket:
         address = _address(access, open_socket)
-        _Server(_config(folder, access), lambda: announce(address)).run([open_socket])
+        _AnnouncingServer(_config(folder, access), lambda: announce(address)).run([open_socket])
 
 
 def serve_beside(root: Path) -> str:
@@ -47,7 +47,7 @@ def serve_beside(root: Path) -> str:
     """
     folder, access, answers = Folder(root), Access(framed=True), threading.Event()
     open_socket = listening(access.host, 0)
-    server = _Server(_config(folder, access), answers.set)
+    server = _AnnouncingServer(_config(folder, access), answers.set)
     thread = threading.Thread(target=server.run, args=([open_socket],), name="zerobeam app", daemon=True)
     thread.start()
 
@@ -111,7 +111,7 @@ class _Impatient(H11Protocol):
         self._waiting = None
 
 
-class _Server(uvicorn.Server):
+class _AnnouncingServer(uvicorn.Server):
     """Says when it answers."""
 
     def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:

@@ -137,15 +137,15 @@ def _carried_out(
     return [rows[names[file]] for file in shown]
 
 
-def _pieces(runs: Iterator[BatchRun], settings: BatchSettings) -> Iterator[Piece]:
+def _pieces(runs: Iterator[BatchRun], settings: BatchSettings) -> Iterator[BatchPiece]:
     together: list[BatchRun] = []
     for one in runs:
         together.append(one)
         if len(together) == TOGETHER:
-            yield Piece(tuple(together), settings)
+            yield BatchPiece(tuple(together), settings)
             together = []
     if together:
-        yield Piece(tuple(together), settings)
+        yield BatchPiece(tuple(together), settings)
 
 
 def _whole(folder: Path, settings: BatchSettings) -> bool:
@@ -188,7 +188,7 @@ class BatchRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class BatchPiece:
     """Runs that are solved together; an answer does not depend on which."""
 
     runs: tuple[BatchRun, ...]
@@ -206,7 +206,7 @@ class BatchAnswer:
         return {name: zlib.decompress(content) for name, content in self.packed.items()}
 
 
-def solved_piece(piece: Piece) -> list[BatchAnswer]:
+def solved_piece(piece: BatchPiece) -> list[BatchAnswer]:
     """The answer of every run; what goes wrong with one is said in its row, and the others go on."""
     with one_blas_thread():
         fits = _fits(piece)
@@ -227,7 +227,7 @@ def failed(name: str, file: str, error: Exception, run: Run | None = None) -> Ba
     return BatchRow(name, file, "failed", message, sha256, robot)
 
 
-def _fits(piece: Piece) -> dict[str, LikelihoodFit]:
+def _fits(piece: BatchPiece) -> dict[str, LikelihoodFit]:
     """The fits that can be made side by side, by the run's name; whatever fails does so again on its own."""
     problems: dict[str, Problem] = {}
     for one in piece.runs:

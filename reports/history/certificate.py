@@ -44,7 +44,7 @@ class VerificationCheck(JsonDocument):
     reason: str | None = Field(description="null where it is valid")
 
 
-class Verification(JsonDocument):
+class SignatureVerification(JsonDocument):
     """`history verify`."""
 
     schema_: Literal["zerobeam/verification/1"] = Field(default="zerobeam/verification/1", alias="schema")

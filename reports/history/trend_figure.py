@@ -34,7 +34,7 @@ _LETTER = 4.6  # points, of a label
 _LEAST_SPAN = timedelta(days=60)
 
 
-class _Point(NamedTuple):
+class _TrendPoint(NamedTuple):
     """Estimate and half width of the 95 % interval at a time (days), and the status of the offset there."""
 
     at: float
@@ -159,7 +159,7 @@ def _panel(axes: Axes, arm: ArmDrift, drift: Drift, name: str, ahead_years: floa
     axes.axhline(0, color=light("line"), linewidth=0.8, zorder=0.5)
 
 
-def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_Point]:
+def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_TrendPoint]:
     """What each result alone says of an offset: of one that does not determine it nothing."""
     points = []
     for result, observation in zip(arm.used, drift.series.observations, strict=True):
@@ -168,7 +168,7 @@ def _points_of(arm: ArmDrift, drift: Drift, name: str) -> list[_Point]:
         at = observation.names.index(name)
         half = NORMAL_95 * float(np.sqrt(observation.covariance[at, at] + observation.shared[at, at]))
         status = next(row.status for row in result.offsets if row.name == name)
-        points.append(_Point(_day(result.measured_at), float(observation.values[at]), half, status))
+        points.append(_TrendPoint(_day(result.measured_at), float(observation.values[at]), half, status))
     return points
 
 
@@ -183,7 +183,7 @@ def _shade(axes: Axes, band: Band, origin: float, days: Matrix) -> None:
     )
 
 
-def _scale(axes: Axes, points: Sequence[_Point], drawn: Sequence[Band]) -> None:
+def _scale(axes: Axes, points: Sequence[_TrendPoint], drawn: Sequence[Band]) -> None:
     """By what is narrow enough to be compared: an interval that is far wider runs out of the panel."""
     most = _WIDEST * float(np.median([point.half for point in points]))
     values, halves = np.array([(point.value, point.half) for point in points if point.half <= most]).T

@@ -49,7 +49,8 @@ def a_result(
 def as_misfit(answer: dict[str, Any]) -> dict[str, Any]:
     """The same of a run that the model does not describe."""
     criteria = [{"kind": "chi2", "sentence": "Residuals are 9 times the stated noise."}]
-    return answer | {"verdict": "misfit", "misfit": {"criteria": criteria}}
+    steps = answer["next_steps"] | {"enter": []}
+    return answer | {"verdict": "misfit", "misfit": {"criteria": criteria}, "next_steps": steps}
 
 
 def write_result(path: Path, answer: dict[str, Any]) -> Path:

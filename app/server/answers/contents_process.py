@@ -31,7 +31,7 @@ _PROGRAM = "from zerobeam.app.server.answers.contents_process import main; main(
 _COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
 
 
-class Point(JsonDocument):
+class NamedPoint(JsonDocument):
     """A taught point, and whether it has joints."""
 
     name: str
@@ -57,7 +57,7 @@ class Holdings(JsonDocument):
     columns: list[TableColumn]
     rows: int = Field(description="of a table: how many were looked at")
     whole: bool = Field(description="of a table: these are all")
-    points: list[Point]
+    points: list[NamedPoint]
     topics: list[BagTopic]
     names: list[str] = Field(description="of joint states in text: the joints")
     kind: str = Field(description="of a file of zerobeam")
@@ -67,7 +67,7 @@ class Holdings(JsonDocument):
         """The document of what was found."""
         return cls.filled(
             contents,
-            points=[Point(name=name, joints=joints) for name, joints in contents.points],
+            points=[NamedPoint(name=name, joints=joints) for name, joints in contents.points],
             topics=[BagTopic.filled(topic) for topic in contents.topics],
         )
 

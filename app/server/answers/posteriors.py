@@ -29,7 +29,7 @@ _OFFSET = re.compile(r"delta\d{1,2}")
 
 
 class AskedBrush(FileModel):
-    """Draws that are chosen by ranges of some parameters."""
+    """StoredDraws that are chosen by ranges of some parameters."""
 
     posterior: str = Field(description="a posterior.nc below the folder")
     run: str = Field(description="the run file that it was made of")
@@ -39,7 +39,7 @@ class AskedBrush(FileModel):
 
 
 @dataclass(frozen=True)
-class Draws:
+class StoredDraws:
     """(draws, m) thinned draws of the m parameters that the data determine, as people read them; `prior`
     names the others. Of a posterior that did not converge there are none."""
 
@@ -56,11 +56,11 @@ _DRAWS = Kept(4)
 _RESIDUALS = Kept(4)
 
 
-def _drawn(path: Path) -> Draws:
+def _drawn(path: Path) -> StoredDraws:
     return _DRAWS.of(path, _read)
 
 
-def _read(path: Path) -> Draws:
+def _read(path: Path) -> StoredDraws:
     import h5py
 
     try:
@@ -97,7 +97,7 @@ def _read(path: Path) -> Draws:
             remedy="make it again with zerobeam report",
             file=path,
         ) from None
-    return Draws(converged, sha256, chains * steps, tuple(names), tuple(units), values, tuple(prior))
+    return StoredDraws(converged, sha256, chains * steps, tuple(names), tuple(units), values, tuple(prior))
 
 
 def _member(group: Any, name: str) -> Any:
@@ -194,7 +194,7 @@ def brush(folder: Folder, request: AskedBrush) -> Brushed:
     return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=shots, reason=None)
 
 
-def _lengths(run: FittedRun, draws: Draws) -> tuple[Matrix, int]:
+def _lengths(run: FittedRun, draws: StoredDraws) -> tuple[Matrix, int]:
     """(draws, N) lengths of the normalised residuals of every k-th draw, and k."""
     fit = run.solution.fit
     problem: Problem = fit.problem
