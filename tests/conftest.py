@@ -6,6 +6,7 @@ import argparse
 import gc
 import os
 import re
+import sys
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -42,6 +43,11 @@ gc.set_threshold(50_000, 20, 20)
 def pytest_collection_finish() -> None:
     """What has been collected stays to the end, and need not be looked at again by the garbage collector."""
     gc.freeze()
+
+
+def pytest_unconfigure() -> None:
+    if "chromium" in sys.modules:
+        sys.modules["chromium"].close_browser()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import functools
 import importlib.util
@@ -56,6 +55,14 @@ def _started(path: str) -> Chromium:
     return Chromium(path)
 
 
+def close_browser() -> None:
+    """Before the process ends: at its exit the browser's thread takes no more work."""
+    if _started.cache_info().currsize:
+        path = next(path for name in BROWSERS if (path := shutil.which(name)))
+        _started(path).close()
+        _started.cache_clear()
+
+
 @functools.cache
 def axe() -> str:
     """The accessibility checker axe-core (MPL 2.0), from the package that ships it; skipped where it is not
@@ -75,7 +82,6 @@ class Chromium:
     def __init__(self, path: str) -> None:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="playwright")
         self._playwright, self._browser = self.do(lambda: self._start(path))
-        atexit.register(self.close)
 
     @staticmethod
     def _start(path: str) -> tuple[Any, Any]:
