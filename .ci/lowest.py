@@ -6,9 +6,11 @@ from pathlib import Path
 
 NEWER = ("import-linter",)  # tools that need newer versions, and that `make lint` alone runs
 
-stated = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-extras = stated["optional-dependencies"]
-used = [own for name, extra in extras.items() if name not in ("docs", "test") for own in extra]
-lowest = {own.replace(">=", "==") for own in (*stated["dependencies"], *used)}
-tools = [own for own in extras["test"] if not own.startswith(NEWER)]
-sys.stdout.writelines(f"{own}\n" for own in (*sorted(lowest), *tools))
+project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+extras = project["optional-dependencies"]
+used = [
+    requirement for name, extra in extras.items() if name not in ("docs", "test") for requirement in extra
+]
+lowest = {requirement.replace(">=", "==") for requirement in (*project["dependencies"], *used)}
+tools = [requirement for requirement in extras["test"] if not requirement.startswith(NEWER)]
+sys.stdout.writelines(f"{requirement}\n" for requirement in (*sorted(lowest), *tools))

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Named(Protocol):
+class NamedRow(Protocol):
     """What a row has at least."""
 
     @property
     def name(self) -> str: ...
 
 
-Row = TypeVar("Row", bound=Named)
+Row = TypeVar("Row", bound=NamedRow)
 
 
 class Rows(tuple[Row, ...]):

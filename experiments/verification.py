@@ -29,7 +29,7 @@ _DECIMALS = 6  # of degrees and mm in the plan
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
+class PlannedVerification:
     """A written plan, and the run that it verifies."""
 
     plan: VerificationPlan
@@ -39,7 +39,7 @@ class Verification:
 
 def write_verification(
     path: Path, file: Path, shots: int | None, tolerance: float | None, *, force: bool = False
-) -> Verification:
+) -> PlannedVerification:
     """Choose postures of the run that test its offsets once they are entered, and write them as a plan.
 
     BadInput where an offset is not identified, NotValidated for a misfit: then nothing is to be entered.
@@ -59,7 +59,7 @@ def write_verification(
         header = run.header.model_copy(update={"distances": ()})
         plan = choose(solution, header, entered, _tolerances(run.header, tolerance), shots)
     _write(run, solution, plan, entered, file, force)
-    return Verification(plan, path.name, run.sha256)
+    return PlannedVerification(plan, path.name, run.sha256)
 
 
 def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult:
@@ -180,7 +180,7 @@ def acceptance_json(result: AcceptanceResult) -> dict[str, object]:
     return {"schema": "zerobeam/acceptance/1", **asdict(result)}
 
 
-def plan_json(made: Verification) -> dict[str, object]:
+def plan_json(made: PlannedVerification) -> dict[str, object]:
     """The errors that the plan would notice, schema `zerobeam/verification-plan/1`."""
     return {
         "schema": "zerobeam/verification-plan/1",

@@ -80,22 +80,22 @@ class BadInput(ZerobeamError):
         """The same error, with `file` and `line` as its place unless it has a place already."""
         if self.file is not None or self.argument is not None:
             return self
-        return self._with_place(file=file, line=line)
+        return self._located(file=file, line=line)
 
     def of_argument(self, argument: str) -> BadInput:
         """The same error, with an argument as its place unless it has a place already."""
         if self.file is not None or self.argument is not None:
             return self
-        return self._with_place(argument=argument)
+        return self._located(argument=argument)
 
     def renamed(self, arguments: Mapping[str, str]) -> BadInput:
         """The same error, its argument called otherwise: by the option of the command line, say."""
         if self.argument is None or self.argument not in arguments:
             return self
-        return self._with_place(argument=arguments[self.argument])
+        return self._located(argument=arguments[self.argument])
 
-    def _with_place(self, **place: Any) -> BadInput:
-        return type(self)(self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, **place)
+    def _located(self, **location: Any) -> BadInput:
+        return type(self)(self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, **location)
 
     def _message(self) -> str:
         where = ""

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..analysis.repeatability.compare import (
-    CHANCE,
+    FALSE_ALARM,
     Agreement,
     ComparedOffset,
     ComparedRun,
@@ -140,7 +140,7 @@ class ComparisonDocument(JsonDocument):
             settings=ComparisonSettings.filled(
                 comparison,
                 level=LEVEL,
-                chance=CHANCE,
+                chance=FALSE_ALARM,
                 order="time" if by_time else "given",
                 at_unit="h" if by_time else "run",
             ),

@@ -34,7 +34,7 @@ from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
-_CRITERIA: dict[type, type[document.Section]] = {
+_CRITERIA: dict[type, type[document.DocumentPart]] = {
     LackOfFit: document.LackOfFitDocument,
     ImplausibleNoise: document.ImplausibleNoiseDocument,
     BeyondPrior: document.BeyondPriorDocument,

@@ -40,7 +40,7 @@ _SURROGATE = re.compile(r"\\u[dD][89abAB]")
 _ALONE = re.compile("[\ud800-\udfff]")
 
 
-class Section(BaseModel):
+class DocumentPart(BaseModel):
     """Part of a document. Types are held to when it is read, and keys of other versions are left out."""
 
     model_config = ConfigDict(
@@ -86,7 +86,7 @@ def _not_finite(value: object, where: str = "") -> Iterator[tuple[str, float]]:
             yield from _not_finite(item, f"{where}[{i}]")
 
 
-class ParameterDocument(Section):
+class ParameterDocument(DocumentPart):
     """A row of `parameters`: an offset has `tolerance_share` too."""
 
     name: str
@@ -114,7 +114,7 @@ class ParameterDocument(Section):
         return self
 
 
-class WithoutPriorDocument(Section):
+class WithoutPriorDocument(DocumentPart):
     """The identifiable offsets by the measurements alone."""
 
     names: tuple[str, ...]
@@ -126,7 +126,7 @@ class WithoutPriorDocument(Section):
     dof: int | None
 
 
-class DirectionDocument(Section):
+class DirectionDocument(DocumentPart):
     """A null-space direction in words."""
 
     combination: dict[str, float]
@@ -136,7 +136,7 @@ class DirectionDocument(Section):
     data_std: Number
 
 
-class IdentifiabilityDocument(Section):
+class IdentifiabilityDocument(DocumentPart):
     """Rank, condition and observability of the fit, and its null-space directions."""
 
     rank: int
@@ -146,7 +146,7 @@ class IdentifiabilityDocument(Section):
     null_space: tuple[DirectionDocument, ...]
 
 
-class FitDocument(Section):
+class FitDocument(DocumentPart):
     """One of the two fits, null where it does not define a number."""
 
     available: bool = True
@@ -164,21 +164,21 @@ class FitDocument(Section):
     message: str | None = None
 
 
-class FitsDocument(Section):
+class FitsDocument(DocumentPart):
     """The likelihood fit and the paper's."""
 
     likelihood: FitDocument
     midpoint: FitDocument
 
 
-class ToleranceDocument(Section):
+class ToleranceDocument(DocumentPart):
     """Tolerances of the links."""
 
     length_mm: Tolerance
     angle_deg: Tolerance
 
 
-class GeometryDocument(Section):
+class GeometryDocument(DocumentPart):
     """The geometry: tolerances, the model ladder, what the offsets are worth with nominal geometry."""
 
     tolerance: ToleranceDocument | None
@@ -191,7 +191,7 @@ class GeometryDocument(Section):
     confounded: tuple[Confounded, ...]
 
 
-class PosteriorMessage(Section):
+class PosteriorMessage(DocumentPart):
     """What is read back of the posterior."""
 
     converged: bool
@@ -211,7 +211,7 @@ class PosteriorDocument(PosteriorMessage):
     parameters: tuple[PosteriorParameter, ...] | None
 
 
-class IntervalsDocument(Section):
+class IntervalsDocument(DocumentPart):
     """The 95 % intervals of a parameter by three methods."""
 
     name: str
@@ -222,7 +222,7 @@ class IntervalsDocument(Section):
     differ: bool
 
 
-class AccuracyDocument(Section):
+class AccuracyDocument(DocumentPart):
     """The accuracy at the TCP over the workspace."""
 
     point_mm: tuple[float, float, float]
@@ -236,7 +236,7 @@ class AccuracyDocument(Section):
     reason: str | None
 
 
-class BudgetDocument(Section):
+class BudgetDocument(DocumentPart):
     """The uncertainty budget of a parameter."""
 
     name: str
@@ -249,7 +249,7 @@ class BudgetDocument(Section):
     check: LinearCheck | None
 
 
-class RobustParameterDocument(Section):
+class RobustParameterDocument(DocumentPart):
     """A parameter by the robust fit."""
 
     name: str
@@ -259,7 +259,7 @@ class RobustParameterDocument(Section):
     interval95: Interval | None
 
 
-class RobustDocument(Section):
+class RobustDocument(DocumentPart):
     """The robust fit."""
 
     loss: Loss
@@ -273,7 +273,7 @@ class RobustDocument(Section):
     message: str | None
 
 
-class HoldOutDocument(Section):
+class HoldOutDocument(DocumentPart):
     """Placements held out."""
 
     targets: tuple[str, ...]
@@ -289,7 +289,7 @@ class HoldOutDocument(Section):
     message: str | None
 
 
-class LeftOutDocument(Section):
+class LeftOutDocument(DocumentPart):
     """A placement as the others predict it."""
 
     placement: str
@@ -303,7 +303,7 @@ class LeftOutDocument(Section):
     message: str | None
 
 
-class EffectiveDocument(Section):
+class EffectiveDocument(DocumentPart):
     """The effective number of measurements."""
 
     recordings: tuple[RecordingCorrelation, ...]
@@ -315,7 +315,7 @@ class EffectiveDocument(Section):
     number: float
 
 
-class PlacementsDocument(Section):
+class PlacementsDocument(DocumentPart):
     """Placements left out in turn, the jackknife, correlation and steps of the recordings."""
 
     names: tuple[str, ...]
@@ -330,13 +330,13 @@ class PlacementsDocument(Section):
     steps_tested: int
 
 
-class Said(Section):
+class SentenceDocument(DocumentPart):
     """What is read back of a criterion or an explanation: its sentence."""
 
     sentence: str
 
 
-class LackOfFitDocument(Section):
+class LackOfFitDocument(DocumentPart):
     """Residuals beyond the stated noise."""
 
     kind: Literal["chi2"]
@@ -350,7 +350,7 @@ class LackOfFitDocument(Section):
     sentence: str
 
 
-class ImplausibleNoiseDocument(Section):
+class ImplausibleNoiseDocument(DocumentPart):
     """An estimated noise that is not plausible."""
 
     kind: Literal["noise_factor"]
@@ -361,7 +361,7 @@ class ImplausibleNoiseDocument(Section):
     sentence: str
 
 
-class BeyondPriorDocument(Section):
+class BeyondPriorDocument(DocumentPart):
     """Estimates that contradict their priors."""
 
     kind: Literal["prior"]
@@ -370,7 +370,7 @@ class BeyondPriorDocument(Section):
     sentence: str
 
 
-class PlacementsDisagreeDocument(Section):
+class PlacementsDisagreeDocument(DocumentPart):
     """Offsets that differ between placements."""
 
     kind: Literal["placements"]
@@ -390,13 +390,13 @@ CriterionDocument = Annotated[
 ]
 
 
-class MisfitDocument(Section):
+class MisfitDocument(DocumentPart):
     """Why the model does not describe the measurements."""
 
     criteria: tuple[CriterionDocument, ...]
 
 
-class ExplanationDocument(Section):
+class ExplanationDocument(DocumentPart):
     """What explains a misfit."""
 
     cause: Cause
@@ -433,7 +433,7 @@ class NextSteps:
     steps: tuple[NextStep, ...]
 
 
-class ResultDocument(Section):
+class ResultDocument(DocumentPart):
     """The content of a result.json, in the order of its keys."""
 
     schema_: Literal["zerobeam/result/1"] = Field(alias="schema")
@@ -461,7 +461,7 @@ class ResultDocument(Section):
     inputs: Inputs
 
 
-class CheckedParameterDocument(Section):
+class CheckedParameterDocument(DocumentPart):
     """A row of the `parameters` of a check."""
 
     name: str
@@ -476,7 +476,7 @@ class CheckedParameterDocument(Section):
     reason: str | None
 
 
-class CheckDocument(Section):
+class CheckDocument(DocumentPart):
     """What `zerobeam check --json` prints, in the order of its keys."""
 
     schema_: Literal["zerobeam/check/1"] = Field(alias="schema")
@@ -493,19 +493,19 @@ class CheckDocument(Section):
     inputs: PlanInputs
 
 
-class _ReadFits(Section):
+class _ReadFits(DocumentPart):
     likelihood: FitDocument
 
 
-class _ReadAccuracy(Section):
+class _ReadAccuracy(DocumentPart):
     sensitivity_mm2: Rows | None = None
 
 
-class _ReadMisfit(Section):
-    criteria: tuple[Said, ...]
+class _ReadMisfit(DocumentPart):
+    criteria: tuple[SentenceDocument, ...]
 
 
-class ReadResult(Section):
+class ReadResult(DocumentPart):
     """What is read back of a result; earlier versions lack what is optional here."""
 
     verdict: Verdict
@@ -517,7 +517,7 @@ class ReadResult(Section):
     shots: tuple[ShotResult, ...]
     accuracy: _ReadAccuracy | None = None
     misfit: _ReadMisfit | None = None
-    diagnosis: tuple[Said, ...] = ()
+    diagnosis: tuple[SentenceDocument, ...] = ()
     notes: tuple[str, ...]
     next_steps: NextSteps | None = None
     inputs: Inputs
@@ -539,7 +539,7 @@ class ReadResult(Section):
         return self
 
 
-class _Kind(Section):
+class _Kind(DocumentPart):
     schema_: str | None = Field(default=None, alias="schema")
 
 

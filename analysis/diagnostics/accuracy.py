@@ -36,7 +36,7 @@ from ..status import UnsoundResult
 
 Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]
-Place = Literal["stated point", "tool", "last axis"]
+TcpSource = Literal["stated point", "tool", "last axis"]
 
 _POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
 _CELLS = 20  # along the longer side of a map, at most
@@ -107,7 +107,7 @@ class TcpAccuracy:
     """
 
     point_mm: tuple[float, float, float]
-    place: Place
+    place: TcpSource
     workspace: Region | None
     near_shots: Region | None
     maps: tuple[Map, ...]
@@ -132,7 +132,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
     status = solution.status[offsets]
     open_offsets = np.isin(status, ["unidentifiable", "held"])
     open_offsets[0] = False
-    location: Place = "stated point"
+    location: TcpSource = "stated point"
     if point is None:
         point, location = _default_point(problem, bool(open_offsets[-1]))
     limits = (problem.robot.lower, problem.robot.upper)
@@ -219,7 +219,7 @@ def _shares(n: int, count: int) -> Matrix:
     return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0)
 
 
-def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, Place]:
+def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, TcpSource]:
     """The tool's stated point, or the nearest of the last axis if its offset is not determined."""
     point = problem.tool.point
     last = problem.robot.joints[-1]

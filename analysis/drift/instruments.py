@@ -193,7 +193,7 @@ def instrument_biases(
     """The biases of all instruments that the arms were measured by. `each` does what is done for each arm, in
     the order of the arms."""
     unstated = sum(arm.instruments.count("") for arm in arms)
-    raw = [arm for arm in each(partial(_stated, seed=seed), arms) if arm is not None]
+    raw = [arm for arm in each(partial(_corrected_from, seed=seed), arms) if arm is not None]
     now, shift = raw, dict[Column, float]()
     draws = _drawn(now, seed)
     for _ in range(_ROUNDS):
@@ -238,7 +238,7 @@ def bias_information(series: Series, rates: Matrix, allowed: Matrix, design: Mat
     return (matrix + matrix.transpose(0, 2, 1)) / 2, score
 
 
-def _stated(arm: MeasuredArm, seed: int) -> _CorrectedArm | None:
+def _corrected_from(arm: MeasuredArm, seed: int) -> _CorrectedArm | None:
     """The arm by its results that state an instrument, without jumps where that changes."""
     series, arm_drift = arm.drift.series, arm.drift
     if "" in arm.instruments:

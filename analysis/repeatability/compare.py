@@ -36,7 +36,7 @@ Agreement = Literal["agrees", "does not agree", "not tested", "misfit"]
 Adjustable = Consistency | RunDrift | AgainstOthers
 Row = TypeVar("Row", Consistency, RunDrift, AgainstOthers)
 
-CHANCE = 0.01  # of a false alarm over all questions together
+FALSE_ALARM = 0.01  # of a false alarm over all questions together
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Comparison:
         "drift": drifts,
     }
     questions = tuple(question for question, rows in answers.items() if any(rows))
-    bound = CHANCE / max(len(questions), 1)
+    bound = FALSE_ALARM / max(len(questions), 1)
     significant = {
         question: [row is not None and row.p_holm < bound for row in rows]
         for question, rows in answers.items()

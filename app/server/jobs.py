@@ -39,7 +39,7 @@ _LAST = "picture"  # the one of which only the last is kept: it is large
 PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in lines (`commands/console.py`)
 
 
-_Told = tuple[int, str, Any]  # number, kind, data
+_NumberedEvent = tuple[int, str, Any]  # number, kind, data
 
 
 class JobBrief(JsonDocument):
@@ -80,9 +80,9 @@ class AppJob:
         self.task: asyncio.Task[None] | None = None
         self.asks: Literal["lines", "confirm"] | None = None
         self.left_from = 0.0  # the share that was done before it began
-        self._kept: deque[_Told] = deque(maxlen=MOST_EVENTS)
-        self._passing: deque[_Told] = deque(maxlen=MOST_PASSING)
-        self._picture: _Told | None = None
+        self._kept: deque[_NumberedEvent] = deque(maxlen=MOST_EVENTS)
+        self._passing: deque[_NumberedEvent] = deque(maxlen=MOST_PASSING)
+        self._picture: _NumberedEvent | None = None
         self._last = 0
         self._told_all = False
         self._news = asyncio.Condition()
@@ -129,7 +129,7 @@ class AppJob:
             self._told_all = kind == "end"
             self._news.notify_all()
 
-    def _since(self, after: int) -> list[_Told]:
+    def _since(self, after: int) -> list[_NumberedEvent]:
         """What can be told again, from behind number `after`."""
         pictures = [] if self._picture is None else [self._picture]
         return sorted(

@@ -243,9 +243,9 @@ class ModelRow(JsonDocument):
     )
 
     @classmethod
-    def of(cls, walk: ModelWalk) -> ModelRow:
+    def of(cls, drift: ModelWalk) -> ModelRow:
         """The document of a model's walk."""
-        return cls.filled(walk, rate=RateRow.of(walk.median), between=RateRow.of(walk.between))
+        return cls.filled(drift, rate=RateRow.of(drift.median), between=RateRow.of(drift.between))
 
 
 class WalkRow(JsonDocument):
@@ -322,7 +322,7 @@ class FleetDriftRow(JsonDocument):
         """The document of all arms' drift."""
         return cls.filled(
             fleet,
-            models=[ModelRow.of(walk) for walk in fleet.models],
+            models=[ModelRow.of(drift) for drift in fleet.models],
             arms=[ArmWalksRow.of(arm) for arm in fleet.arms],
             suspects=[SuspectRow.of(suspect) for suspect in fleet.suspects],
         )

@@ -23,7 +23,7 @@ from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, tabl
 from .joint_text import PROGRAM_LINE
 from .kuka.krl_points import AGGREGATE, DATA_LIST, kuka_positions
 from .maker import blanked
-from .recordings import Point
+from .recordings import TaughtPoint
 
 HEAD = 4 * 10**6  # bytes of a table that are looked at while somebody waits
 _COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
@@ -251,7 +251,7 @@ def _program(path: Path, text: str) -> Contents | None:
     return None
 
 
-def _points(form: Form, why: str, points: list[Point]) -> Contents:
+def _points(form: Form, why: str, points: list[TaughtPoint]) -> Contents:
     taught = sum(point.joints is not None for point in points)
     count = f"{len(points)} points, {taught} with joint values"
     shown = tuple((point.name, point.joints is not None) for point in points[:_MOST_SHOWN])

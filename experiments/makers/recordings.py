@@ -300,7 +300,7 @@ def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:
     ]
 
 
-class Point(NamedTuple):
+class TaughtPoint(NamedTuple):
     """A point of the file: degrees (mm if prismatic), or None where it is Cartesian or was not taught.
 
     `number` is that of the posture of a plan, where a program of zerobeam recorded the point.
@@ -314,7 +314,7 @@ class Point(NamedTuple):
 
 def import_points(
     job: ImportJob,
-    parse: Callable[[str, Path], list[Point]],
+    parse: Callable[[str, Path], list[TaughtPoint]],
     *,
     names: Sequence[str] | None,
     j3: J3 | None = None,
@@ -349,7 +349,7 @@ def import_points(
     return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
 
 
-def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) -> list[Point]:
+def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None, path: Path) -> list[TaughtPoint]:
     known = [point.name for point in points]
     if not points:
         raise BadInput("no measurements found: the file has no points", file=path)
@@ -367,7 +367,7 @@ def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) ->
     return [points[known.index(name)] for name in dict.fromkeys(names)]
 
 
-def _joints(point: Point, robot: Robot, path: Path) -> tuple[float, ...]:
+def _joints(point: TaughtPoint, robot: Robot, path: Path) -> tuple[float, ...]:
     if point.joints is None:
         raise BadInput(
             f"point {point.name} has no joint values",

@@ -26,7 +26,7 @@ from .program_parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
 _CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far
 _SAME_POSTURE = 0.01  # deg
-_ASIDE = 0.05  # rad
+_OFF_AXIS = 0.05  # rad
 _JUMP = np.pi / 2  # rad (mm) from one of them to the next: more is another posture
 _FLANGE_OF_IRB1600 = 65.0  # mm
 _ON_THE_WAY = 24  # poses of a linear motion that are followed
@@ -286,7 +286,7 @@ class _Corrector:
         if not is_singular(nominal, row):
             return
         direction = np.linalg.svd(nominal.jacobian(row, "rad"))[2][-1]
-        others, arrived = reach(nominal, flange, row + _ASIDE * np.array([[1.0], [-1.0]]) * direction)
+        others, arrived = reach(nominal, flange, row + _OFF_AXIS * np.array([[1.0], [-1.0]]) * direction)
         if any(not self.arms.solver.same(row, other) for other in others[arrived]):
             raise _Unsolved(
                 "it is at a singularity, where many sets of joints reach it; replace it by a joint target"

@@ -166,13 +166,13 @@ class ProcedureResult:
 
 @dataclass(eq=False)
 class Procedure:
-    """One session of a run: `listener` is called with what happens, as events (docs/files.md)."""
+    """One session of a run: `told` is called with what happens, as events (docs/files.md)."""
 
     plan: Plan
     rig: Rig
     journal: Journal
     order: Order
-    listener: Listener
+    told: Listener
     scene: bool = False  # whether to tell where the arm is sent and what the camera sees
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
 
@@ -181,7 +181,7 @@ class Procedure:
         self._supposed = self._problem.nominal()
         self._near = near_nominal(self._problem, self._supposed)
         self._refused: dict[int, RefusedPosture] = {}
-        self._watched = WatchedRig(self.rig, self.listener) if self.scene else None
+        self._watched = WatchedRig(self.rig, self.told) if self.scene else None
         if self._watched is not None:
             self.rig = self._watched
 
@@ -195,7 +195,7 @@ class Procedure:
                 finally:
                     self.rig.stop()  # before anything is said: who is told may be slow to listen
         except (RigFault, KeyboardInterrupt) as stopped:
-            self.listener(Stopped(str(stopped) or "interrupted"))
+            self.told(Stopped(str(stopped) or "interrupted"))
             raise
 
     def _carry_out(self) -> ProcedureResult:
@@ -210,7 +210,7 @@ class Procedure:
             state = self.state()
             assert state is not None
             seconds = round(sum(self.seconds.values()) - began, 3)
-            self.listener(recorded_event(shot, len(self.journal.shots), state, seconds))
+            self.told(recorded_event(shot, len(self.journal.shots), state, seconds))
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> SoFar | None:
@@ -229,15 +229,15 @@ class Procedure:
         last = self.journal.shots[-1] if self.journal.shots else None
         self.rig.begin(number, self.plan.targets[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
-            self.listener(Attempted(number, attempt, self._now()))
+            self.told(Attempted(number, attempt, self._now()))
             try:
                 return self._shoot(number, belief)
             except MeasurementRefused as refused:
                 if attempt < ATTEMPTS:
-                    self.listener(Retried(attempt, number, refused.reason, refused.why))
+                    self.told(Retried(attempt, number, refused.reason, refused.why))
                 else:
                     self._refused[number] = RefusedPosture(number, refused.reason, refused.why)
-                    self.listener(GivenUp(number, refused.reason, refused.why))
+                    self.told(GivenUp(number, refused.reason, refused.why))
         return None
 
     def _believed(self) -> Matrix:
@@ -284,7 +284,7 @@ class Procedure:
                 def tell(at: Matrix) -> None:
                     off, (x, y) = float(np.linalg.norm(at)), at.tolist()
                     seen_at = (round(x, 4), round(y, 4))
-                    self.listener(SpotSeen(number, round(off, 4), self._now(), seen_at, psd.size))
+                    self.told(SpotSeen(number, round(off, 4), self._now(), seen_at, psd.size))
 
                 joints = centre(rig, belief, psd, joints, dark, frame, tell).joints
         with self._phase("settle"):
@@ -328,7 +328,7 @@ class Procedure:
     @contextmanager
     def _phase(self, name: str) -> Iterator[None]:
         began = self.rig.now()
-        self.listener(PhaseBegun(name, self._now()))
+        self.told(PhaseBegun(name, self._now()))
         try:
             yield
         finally:

@@ -63,7 +63,7 @@ class Laser:
 
     def content(self) -> dict[str, object]:
         """The header's key `tool`, plain."""
-        sigma = _stated(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
+        sigma = _without_none(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
         keys = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
         return _tool("laser", keys, sigma)
 
@@ -103,7 +103,7 @@ class Probe:
     def content(self) -> dict[str, object]:
         """The header's key `tool`, plain."""
         keys = {"point_mm": self.point_mm, "calibrated": self.calibrated}
-        return _tool("probe", keys, _stated(shift_mm=self.shift_mm))
+        return _tool("probe", keys, _without_none(shift_mm=self.shift_mm))
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class Noise:
 
     def content(self) -> dict[str, object]:
         """The header's key `noise`, plain."""
-        keys = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
+        keys = _without_none(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
         if self.scale != "known":
             keys["scale"] = plain(self.scale)
         if self.plausible_factor != 3.0:
@@ -185,7 +185,7 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _stated(**values: Any) -> dict[str, object]:
+def _without_none(**values: Any) -> dict[str, object]:
     """The values that are not None, in the types that a file has."""
     return {name: plain(value) for name, value in values.items() if value is not None}
 

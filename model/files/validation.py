@@ -267,7 +267,7 @@ def _bad_input(
 ) -> BadInput:
     """The BadInput of a complaint of pydantic's, with its line."""
     kind, facts = complaint["type"], complaint.get("ctx", {})
-    path = _place(data, complaint["loc"], kind)
+    path = _key_path(data, complaint["loc"], kind)
     value = complaint["input"]
 
     if kind == "refused":
@@ -345,7 +345,7 @@ def _inside(path: KeyPath) -> str:
     return f" in {called(path)}" if path else ""
 
 
-def _place(data: object, loc: tuple[int | str, ...], kind: str) -> KeyPath:
+def _key_path(data: object, loc: tuple[int | str, ...], kind: str) -> KeyPath:
     """pydantic's location without the names of the alternatives that it tried on the way."""
     path: list[str | int] = []
     for i, part in enumerate(loc):

@@ -282,7 +282,7 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
     return _function("slopes", shot.inputs, outputs)
 
 
-def _seen(functions: ShotFunctions) -> ca.Function:
+def _visible(functions: ShotFunctions) -> ca.Function:
     posture, target = _posture(functions), ca.SX.sym("target", 3)
     return _function("seen", posture.inputs(target=target), {"y": posture.in_flange(target)})
 
@@ -294,7 +294,7 @@ def _sighted(functions: ShotFunctions) -> ca.Function:
     return _function("sighted", posture.inputs(target=target), outputs)
 
 
-def _place(functions: ShotFunctions) -> ca.Function:
+def _position(functions: ShotFunctions) -> ca.Function:
     posture, y = _posture(functions), ca.SX.sym("y", 3)
     return _function("place", posture.inputs(y=y), {"target": posture.in_base(y)})
 
@@ -365,9 +365,9 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "linear": _linear,
     "terms": _terms,
     "slopes": _slopes,
-    "seen": _seen,
+    "seen": _visible,
     "sighted": _sighted,
-    "place": _place,
+    "place": _position,
     "placed": _placed,
     "beam": _beam,
     "hit": _hit,

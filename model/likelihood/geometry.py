@@ -186,7 +186,7 @@ class Geometry:
             if link.axes:
                 fixed[link.number] = link.moved(ca.vertsplit(values[start:stop]))
             start = stop
-        joints = tuple(replace(own, fixed=at) for own, at in zip(robot.joints, fixed[:-1], strict=True))
+        joints = tuple(replace(joint, fixed=at) for joint, at in zip(robot.joints, fixed[:-1], strict=True))
         return replace(robot, joints=joints, flange=fixed[-1])
 
     def applied(self, robot: Robot, values: Matrix) -> Robot:

@@ -140,8 +140,8 @@ def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
 
 def verdict_on(check: Check) -> Verdict:
     """The verdict on a plan, as a page has it."""
-    said = sentence(check_headline(check, person))
-    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], said)
+    text = sentence(check_headline(check, person))
+    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], text)
 
 
 def _page(plan: Plan, check: Check, postures: Postures) -> Page:

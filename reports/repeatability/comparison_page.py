@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ...analysis.repeatability.compare import (
-    CHANCE,
+    FALSE_ALARM,
     Agreement,
     ComparedOffset,
     ComparedRun,
@@ -272,7 +272,7 @@ def _about(comparison: Comparison) -> list[tuple[str, str]]:
         ("Robot", ", ".join(robots) or _NOT_GIVEN),
         ("Held", listed([label(name) for name in comparison.held]) if comparison.held else "none"),
         ("Order", "by provenance.when" if comparison.by_time else "as given"),
-        ("Questions", f"{', '.join(comparison.asked)}: each at {CHANCE:g} over their number"),
+        ("Questions", f"{', '.join(comparison.asked)}: each at {FALSE_ALARM:g} over their number"),
         ("Seed", str(comparison.seed)),
         ("SHA-256", ", ".join(hashes)),
         ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in comparison.versions.items())),

@@ -160,7 +160,7 @@ def write_report(folder: Path | str, result: Result, draws: Draws | None) -> Rep
     ('report.html', 'posterior.nc')
     """
     folder = Path(folder)
-    names = write_folder(folder, REPORT, lambda aside: _write_files(aside, result, draws))
+    names = write_folder(folder, REPORT, lambda new: _write_files(new, result, draws))
     return ReportPaths(
         folder=folder,
         html=folder / "report.html",

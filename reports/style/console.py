@@ -51,14 +51,14 @@ def _over_numbers(head: str, table: blocks.Table, k: int) -> str:
     return "\n".join(textwrap.wrap(head, max(_HEAD, *widths))) if widths else head
 
 
-def rich_table(stated: blocks.Table, longest: int | None = None) -> Table:
+def rich_table(rows: blocks.Table, longest: int | None = None) -> Table:
     """A table of a page, for the terminal; texts of unmarked cells are cut to `longest` letters."""
     table = Table(box=None, pad_edge=False)
-    for k, column in enumerate(stated.columns):
+    for k, column in enumerate(rows.columns):
         right = column.align == "right"
-        head = _over_numbers(column.text, stated, k) if right else column.text
+        head = _over_numbers(column.text, rows, k) if right else column.text
         table.add_column(escape(head), justify="right" if right else "left")
-    for row in stated.rows:
+    for row in rows.rows:
         cells: list[Text] = []
         for cell in row.cells:
             # There are no cells over several columns: words of one have to be short.

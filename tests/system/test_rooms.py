@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -108,6 +109,56 @@ def test_the_contracts_of_the_rooms_catch_what_they_are_for(tmp_path: Path) -> N
     assert [module for module in bad if not re.search(rf"\b{Path(module).stem}\b", told)] == []
     assert "zerobeam.cli -> zerobeam.analysis.analyse" in told
     assert "zerobeam -> zerobeam.cli" in told
+
+
+# Names that say how a value was come by, or nothing: CONTRIBUTING.md, Habits.
+BANNED_NAMES = {
+    *("aside", "asked", "begun", "chance", "found", "given", "miss", "miss_mm", "miss_size", "odd", "own"),
+    *("place", "said", "seen", "stated", "told", "walk", "wanted"),
+}
+# Arguments that programs of others pass by name: `BadInput(found=…)`, `Procedure(told=…)`.
+ALLOWED_ARGUMENTS = {"found", "told"}
+UNTYPED = 30  # `dict[str, Any]`: where a foreign format ends
+
+
+def banned(source: str) -> set[str]:
+    """The banned names of variables, parameters, functions and classes that a module binds. The fields of a
+    class are no such names: most are keys of a file."""
+    tree = ast.parse(source)
+    classes = [node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    fields = {id(item.target) for each in classes for item in each.body if isinstance(item, ast.AnnAssign)}
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and id(node) not in fields:
+            names.add(node.id)
+        elif isinstance(node, ast.arg) and node.arg not in ALLOWED_ARGUMENTS:
+            names.add(node.arg)
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            names.add(node.name)
+    return {name for name in names if name.strip("_").lower() in BANNED_NAMES}
+
+
+def test_a_name_says_what_the_thing_is() -> None:
+    names = {str(module): banned((ROOT / module).read_text(encoding="utf-8")) for module in modules()}
+    assert {module: bad for module, bad in names.items() if bad} == {}
+
+
+@pytest.mark.parametrize(
+    "source", ["own = 1", "def f(_given): ...", "for found in x: ...", "class Seen: ..."]
+)
+def test_a_banned_name_is_caught(source: str) -> None:
+    assert len(banned(source)) == 1
+
+
+def test_no_class_name_is_there_twice() -> None:
+    trees = [ast.parse((ROOT / module).read_text(encoding="utf-8")) for module in modules()]
+    names = Counter(node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef))
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_untyped_dictionaries_are_few() -> None:
+    text = "".join((ROOT / module).read_text(encoding="utf-8") for module in modules())
+    assert text.count("dict[str, Any]") <= UNTYPED
 
 
 def test_the_rooms_are_those_of_the_design() -> None:

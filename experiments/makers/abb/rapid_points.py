@@ -22,7 +22,7 @@ from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ..maker import blanked
-from ..recordings import Imported, ImportJob, Point, import_points
+from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 from ..solving import up_to_flange
 
 _UNUSED = 9e9
@@ -137,7 +137,7 @@ def _pose(text: str, option: str) -> Matrix:
 
 def rapid_positions(
     text: str, path: Path, posed: Posed | None = None, names: Sequence[str] | None = None
-) -> list[Point]:
+) -> list[TaughtPoint]:
     """All declared jointtargets and robtargets of a module, in its order.
 
     A robtarget has the joints that `posed` gives, if its name is among `names` (None: any), else none.
@@ -151,7 +151,7 @@ def rapid_positions(
         return posed(_robtarget(value, name, path, line), name, path, line)
 
     bare = blanked(text, REMARK)
-    points: list[Point] = []
+    points: list[TaughtPoint] = []
     for match in DECLARED.finditer(bare):
         if match["kind"].lower() not in ("jointtarget", "robtarget"):
             continue
@@ -159,13 +159,13 @@ def rapid_positions(
         name, cartesian = match["name"], match["kind"].lower() == "robtarget"
         values = _values(match["value"], name, path, line)
         if match["sizes"] is None:
-            points.append(Point(name, joints(values, name, line), line))
+            points.append(TaughtPoint(name, joints(values, name, line), line))
             continue
         if "," in match["sizes"] or not isinstance(values, list):
             raise _unreadable(name, match["value"], path, line)
         for i, element in enumerate(values, start=1):
             element_name = f"{name}{{{i}}}"
-            points.append(Point(element_name, joints(element, element_name, line), line))
+            points.append(TaughtPoint(element_name, joints(element, element_name, line), line))
     return points
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.kinematics.robot import J3
-from ..recordings import Imported, ImportJob, Point, import_points
+from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
 # FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };
 _POSITION = re.compile(
     r"^[ \t]*P\[\s*(?P<number>\d+)[^\]]*\]\s*\{(?P<block>.*?)\}\s*;", re.MULTILINE | re.DOTALL
 )
-_BEGUN = re.compile(r"^[ \t]*P\[\s*(\d+)", re.MULTILINE)
+_POSITION = re.compile(r"^[ \t]*P\[\s*(\d+)", re.MULTILINE)
 GROUP_1 = re.compile(r"GP1\s*:(?P<values>.*?)(?=GP\d+\s*:|\Z)", re.DOTALL)
 JOINT = re.compile(r"\bJ(?P<number>\d)\s*=\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))\s*(?P<unit>deg|mm)\b")
 _ANY_JOINT = re.compile(r"\bJ\d\s*=")
@@ -43,7 +43,7 @@ def import_fanuc(
     """
     planned = None if job.plan is None else len(job.plan.postures)
 
-    def parse(text: str, path: Path) -> list[Point]:
+    def parse(text: str, path: Path) -> list[TaughtPoint]:
         if REGISTERS not in text:
             return fanuc_positions(text, path)
         return fanuc_registers(text, path, register, planned, points is None)
@@ -58,13 +58,13 @@ def import_fanuc(
     )
 
 
-def fanuc_positions(text: str, path: Path) -> list[Point]:
+def fanuc_positions(text: str, path: Path) -> list[TaughtPoint]:
     """All P[n] of a listing, in its order."""
     points = []
     for match in position_blocks(text, path):
         line = text.count("\n", 0, match.start("number")) + 1
         points.append(
-            Point(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line)
+            TaughtPoint(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line)
         )
     return points
 
@@ -83,7 +83,7 @@ def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
     if re.compile(r"^/END\b", re.MULTILINE).search(text, begin.end()) is None:
         raise BadInput("the listing is incomplete: its last line, /END, is missing", file=path)
     blocks = list(_POSITION.finditer(text, begin.end()))
-    numbers = _BEGUN.findall(text, begin.end())
+    numbers = _POSITION.findall(text, begin.end())
     if numbers != [match["number"] for match in blocks]:
         raise BadInput(
             "a position of the listing is incomplete",
@@ -117,7 +117,9 @@ def _fanuc_joints(
     return tuple(float(value) for _, value, _ in values)
 
 
-def fanuc_registers(text: str, path: Path, first: int, planned: int | None, all_of_them: bool) -> list[Point]:
+def fanuc_registers(
+    text: str, path: Path, first: int, planned: int | None, all_of_them: bool
+) -> list[TaughtPoint]:
     """The position registers of group 1 in joint representation, in their order.
 
     Those that a plan's program has not measured are left out; with `planned` (the number of postures) so are
@@ -139,5 +141,5 @@ def fanuc_registers(text: str, path: Path, first: int, planned: int | None, all_
         if joints is not None and joints[0] == NOT_MEASURED:
             continue
         number = None if planned is None else register - first
-        points.append(Point(str(register), joints, line, number))
+        points.append(TaughtPoint(str(register), joints, line, number))
     return points

@@ -38,7 +38,7 @@ _REASONS = (  # why the grammar does not derive a statement that begins so
     (r".*\bPR\[", "position registers are not understood"),
 )
 _HARMLESS = "states that it moves no arm and changes no frame, tool or position"
-_STATED = {"UFRAME_NUM": "UF", "UTOOL_NUM": "UT"}
+_KEY_OF = {"UFRAME_NUM": "UF", "UTOOL_NUM": "UT"}
 _JOINS = ("label", "block", "jump", "leaving")  # what follows them is reached from elsewhere too
 
 
@@ -144,7 +144,7 @@ class _Flow:
             if others := ", ".join(sorted(active - {number})):
                 self._problem(
                     line,
-                    f"{written}: {name} has {_STATED[which]} : {number}, but {which} is, or may be, {others}"
+                    f"{written}: {name} has {_KEY_OF[which]} : {number}, but {which} is, or may be, {others}"
                     f" here; set {which}={number} before this motion",
                 )
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from ....model.errors import BadInput
 from ....model.files.reading import shown
 from ..maker import blanked
-from ..recordings import Imported, ImportJob, Point, import_points
+from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
 # KUKA: DECL E6AXIS XP1={A1 -90.0,A2 …,E6 0.0}, or P[1]={E6AXIS: A1 …} of an array: an aggregate of KRL that
 # begins with an axis is an axis position, one that begins with X is Cartesian.
@@ -44,7 +44,7 @@ def import_kuka(
     )
 
 
-def kuka_positions(text: str, path: Path) -> list[Point]:
+def kuka_positions(text: str, path: Path) -> list[TaughtPoint]:
     """All positions of a data list, in its order; comments (;) are skipped."""
     bare = blanked(text, REMARK)
     if DATA_LIST.search(bare) and not _END_OF_LIST.search(bare):
@@ -53,11 +53,11 @@ def kuka_positions(text: str, path: Path) -> list[Point]:
     for match in AGGREGATE.finditer(bare):
         line = bare.count("\n", 0, match.start("name")) + 1
         cartesian = match["fields"].strip()[0] in "Xx"
-        points.append(Point(match["name"], None if cartesian else _axes(match, path, line), line))
+        points.append(TaughtPoint(match["name"], None if cartesian else _axes(match, path, line), line))
     return points
 
 
-def _positions(text: str, path: Path) -> list[Point]:
+def _positions(text: str, path: Path) -> list[TaughtPoint]:
     """All positions; of a data list of a plan's program those that it has recorded, by their postures."""
     points = kuka_positions(text, path)
     if not _MEASURED_NAME.search(text):

@@ -36,7 +36,7 @@ from ..maker import one_line, require_vendor
 
 DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
-PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
+POSE_KEYS = ("x", "y", "z", "roll", "pitch", "yaw")
 _POSTURES = 400
 _LARGEST = 1e6  # m, rad: `delta_d` of nearly parallel axes may be kilometres
 _FARTHEST = 50.0  # mm at the flange: a calibrated arm is nearer to its nominal geometry
@@ -134,11 +134,11 @@ def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
         link = links.get(name)
         values: list[Any] = [None]
         if isinstance(link, Mapping):
-            values = [link.get(key) for key in PLACE]
+            values = [link.get(key) for key in POSE_KEYS]
         if not all(isinstance(value, int | float) and abs(value) <= _LARGEST for value in values):
             raise BadInput(
                 f"the calibration has no {name}, or it is incomplete",
-                allowed=f"{name}: {{{', '.join(PLACE)}}}, metres and radians",
+                allowed=f"{name}: {{{', '.join(POSE_KEYS)}}}, metres and radians",
                 file=path,
                 line=document.line(("kinematics",)),
             )
@@ -197,7 +197,7 @@ def ur_calibration_text(run: Run, calibration: RobotCalibration, against: Path |
         x, y, z = (transform[:3, 3] / MILLIMETRES).tolist()
         values = (x, y, z, *angles_of(transform[:3, :3]))
         lines.append(f"  {name}:")
-        lines += [f"    {key}: {value + 0.0!r}" for key, value in zip(PLACE, values, strict=True)]
+        lines += [f"    {key}: {value + 0.0!r}" for key, value in zip(POSE_KEYS, values, strict=True)]
     return "\n".join([*lines, f"  hash: {one_line(hashed)}", ""])
 
 

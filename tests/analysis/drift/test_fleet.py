@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from zerobeam.analysis.drift import fleet
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, Drift, drift
 from zerobeam.analysis.drift.fleet import ENOUGH, LEAST, ModelRates, model_rates
-from zerobeam.analysis.drift.importance import normalised
+from zerobeam.analysis.drift.importance import against_passes, normalised
 from zerobeam.analysis.drift.smoother import Series, smooth
 from zerobeam.model.arrays import Matrix
 
@@ -47,6 +47,16 @@ def normal_likelihood(centres: Matrix, std: float) -> list[fleet._Cloud]:
     return found
 
 
+def test_more_rates_are_sampled_about_the_product_of_likelihood_and_model() -> None:
+    (cloud,) = normal_likelihood(np.array([-6.0]), 0.8)
+    cloud.extend(np.array([-3.0]), np.array([0.5]), 0)
+    (mean,), ((root,),) = cloud.passes[-1]
+    precision = 1 / 0.8**2 + 1 / 0.5**2
+    assert mean == pytest.approx((-6.0 / 0.8**2 - 3.0 / 0.5**2) / precision, abs=0.1)
+    assert root == pytest.approx(1.3 / math.sqrt(precision), rel=0.1)
+    assert len(cloud.points) == len(cloud.log_likelihood) == 8000 + 256
+
+
 def test_one_arm_alone_has_the_answer_it_has_without_a_fleet() -> None:
     alone = drift(walked(np.random.default_rng(2), (0.03, 0.005), 10))
     (arm,) = model_rates([alone]).arms
@@ -70,16 +80,6 @@ def test_normal_likelihoods_given_mu_and_tau_have_the_closed_form() -> None:
         mean = weights @ (own.x[:, 0] + math.log(MEDIAN))
         shrunk = (centre / std**2 + mu[0, 0] / tau[0, 0] ** 2) / (1 / std**2 + 1 / tau[0, 0] ** 2)
         assert mean == pytest.approx(shrunk, abs=0.05)
-
-
-def test_more_rates_are_sampled_about_the_product_of_likelihood_and_model() -> None:
-    (cloud,) = normal_likelihood(np.array([-6.0]), 0.8)
-    cloud.extend(np.array([-3.0]), np.array([0.5]), 0)
-    (mean,), ((root,),) = cloud.passes[-1]
-    precision = 1 / 0.8**2 + 1 / 0.5**2
-    assert mean == pytest.approx((-6.0 / 0.8**2 - 3.0 / 0.5**2) / precision, abs=0.1)
-    assert root == pytest.approx(1.3 / math.sqrt(precision), rel=0.1)
-    assert len(cloud.points) == len(cloud.log_likelihood) == 8000 + 256
 
 
 def test_the_slope_of_the_density_is_that_of_differences() -> None:
@@ -196,10 +196,27 @@ def _assert_close(found: Matrix, expected: Matrix) -> None:
     np.testing.assert_allclose(np.log(found), np.log(expected), atol=SPREAD / 3)
 
 
+def all_alike(drifts: list[Drift], j: int) -> tuple[float, float]:
+    """The wrong model: all rates of an offset are one. Its 95 % interval, others as by their prior."""
+    grid = np.linspace(math.log(MEDIAN) - 5 * SPREAD, math.log(MEDIAN) + 4 * SPREAD, 200)
+    total = stats.norm(math.log(MEDIAN), SPREAD).logpdf(grid)
+    for own in drifts:
+        points = np.log(own.rates)
+        base = own.smoothed.log_likelihood + against_passes(points, own.passes)
+        for i in range(points.shape[1]):
+            if i != j:
+                base = base - 0.5 * ((points[:, i] - math.log(MEDIAN)) / SPREAD) ** 2
+        kernel = base - 0.5 * ((points[:, j] - grid[:, None]) / 0.1) ** 2
+        total = total + np.logaddexp.reduce(kernel, axis=1)
+    share = np.cumsum(np.exp(total - total.max()))
+    low, high = np.interp((0.025, 0.975), share / share[-1], grid)
+    return math.exp(low), math.exp(high)
+
+
 def coverage(fleets: int, arms: int, results: int) -> tuple[list[int], int, int]:
-    """How many intervals hold: of the arms' rates, the models' medians; how many
+    """How many intervals hold: of the arms' rates, the models' medians, the wrong model's; how many
     models drift by a probability of 99 % though their median rate is below 0.01; out of how many."""
-    held, flags, false = [0, 0], 0, 0
+    held, wrong, false = [0, 0, 0], 0, 0
     for number in range(fleets):
         random = np.random.default_rng([21, number])
         series, mu, rates = from_prior(random, arms, results)
@@ -210,10 +227,12 @@ def coverage(fleets: int, arms: int, results: int) -> tuple[list[int], int, int]
         held[0] += low <= rates[a, j] <= high
         low, high = found.median(NAMES[j])[1]
         held[1] += low <= math.exp(mu[j]) <= high
+        low, high = all_alike(drifts, j)
+        held[2] += low <= rates[a, j] <= high
         flagged = found.beyond(NAMES[j], MEDIAN) > 0.99
-        flags += flagged
+        wrong += flagged
         false += flagged and mu[j] < math.log(MEDIAN)
-    return held, flags, false
+    return held, wrong, false
 
 
 def test_intervals_of_some_models_hold() -> None:
@@ -222,10 +241,11 @@ def test_intervals_of_some_models_hold() -> None:
 
 
 @pytest.mark.long
-def test_intervals_of_models_from_the_prior_hold() -> None:
+def test_intervals_of_models_from_the_prior_hold_and_those_of_equal_rates_do_not() -> None:
     fleets = 400
     held, flagged, false = coverage(fleets, 6, 8)
-    for own in held:
+    for own in held[:2]:
         assert stats.binomtest(own, fleets, 0.95).pvalue > 0.001, held
+    assert stats.binomtest(held[2], fleets, 0.95).pvalue < 1e-6, held
     assert flagged > fleets / 20
     assert stats.binomtest(false, fleets, 0.01, alternative="greater").pvalue > 0.001, false

@@ -211,9 +211,22 @@ def simulated(
     return found, bias
 
 
-def judged(fleets: int, size_u: float, *, arms: int = 5, results: int = 8) -> tuple[int, int, int]:
-    """Intervals that hold (of C's bias of delta3), alarms of any, C alone named."""
-    held, alarms, right = 0, 0, 0
+def as_if_none_walked(arms: list[MeasuredArm]) -> tuple[float, float]:
+    """The wrong model: results of C less those before them, as if arms did not walk."""
+    apart = []
+    for own in arms:
+        for t in range(1, len(own.instruments)):
+            if (own.instruments[t] == "C") and own.instruments[t - 1] != "C":
+                values = [one.values[1] for one in own.drift.series.observations]
+                apart.append((values[t] - values[t - 1], COVARIANCE[1, 1] * 2))
+    size = sum(one for one, _ in apart) / max(len(apart), 1)
+    half = 1.96 * np.sqrt(sum(one for _, one in apart)) / max(len(apart), 1)
+    return size - half, size + half
+
+
+def judged(fleets: int, size_u: float, *, arms: int = 5, results: int = 8) -> tuple[int, int, int, int]:
+    """Intervals that hold (of C's bias of delta3), alarms of any, C alone named, intervals of the control."""
+    held, alarms, right, wrong = 0, 0, 0, 0
     for number in range(fleets):
         fleet, bias = simulated(number, size_u, arms=arms, results=results)
         found = instrument_biases(fleet, seed=number)
@@ -221,11 +234,13 @@ def judged(fleets: int, size_u: float, *, arms: int = 5, results: int = 8) -> tu
         held += own.interval95[0] <= bias[1] <= own.interval95[1]
         alarms += bool(named(found))
         right += named(found) == [("C", "delta3")]
-    return held, alarms, right
+        low, high = as_if_none_walked(fleet)
+        wrong += low <= bias[1] <= high
+    return held, alarms, right, wrong
 
 
 def test_some_intervals_hold_without_an_alarm() -> None:
-    held, alarms, _ = judged(2, 0.0, arms=3, results=5)
+    held, alarms, _, _ = judged(2, 0.0, arms=3, results=5)
     assert held >= 1  # of 2: none with a chance of 0.0025
     assert alarms <= 1  # two with a chance of 1e-4
 
@@ -233,15 +248,16 @@ def test_some_intervals_hold_without_an_alarm() -> None:
 @pytest.mark.long
 def test_intervals_hold_and_false_alarms_are_as_stated() -> None:
     fleets = 150
-    held, alarms, _ = judged(fleets, 0.0, arms=4, results=7)
+    held, alarms, _, wrong = judged(fleets, 0.0, arms=4, results=7)
     assert stats.binomtest(held, fleets, 0.95).pvalue > 0.001, held
     assert stats.binomtest(alarms, fleets, ALARM, alternative="greater").pvalue > 0.001, alarms
+    assert stats.binomtest(wrong, fleets, 0.95).pvalue < 1e-6, wrong
 
 
 @pytest.mark.long
 def test_a_bias_of_several_u_is_found_with_the_right_interval() -> None:
     fleets = 60
-    held, _, right = judged(fleets, 4.0, arms=4, results=7)
+    held, _, right, _ = judged(fleets, 4.0, arms=4, results=7)
     assert stats.binomtest(held, fleets, 0.95).pvalue > 0.001, held
     assert right > 0.8 * fleets, right
 

@@ -37,11 +37,12 @@ def program(plan, motion, file):
 
 def read(job, skip: Annotated[int, Option("Lines to skip.", least=0)] = 0):
     """ACME: joints, a line each."""
-    from zerobeam.experiments.makers.recordings import Point, import_points
+    from zerobeam.experiments.makers.recordings import TaughtPoint, import_points
 
     def parse(text, path):
         lines = text.splitlines()[skip:]
-        return [Point(f"p{i}", tuple(map(float, line.split())), i) for i, line in enumerate(lines, start=1)]
+        rows = [tuple(map(float, line.split())) for line in lines]
+        return [TaughtPoint(f"p{i}", row, i) for i, row in enumerate(rows, start=1)]
 
     return import_points(job, parse, names=None, note="ACME lines")
 
