@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from ..model.arrays import Progress
 from ..model.errors import WorkersLost
 from .console import err, out, print_json, progress, say
 from .options import Camera, Json, Scheduler, Seed, Workers, cluster_of
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
+    from ..model.arrays import Progress
 
 studies = typer.Typer(
     help="Studies over simulated runs: coverage, and the effect of each setting.", no_args_is_help=True
