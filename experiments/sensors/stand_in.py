@@ -10,6 +10,7 @@ import select
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,17 +24,34 @@ from .sensors_file import read_calibration
 _POLL_S = 0.02
 
 
+@dataclass(frozen=True)
+class LineFaults:
+    """Faults of a line: shares of its lines, and `silent` for no line at all.
+
+    A `lost` line is not sent, of a `torn` one the end is missing, a `wrong` one has a character changed under
+    its checksum, and before some there is `garbage`.
+    """
+
+    lost: float = 0.0
+    torn: float = 0.0
+    wrong: float = 0.0
+    garbage: float = 0.0
+    silent: bool = False
+
+
 class AmplifierStandIn(Closing):
     """A simulated amplifier `name` that sends `counts(samples)` (samples, 4); a row of NaN is not sent.
 
-    `device` is the path of its serial port, which goes when it is closed.
+    `device` is the path of its serial port, which goes when it is closed; `faults` may be changed at any
+    time.
     """
 
-    def __init__(self, name: str, counts: Callable[[int], Matrix]) -> None:
+    def __init__(self, name: str, counts: Callable[[int], Matrix], faults: LineFaults = LineFaults()) -> None:
         import pty
         import tty
 
-        self.name, self._counts = name, counts
+        self.name, self.faults, self._counts = name, faults, counts
+        self._rng = np.random.default_rng(0)
         self._near, self._far = pty.openpty()
         tty.setraw(self._far)  # no echo, before the other side has set up anything
         os.set_blocking(self._near, False)
@@ -71,7 +89,18 @@ class AmplifierStandIn(Closing):
                     )
 
     def _say(self, body: str) -> None:
-        self._send(with_checksum(body))
+        line, faults = with_checksum(body), self.faults
+        shares = (faults.lost, faults.torn, faults.wrong, faults.garbage)
+        lost, torn, wrong, garbage = self._rng.random(4) < shares
+        if garbage:
+            self._send(self._rng.bytes(5))
+        if wrong:
+            at = len(body) // 2
+            line = line[:at] + bytes([line[at] ^ 1]) + line[at + 1 :]  # a digit becomes another
+        if torn:
+            line = line[: len(line) // 2]
+        if not (lost or faults.silent):
+            self._send(line)
 
     def _send(self, line: bytes) -> None:
         """Wait for room, but not for a client that has gone."""

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from ruamel.yaml import YAML
 
-from zerobeam.experiments.sensors.amplifier import with_checksum
 from zerobeam.experiments.sensors.sensors_file import PsdCalibration
-from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
-from zerobeam.model.arrays import Matrix
 
 RATE = 20_000.0  # Hz: readings take no time
 MOUNT = {"xyz_mm": [60.0, 0.0, 65.0], "rpy_deg": [0.0, 90.0, 0.0]}
@@ -71,40 +65,3 @@ def sensors(folder: Path, device: str = "/dev/ttyNONE", **changed: Any) -> Path:
 def write(file: Path, content: dict[str, Any]) -> Path:
     YAML(typ="safe").dump(content, file)
     return file
-
-
-@dataclass(frozen=True)
-class LineFaults:
-    """Faults of a line: shares of its lines, and `silent` for no line at all.
-
-    A `lost` line is not sent, of a `torn` one the end is missing, a `wrong` one has a character changed under
-    its checksum, and before some there is `garbage`.
-    """
-
-    lost: float = 0.0
-    torn: float = 0.0
-    wrong: float = 0.0
-    garbage: float = 0.0
-    silent: bool = False
-
-
-class FaultyStandIn(AmplifierStandIn):
-    """A stand-in whose `faults` may be changed at any time."""
-
-    def __init__(self, name: str, counts: Callable[[int], Matrix], faults: LineFaults = LineFaults()) -> None:
-        self.faults, self._rng = faults, np.random.default_rng(0)
-        super().__init__(name, counts)
-
-    def _say(self, body: str) -> None:
-        line, faults = with_checksum(body), self.faults
-        shares = (faults.lost, faults.torn, faults.wrong, faults.garbage)
-        lost, torn, wrong, garbage = self._rng.random(4) < shares
-        if garbage:
-            self._send(self._rng.bytes(5))
-        if wrong:
-            at = len(body) // 2
-            line = line[:at] + bytes([line[at] ^ 1]) + line[at + 1 :]  # a digit becomes another
-        if torn:
-            line = line[: len(line) // 2]
-        if not (lost or faults.silent):
-            self._send(line)

@@ -14,7 +14,7 @@ from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 _POSITION = re.compile(
     r"^[ \t]*P\[\s*(?P<number>\d+)[^\]]*\]\s*\{(?P<block>.*?)\}\s*;", re.MULTILINE | re.DOTALL
 )
-_POSITION = re.compile(r"^[ \t]*P\[\s*(\d+)", re.MULTILINE)
+_POSITION_START = re.compile(r"^[ \t]*P\[\s*(\d+)", re.MULTILINE)
 GROUP_1 = re.compile(r"GP1\s*:(?P<values>.*?)(?=GP\d+\s*:|\Z)", re.DOTALL)
 JOINT = re.compile(r"\bJ(?P<number>\d)\s*=\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))\s*(?P<unit>deg|mm)\b")
 _ANY_JOINT = re.compile(r"\bJ\d\s*=")
@@ -83,7 +83,7 @@ def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
     if re.compile(r"^/END\b", re.MULTILINE).search(text, begin.end()) is None:
         raise BadInput("the listing is incomplete: its last line, /END, is missing", file=path)
     blocks = list(_POSITION.finditer(text, begin.end()))
-    numbers = _POSITION.findall(text, begin.end())
+    numbers = _POSITION_START.findall(text, begin.end())
     if numbers != [match["number"] for match in blocks]:
         raise BadInput(
             "a position of the listing is incomplete",

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from beside import FaultyStandIn, LineFaults
 
 from zerobeam.experiments.sensors import amplifier as module
 from zerobeam.experiments.sensors.amplifier import (
@@ -24,6 +23,7 @@ from zerobeam.experiments.sensors.amplifier import (
     verified_body,
     with_checksum,
 )
+from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 
@@ -81,7 +81,7 @@ pytest.importorskip("pty")
 
 RATE = 20_000.0
 SOUND = LineFaults()
-Opened = Callable[..., tuple[FaultyStandIn, Amplifier]]
+Opened = Callable[..., tuple[AmplifierStandIn, Amplifier]]
 Grace = Callable[[float], None]
 
 
@@ -103,12 +103,12 @@ def grace(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 @pytest.fixture
 def opened() -> Iterator[Opened]:
     """A stand-in, and the amplifier at its port."""
-    to_close: list[FaultyStandIn | Amplifier] = []
+    to_close: list[AmplifierStandIn | Amplifier] = []
 
     def call(
         counts: Callable[[int], Matrix] = numbered, faults: LineFaults = SOUND
-    ) -> tuple[FaultyStandIn, Amplifier]:
-        there = FaultyStandIn("PSD-A 0017", counts)
+    ) -> tuple[AmplifierStandIn, Amplifier]:
+        there = AmplifierStandIn("PSD-A 0017", counts)
         to_close.append(there)
         here = Amplifier(there.device, 115200, "the PSD amplifier of psd")
         to_close.append(here)
@@ -203,7 +203,7 @@ def test_a_port_is_one_programs(opened: Opened) -> None:
 def test_what_does_not_say_who_it_is_is_not_asked_for_light(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_BOOT_S", 0.2)
     monkeypatch.setattr(module, "_ASK_S", 0.1)
-    with FaultyStandIn("x", numbered, LineFaults(silent=True)) as there:
+    with AmplifierStandIn("x", numbered, LineFaults(silent=True)) as there:
         kept = []
         for _ in range(2):  # the port is free again, whatever holds the fault and its frames
             with pytest.raises(RigFault, match=r"does not identify itself: .* 9600 baud") as fault:
@@ -213,7 +213,7 @@ def test_what_does_not_say_who_it_is_is_not_asked_for_light(monkeypatch: pytest.
 
 def test_a_board_that_is_still_starting_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_ASK_S", 0.05)
-    with FaultyStandIn("x", numbered, LineFaults(silent=True)) as there:
+    with AmplifierStandIn("x", numbered, LineFaults(silent=True)) as there:
         awake = threading.Timer(0.15, lambda: setattr(there, "faults", SOUND))
         awake.start()
         began = time.monotonic()
@@ -227,7 +227,7 @@ def test_a_board_that_is_still_starting_is_waited_for(monkeypatch: pytest.Monkey
 def test_the_stand_in_gives_everything_back() -> None:
     before, threads = len(os.listdir("/dev/fd")), threading.active_count()
     for _ in range(3):
-        with FaultyStandIn("x", numbered) as there:
+        with AmplifierStandIn("x", numbered) as there:
             Amplifier(there.device, 115200, "psd").close()
     assert (len(os.listdir("/dev/fd")), threading.active_count()) == (before, threads)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from beside import RATE, FaultyStandIn, LineFaults, calibrated, psd, sensors
+from beside import RATE, calibrated, psd, sensors
 from cells import good_plan
 
 from zerobeam.experiments.procedure import session
@@ -21,6 +21,7 @@ from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
 from zerobeam.experiments.sensors.attached import read_sensors
+from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
@@ -74,7 +75,7 @@ def through_counts(
     def counts(samples: int) -> Matrix:
         return spoilt(OWN.counts(seen(samples), "duo-lateral"))
 
-    with FaultyStandIn("PSD-A 0017", counts) as there:
+    with AmplifierStandIn("PSD-A 0017", counts) as there:
         own = psd(there.device, turn_deg=0.0, normal="beam" if normal is None else normal.tolist())
         beside = read_sensors(sensors(folder, psds={"psd": own}), plan)
         there.faults = faults
