@@ -41,7 +41,7 @@ STUDIES = {
 }
 TOLERANCE = 1e-6
 SENTENCES = {"headline", "reason", "remedy", "message", "notes", "place"}
-ASIDE = {"seconds", "versions", "sha256"}
+ASIDE = {"computing_s", "seconds", "versions", "sha256"}
 
 
 def zerobeam(*arguments: object) -> str:
