@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ..experiments.makers.maker import Holds, OffsetFile, in_order, makers, program_languages
-from .console import EXIT_STATUS, out, print_json
+from .console import EXIT_STATUS, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
 
@@ -134,7 +134,7 @@ def _export(
         print_json(document(judged))
     else:
         for line in [*judged.head, *notes, *(f"Written to {path}" for path in files)]:
-            out.print(line, markup=False, soft_wrap=True)
+            say(line)
     if judged.misfit:
         raise typer.Exit(EXIT_STATUS["misfit"])
 
@@ -205,9 +205,9 @@ def _plan_command() -> Command:
             return
         files, notes = write_program(kind, planned, motion, file, force=force, keep=read)
         for note in notes:
-            out.print(f"note: {note}", markup=False, soft_wrap=True)
+            say(f"note: {note}")
         for path in files:
-            out.print(f"Written to {path}", markup=False, soft_wrap=True)
+            say(f"Written to {path}")
 
     return export_plan
 
@@ -225,7 +225,7 @@ def _write_sheet(
     require_constraints(planned)
     turned = aim_plan(planned)
     write_whole(file, operator_sheet(turned, check_plan(planned, turned), j3), force=force)
-    out.print(f"Written to {file}", markup=False, soft_wrap=True)
+    say(f"Written to {file}")
 
 
 def _program_command() -> Command:

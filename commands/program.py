@@ -95,7 +95,7 @@ def _zerobeam(
 
 @functools.cache
 def _program(name_typed: str | None = None) -> typer.Typer:
-    """The program; with no other command than the one `asked` for, if there is one of that name.
+    """The program; with the command `name_typed` alone, if there is one of that name.
 
     To make all of them ready takes Typer a tenth of a second.
     """

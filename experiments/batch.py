@@ -87,7 +87,12 @@ class BatchRow:
     misfit: Annotated[
         tuple[str, ...], Field(description="criteria by which the model does not describe the measurements")
     ] = ()
-    posterior: Annotated[str | None, Field(description="what became of it")] = None
+    posterior: Annotated[
+        str | None,
+        Field(
+            description="`sampled`, `not converged`, `not needed`, `not sampled` or `nothing identifiable`"
+        ),
+    ] = None
     offsets: Annotated[tuple[BatchOffset, ...], Field(description="rows of its offsets")] = ()
 
     def __post_init__(self) -> None:
@@ -107,15 +112,20 @@ class BatchRow:
 
 @dataclass(frozen=True)
 class OutlierArm:
-    """An identified offset that is so many standard deviations of the other arms of its model off theirs."""
+    """An identified offset that is an outlier among those of the other arms of its model."""
 
     run: Annotated[str, Field(description="its name in the batch")]
-    robot: str
-    serial: str | None
-    offset: str
-    unit: str
+    robot: Annotated[str, Field(description="name of the robot")]
+    serial: Annotated[str | None, Field(description="serial number of the arm, where the run states it")]
+    offset: Annotated[str, Field(description="name of the offset")]
+    unit: Annotated[str, Field(description="of the estimate")]
     estimate: Annotated[float, Field(description="of the offset")]
-    off: Annotated[float, Field(description="standard deviations of the other arms of its model off theirs")]
+    off: Annotated[
+        float,
+        Field(
+            description="distance from the mean of the other arms of the model, in their standard deviations"
+        ),
+    ]
 
 
 @dataclass(frozen=True, eq=False)

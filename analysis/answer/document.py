@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from ...model.files.json_document import keys_of
 from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
@@ -54,9 +55,7 @@ class DocumentPart(BaseModel):
     @classmethod
     def filled(cls, value: object, **others: Any) -> Self:
         """With the attributes of `value` of the same names; `others` are its other keys."""
-        names = cls.model_fields.keys() & set(dir(value)) - others.keys()
-        attributes: dict[str, Any] = {name: getattr(value, name) for name in names}
-        return cls.model_construct(**attributes, **others)
+        return cls.model_construct(**keys_of(cls, value, others))
 
     def to_json(self) -> dict[str, Any]:
         """As dicts, lists, strings, bools, ints and finite floats; UnsoundResult names what is neither."""

@@ -15,7 +15,7 @@ from ...analysis.status import Verdict
 from ...model.files.json_document import JsonDocument, is_none
 from .arm_drift import ArmDrift, DatedChange
 from .content import Event, StoredCovariance, StoredOffset, StoredResult, What
-from .fleet_drift import ArmWalks, FleetDrift, ModelWalk, Rate, Suspect
+from .fleet_drift import ArmWalks, FleetDrift, InstrumentJump, ModelWalk, Rate
 
 HISTORY_SCHEMA: Literal["zerobeam/history/1"] = "zerobeam/history/1"
 DRIFT_SCHEMA: Literal["zerobeam/drift/1"] = "zerobeam/drift/1"
@@ -111,7 +111,7 @@ class DriftingOffset(JsonDocument):
     estimate: float | None = Field(description="null where no result determines it since the last mastering")
     std: float | None
     interval95: Ends | None
-    rate: RateRow | None = Field(description="of its walk; null where the results say nothing of it")
+    rate: RateRow | None = Field(description="drift rate; null where the results do not determine it")
 
 
 class DriftChange(JsonDocument):
@@ -223,19 +223,19 @@ def offsets_now(arm: ArmDrift) -> list[DriftingOffset]:
 
 
 class ModelRow(JsonDocument):
-    """How fast an offset of a model walks."""
+    """The drift rate of an offset of a model."""
 
     model: str
     offset: str
     unit: str
-    arms: int = Field(description="how many determine the walk")
-    rate: RateRow | None = Field(description="of the median arm; null where not known")
+    arms: int = Field(description="how many determine the drift rate")
+    rate: RateRow | None = Field(description="of the median arm; null where not determined")
     between: RateRow | None = Field(
-        description="standard deviation of the natural logarithm between arms; null where not known"
+        description="standard deviation of the natural logarithm between arms; null where not determined"
     )
     noticed: float = Field(description="median standard uncertainty of a result")
     probability: float | None = Field(
-        description="that the median arm walks farther in a year; null where not known"
+        description="that the median arm drifts farther in a year; null where not determined"
     )
     drifts: bool
     biased: list[str] = Field(
@@ -244,22 +244,22 @@ class ModelRow(JsonDocument):
 
     @classmethod
     def of(cls, drift: ModelWalk) -> ModelRow:
-        """The document of a model's walk."""
+        """The document of a model's drift rate."""
         return cls.filled(drift, rate=RateRow.of(drift.median), between=RateRow.of(drift.between))
 
 
 class WalkRow(JsonDocument):
-    """How fast an offset of an arm walks."""
+    """The drift rate of an offset of an arm."""
 
     name: str
     unit: str
     alone: RateRow | None = Field(description="by the arm's own results")
-    rate: RateRow | None = Field(description="with those of its model; null where not known")
+    rate: RateRow | None = Field(description="with those of its model; null where not determined")
     borrowed: bool = Field(description="more is known by the other arms")
 
 
 class ArmWalksRow(JsonDocument):
-    """The walks of an arm."""
+    """The drift rates of an arm."""
 
     serial: str
     model: str
@@ -276,7 +276,7 @@ class ArmWalksRow(JsonDocument):
         return cls.filled(arm, effective_rates=arm.effective, offsets=rows)
 
 
-class SuspectRow(JsonDocument):
+class InstrumentJumpRow(JsonDocument):
     """A jump at a change of instrument where one is biased."""
 
     serial: str
@@ -287,15 +287,15 @@ class SuspectRow(JsonDocument):
     instruments: list[str] = Field(description="that may be biased")
 
     @classmethod
-    def of(cls, suspect: Suspect) -> SuspectRow:
+    def of(cls, jump: InstrumentJump) -> InstrumentJumpRow:
         """The document of such a jump."""
-        jump = suspect.jump
+        dated = jump.jump
         return cls.filled(
-            suspect,
-            offset=jump.change.offset,
-            after=jump.after,
-            before=jump.before,
-            instruments=suspect.biased,
+            jump,
+            offset=dated.change.offset,
+            after=dated.after,
+            before=dated.before,
+            instruments=jump.biased,
         )
 
 
@@ -314,7 +314,7 @@ class FleetDriftRow(JsonDocument):
         description="by offset: groups of instruments; nothing is determined between two groups"
     )
     unstated: int = Field(description="results that state no instrument")
-    suspects: list[SuspectRow]
+    suspects: list[InstrumentJumpRow]
     too_few: int = Field(description="arms with fewer than two results that count")
 
     @classmethod
@@ -324,7 +324,7 @@ class FleetDriftRow(JsonDocument):
             fleet,
             models=[ModelRow.of(drift) for drift in fleet.models],
             arms=[ArmWalksRow.of(arm) for arm in fleet.arms],
-            suspects=[SuspectRow.of(suspect) for suspect in fleet.suspects],
+            suspects=[InstrumentJumpRow.of(suspect) for suspect in fleet.suspects],
         )
 
 

@@ -76,7 +76,7 @@ class ArmWalks:
 
 
 @dataclass(frozen=True)
-class Suspect:
+class InstrumentJump:
     """A jump of an arm at a change of instrument, and which of the two may be biased."""
 
     serial: str
@@ -95,7 +95,7 @@ class FleetDrift:
     biases: tuple[Bias, ...]
     comparable: tuple[ComparableInstruments, ...]
     unstated: int
-    suspects: tuple[Suspect, ...]
+    suspects: tuple[InstrumentJump, ...]
     too_few: int
     alarm: float
 
@@ -238,11 +238,11 @@ def _biased_offsets(biases: Sequence[Bias]) -> Iterator[tuple[str, str]]:
                 yield bias.against[0], bias.offset
 
 
-def _suspects(arms: Sequence[ArmDrift], biased_offsets: set[tuple[str, str]]) -> Iterator[Suspect]:
+def _suspects(arms: Sequence[ArmDrift], biased_offsets: set[tuple[str, str]]) -> Iterator[InstrumentJump]:
     for arm in arms:
         for jump in arm.jumps:
             biased = tuple(
                 name for name in jump.instruments or () if (name, jump.change.offset) in biased_offsets
             )
             if biased:
-                yield Suspect(arm.serial, arm.model, jump, biased)
+                yield InstrumentJump(arm.serial, arm.model, jump, biased)

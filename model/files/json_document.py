@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
@@ -10,6 +11,12 @@ from pydantic import BaseModel, ConfigDict
 def is_none(value: object) -> bool:
     """Of a field that is absent, and not null, where it has no value: `Field(exclude_if=is_none)`."""
     return value is None
+
+
+def keys_of(model: type[BaseModel], value: object, others: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes of `value` that have the names of the model's fields, and `others` in their place."""
+    names = model.model_fields.keys() & set(dir(value)) - others.keys()
+    return {name: getattr(value, name) for name in names} | dict(others)
 
 
 class JsonDocument(BaseModel):
@@ -22,8 +29,7 @@ class JsonDocument(BaseModel):
     @classmethod
     def filled(cls, value: object, **others: Any) -> Self:
         """With the attributes of `value` of the same names; `others` are its other keys."""
-        names = cls.model_fields.keys() - others.keys()
-        return cls(**{name: getattr(value, name) for name in names if hasattr(value, name)}, **others)
+        return cls(**keys_of(cls, value, others))
 
     def to_json(self) -> dict[str, Any]:
         """Plain values: dicts, lists, texts, numbers, true, false and None."""

@@ -9,7 +9,7 @@ from ...analysis.drift.drift import Jump, Undecided
 from ...analysis.drift.instruments import Bias
 from ...experiments.history.arm_drift import ArmDrift, DatedChange
 from ...experiments.history.documents import DriftingOffset, RateRow, offsets_now
-from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, ModelWalk, Suspect
+from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, InstrumentJump, ModelWalk
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import Block, Cell, Paragraph, Row, Table, row_of, table_of
@@ -340,7 +340,7 @@ def _not_determined(fleet: FleetDrift) -> Iterator[str]:
         )
 
 
-def _suspect(suspect: Suspect) -> str:
+def _suspect(suspect: InstrumentJump) -> str:
     biased = " or ".join(clipped(name, 24) for name in suspect.biased)
     return (
         f"The jump of {label(suspect.jump.change.offset)} of {clipped(suspect.serial, 24)} before"

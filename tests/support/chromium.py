@@ -50,17 +50,19 @@ def chromium() -> Chromium:
     return _started(path)
 
 
+_running: list[Chromium] = []
+
+
 @functools.cache
 def _started(path: str) -> Chromium:
-    return Chromium(path)
+    _running.append(Chromium(path))
+    return _running[-1]
 
 
 def close_browser() -> None:
     """Before the process ends: at its exit the browser's thread takes no more work."""
-    if _started.cache_info().currsize:
-        path = next(path for name in BROWSERS if (path := shutil.which(name)))
-        _started(path).close()
-        _started.cache_clear()
+    while _running:
+        _running.pop().close()
 
 
 @functools.cache

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,12 @@ def modules() -> list[Path]:
     """Every Python file of the package, relative to the root."""
     files = [*ROOT.glob("*.py"), *(file for room in ROOMS for file in (ROOT / room).rglob("*.py"))]
     return sorted(file.relative_to(ROOT) for file in files)
+
+
+@cache
+def sources() -> dict[str, str]:
+    """The text of every module."""
+    return {str(module): (ROOT / module).read_text(encoding="utf-8") for module in modules()}
 
 
 def unread(module: Path, source: str) -> list[str]:
@@ -49,8 +56,8 @@ def unread(module: Path, source: str) -> list[str]:
 
 
 def test_every_import_of_ours_is_relative_and_in_the_text() -> None:
-    sources = {module: (ROOT / module).read_text(encoding="utf-8") for module in modules()}
-    assert [fault for module, source in sources.items() for fault in unread(module, source)] == []
+    faults = [fault for module, source in sources().items() for fault in unread(Path(module), source)]
+    assert faults == []
 
 
 @pytest.mark.parametrize(
@@ -139,7 +146,7 @@ def banned(source: str) -> set[str]:
 
 
 def test_a_name_says_what_the_thing_is() -> None:
-    names = {str(module): banned((ROOT / module).read_text(encoding="utf-8")) for module in modules()}
+    names = {module: banned(source) for module, source in sources().items()}
     assert {module: bad for module, bad in names.items() if bad} == {}
 
 
@@ -151,14 +158,13 @@ def test_a_banned_name_is_caught(source: str) -> None:
 
 
 def test_no_class_name_is_there_twice() -> None:
-    trees = [ast.parse((ROOT / module).read_text(encoding="utf-8")) for module in modules()]
+    trees = [ast.parse(source) for source in sources().values()]
     names = Counter(node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef))
     assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_untyped_dictionaries_are_few() -> None:
-    text = "".join((ROOT / module).read_text(encoding="utf-8") for module in modules())
-    assert text.count("dict[str, Any]") <= UNTYPED
+    assert sum(source.count("dict[str, Any]") for source in sources().values()) <= UNTYPED
 
 
 def test_the_rooms_are_those_of_the_design() -> None:
