@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..analysis.observability.aim import aim_plan
-from ..model.errors import BadInput, RigFault
+from ..model.errors import BadInput, RigFault, located
 from ..model.files.header import Header
 from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
@@ -280,11 +280,9 @@ def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | Ab
         about |= arm.provenance()
     if not request.camera:
         cell, about["camera"] = cell.model_copy(update={"camera": None}), False
-    try:
-        values = None if arm is None else arm.values
+    values = None if arm is None else arm.values
+    with located(request.cell or plan.path):
         return SimulatedRig(plan, cell, request.seed, resumed=request.resume, arm=values), about
-    except BadInput as error:
-        raise error.at(request.cell or plan.path, None) from None
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

@@ -16,13 +16,13 @@ from ..analysis.acceptance.acceptance_test import (
 )
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.solution import Solution
-from ..model.errors import BadInput
+from ..model.errors import BadInput, located
 from ..model.files.header import Header, StatedTarget
 from ..model.files.plan import write_plan
 from ..model.files.robot_file import rebased, robot_path
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
-from .makers.calibration import converged_solution, errors_of, require_validated
+from .makers.calibration import converged_solution, require_validated
 
 _RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
 _DECIMALS = 6  # of degrees and mm in the plan
@@ -83,7 +83,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
 
 def _solution(run: Run) -> Solution:
     solution = converged_solution(run, "nothing was to be entered")
-    with errors_of(run):
+    with located(run.path, run.header_line):
         require_validated(solution)
     return solution
 

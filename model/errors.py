@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -77,10 +78,11 @@ class BadInput(ZerobeamError):
         super().__init__(self._message())
 
     def at(self, file: Path | str, line: int | None) -> BadInput:
-        """The same error, with `file` and `line` as its place unless it has a place already."""
+        """The same error, with `file` and `line` as its place unless it has a place already; a line of its
+        own it keeps."""
         if self.file is not None or self.argument is not None:
             return self
-        return self._located(file=file, line=line)
+        return self._located(file=file, line=self.line or line)
 
     def of_argument(self, argument: str) -> BadInput:
         """The same error, with an argument as its place unless it has a place already."""
@@ -112,6 +114,15 @@ class BadInput(ZerobeamError):
         if self.remedy is not None:
             parts.append(f"  to do:   {self.remedy}")
         return "\n".join(parts)
+
+
+@contextmanager
+def located(file: Path | str, line: int | None = None) -> Iterator[None]:
+    """Within, a BadInput that has no place yet names this file and line; a line of its own it keeps."""
+    try:
+        yield
+    except BadInput as error:
+        raise error.at(file, line) from None
 
 
 class NotWritten(BadInput):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,7 @@ from ...analysis.ladder import solve_run
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.status import Status, known, versions
 from ...model.arrays import Matrix
-from ...model.errors import BadInput, FitFailed
+from ...model.errors import BadInput, FitFailed, located
 from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
@@ -256,7 +255,8 @@ def calibration(
     asked for (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied.
     FitFailed where the fit did not converge.
     """
-    with one_blas_thread(), errors_of(run):  # one thread, as in `analyse`: the last bits depend on it
+    # One thread, as in `analyse`: the last bits depend on it.
+    with one_blas_thread(), located(run.path, run.header_line):
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
             require_validated(solution)
@@ -300,15 +300,6 @@ def calibration(
             solution.misfit is not None,
             (*map(criterion_sentence, misfit), *moved, *run.warnings),
         )
-
-
-@contextmanager
-def errors_of(run: Run) -> Iterator[None]:
-    """Within, a BadInput names the run's file and the line of its header."""
-    try:
-        yield
-    except BadInput as error:
-        raise error.at(run.path, run.header_line) from error
 
 
 def converged_solution(run: Run, so: str) -> Solution:

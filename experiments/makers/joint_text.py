@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.errors import BadInput
+from ...model.errors import BadInput, located
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import read_text, shown
 from ...model.kinematics.pendant import Pendant, pendant_of
@@ -219,15 +219,13 @@ def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMe
     again: list[int] = []
     notes: list[str] = []
     for line, content in enumerate(lines, start=1):
-        _require_same_plan(content, job, path, line)
-        if line == len(lines) and PROGRAM_LINE.search(content):
-            # Without the end of the line its last number may be incomplete.
-            notes.append(f"  line {line} has no end and is ignored")
-            continue
-        try:
+        with located(path, line):
+            _require_same_plan(content, job)
+            if line == len(lines) and PROGRAM_LINE.search(content):
+                # Without the end of the line its last number may be incomplete.
+                notes.append(f"  line {line} has no end and is ignored")
+                continue
             logged = program_line(content, job.robot.n)
-        except BadInput as error:
-            raise error.at(path, line) from None
         if logged is None or logged.number is None:
             continue
         number, joints = logged.number, without_unused(logged.values, job.robot)
@@ -256,7 +254,7 @@ def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMe
     )
 
 
-def _require_same_plan(content: str, job: ImportJob, path: Path, line: int) -> None:
+def _require_same_plan(content: str, job: ImportJob) -> None:
     plan_line = _PLAN.search(content)
     if plan_line is not None and job.plan is not None and not job.plan.sha256.startswith(plan_line["hash"]):
         raise BadInput(
@@ -264,6 +262,4 @@ def _require_same_plan(content: str, job: ImportJob, path: Path, line: int) -> N
             found=f"plan {plan_line['hash']}",
             allowed=f"plan {job.plan.sha256[:12]} ({job.plan.path.name})",
             remedy="import with the plan that the program was made of; use a new log for each program",
-            file=path,
-            line=line,
         )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arrays import Matrix, Progress
-from ...model.errors import BadInput
+from ...model.errors import BadInput, located
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
@@ -226,12 +226,9 @@ class ImportJob:
             columns["time_s"] = times.tolist()
         shots = []
         for i, row in enumerate(zip(*columns.values(), strict=True)):
-            line = None if part.lines is None else part.lines[i]
-            try:
+            with located(part.path, None if part.lines is None else part.lines[i]):
                 shot = validate(Shot, dict(zip(columns, row, strict=True)), file=None, line=_nowhere)
                 check_shot(self.header, self.robot, shot, file=None, line=None)
-            except BadInput as error:
-                raise error.at(part.path, line) from None
             shots.append(shot)
         return shots
 
@@ -239,10 +236,8 @@ class ImportJob:
         count = len(part.joints)
         lines = part.lines or [0] * count
         numbers = range(1, count + 1)
-        try:
+        with located(part.path):
             check_limits(self.robot, part.joints, part.noun, numbers, lines, limits="error", file=None)
-        except BadInput as error:
-            raise error.at(part.path, error.line or None) from None
 
 
 @contextmanager
@@ -329,8 +324,9 @@ def import_points(
     pendant = pendant_of(job.robot, j3, vendor)
     parts = []
     for path, target in zip(job.paths, job.targets(), strict=True):
-        points = _chosen(parse(read_text(path)[0], path), names, path)
-        rows = [_joints(point, job.robot, path) for point in points]
+        with located(path):
+            points = _chosen(parse(read_text(path)[0], path), names)
+            rows = [_joints(point, job.robot) for point in points]
         joints = pendant.between_links(np.array(rows))
         listed = f"  points in their order: {', '.join(point.name for point in points)}"
         lines = [point.line for point in points]
@@ -349,10 +345,10 @@ def import_points(
     return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
 
 
-def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None, path: Path) -> list[TaughtPoint]:
+def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None) -> list[TaughtPoint]:
     known = [point.name for point in points]
     if not points:
-        raise BadInput("no measurements found: the file has no points", file=path)
+        raise BadInput("no measurements found: the file has no points")
     if names is None:
         return list(points)
     for name in names:
@@ -362,23 +358,21 @@ def _chosen(points: Sequence[TaughtPoint], names: Sequence[str] | None, path: Pa
                 found=name,
                 allowed=", ".join(known),
                 remedy=did_you_mean(name, known),
-                file=path,
             )
     return [points[known.index(name)] for name in dict.fromkeys(names)]
 
 
-def _joints(point: TaughtPoint, robot: Robot, path: Path) -> tuple[float, ...]:
+def _joints(point: TaughtPoint, robot: Robot) -> tuple[float, ...]:
     if point.joints is None:
         raise BadInput(
             f"point {point.name} has no joint values",
             found="a Cartesian position, or one that was not taught",
             allowed="joint values: the configuration of the arm is not guessed",
             remedy="show it as joints on the controller and save again, or name the points to use (--points)",
-            file=path,
             line=point.line,
         )
     joints = without_unused(point.joints, robot)
-    require_joint_count(joints, robot, f"point {point.name}", path, point.line)
+    require_joint_count(joints, robot, f"point {point.name}", None, point.line)
     return joints
 
 

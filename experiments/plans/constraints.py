@@ -12,7 +12,7 @@ from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check, Condition, Violation
 from ...analysis.observability.check import check as check_observability
 from ...model.arrays import Index, Mask, Matrix
-from ...model.errors import BadInput
+from ...model.errors import BadInput, located
 from ...model.files.plan import Plan
 from ...model.files.plan_file import StatedConstraints
 from ...model.kinematics.pendant import beyond_limits
@@ -164,11 +164,8 @@ def violations(turned: AimedPlan) -> tuple[Violation, ...]:
     constraints = turned.plan.constraints
     if not constraints.model_fields_set:
         return ()
-    with one_blas_thread():
-        try:
-            return tuple(sorted(_broken(turned), key=lambda each: each.posture))
-        except BadInput as error:
-            raise error.at(turned.plan.path, None) from None
+    with one_blas_thread(), located(turned.plan.path):
+        return tuple(sorted(_broken(turned), key=lambda each: each.posture))
 
 
 def touched_boxes(turned: AimedPlan) -> list[bool]:

@@ -7,7 +7,7 @@ control, which is wrong on purpose: the dataclasses refuse to be made otherwise.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from pydantic import JsonValue, TypeAdapter
 from scipy import special, stats
 
 from ...analysis.status import Status, require_no_more_than
+from ...analysis.status import versions as installed_versions
 from ...model.arrays import Matrix
 from ...model.likelihood.problem import Problem
 
@@ -30,7 +31,7 @@ class StudyAnswer:
     headline: str
     agrees: bool
     seconds: float
-    versions: dict[str, str]
+    versions: dict[str, str] = field(default_factory=installed_versions)
     notes: tuple[str, ...]
 
 

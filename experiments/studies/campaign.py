@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -109,15 +110,11 @@ def campaign(
     Ctrl-C breaks off the runs that are under way.
     """
     runs: dict[int, CellRun] = {}
-    with closing(side_by_side(_run, [(repeated, seed) for seed in seeds], processes)) as answers:
+    with closing(side_by_side(partial(carried, repeated), seeds, processes)) as answers:
         for job, run in answers:
             runs[job] = run
             progress(len(runs) / len(seeds))
     return [runs[i] for i in range(len(seeds))]
-
-
-def _run(job: tuple[Repeated, int]) -> CellRun:
-    return carried(*job)
 
 
 def _silent(event: RunEvent) -> None:

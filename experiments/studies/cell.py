@@ -16,7 +16,6 @@ import numpy as np
 
 from ...analysis.observability.identifiability import identify
 from ...analysis.so_far import SoFar
-from ...analysis.status import versions
 from ...model.arrays import Matrix, Progress, normal_half_width
 from ...model.files.header import Header
 from ...model.files.plan import Plan
@@ -265,7 +264,6 @@ def cell_study(
             tolerance_deg=_TOLERANCE_DEG,
         ),
         seconds=time.perf_counter() - began,
-        versions=versions(),
         plans=answers,
         notes=(
             f"Every run has an arm of its own, with offsets of {plans[0].repeated.cell.arm.drawn_deg:g}°"

@@ -24,7 +24,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.posterior.many_posteriors import LEAST_STEPS, TOGETHER, drawn_together
 from ...analysis.posterior.sampler import ROUND
-from ...analysis.status import Status, known, versions
+from ...analysis.status import Status, known
 from ...model.arrays import Index, Matrix, Progress
 from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_at_once
@@ -263,7 +263,6 @@ def coverage_study(
             posterior=f"at least {ROUND + LEAST_STEPS} steps of emcee for each of {DRAWS} walkers",
         ),
         seconds=time.perf_counter() - began,
-        versions=versions(),
         plans=tuple(answers),
         notes=(
             "Every data set has true parameters of its own, drawn from the priors of the fits: offsets of 5°"

@@ -18,7 +18,6 @@ from ...analysis.drift.smoother import Observation, Series, series_of
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.repeatability.prior_free import offsets_without_prior
-from ...analysis.status import versions
 from ...model.arrays import Matrix, Progress
 from ...model.files.run import read_run
 from ...model.likelihood.kernel import compiled_at_once
@@ -156,7 +155,6 @@ def drift_study(
         headline=_headline(hold, alarms, control),
         agrees=hold and alarms.agrees and not control.agrees,
         seconds=time.monotonic() - began,
-        versions=versions(),
         notes=(),
         settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _FALSE_ALARM, seed),
         intervals=intervals,

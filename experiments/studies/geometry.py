@@ -24,7 +24,7 @@ from ...analysis.observability.check import Check, check
 from ...analysis.observability.geometry import considered
 from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
-from ...analysis.status import Status, known, require_no_more_than, versions
+from ...analysis.status import Status, known, require_no_more_than
 from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
 from ...model.files.header import Header
 from ...model.files.plan import Plan
@@ -359,7 +359,6 @@ def geometry_study(
             offset_deg=_OFFSET_DEG,
         ),
         seconds=time.perf_counter() - began,
-        versions=versions(),
         plans=tuple(answers),
         notes=(
             f"Every arm has offsets of {_OFFSET_DEG:g}° (one standard deviation), links off by the stated"

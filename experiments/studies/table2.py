@@ -17,7 +17,7 @@ from scipy import optimize, stats
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
-from ...analysis.status import Status, known, require_no_more_than, versions
+from ...analysis.status import Status, known, require_no_more_than
 from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
@@ -346,7 +346,6 @@ def table2_study(
             " three runs, of the arm's geometry above all, do not contribute to their scatter.",
         ),
         seconds=time.perf_counter() - began,
-        versions=versions(),
     )
 
 

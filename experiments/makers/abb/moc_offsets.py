@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.reading import did_you_mean, read_text, shown
 from ....model.kinematics.pendant import require_link_encoder
 from ..calibration import JointOffset, RobotCalibration
@@ -115,8 +115,9 @@ def moc_text(
         if not offset.exported:
             continue
         motor = f"{unit}_{i + 1}"
-        old = _number(valid, against, "MOTOR_CALIB", motor, "cal_offset")
-        ratio = _ratio(valid, against, motor, i, gears)
+        with located(against):
+            old = _number(valid, "MOTOR_CALIB", motor, "cal_offset")
+            ratio = _ratio(valid, motor, i, gears)
         changes[motor] = offset, old, _change(offset.internal, gears.signs[i], ratio, old.number)
     new = text
     for _, old, change in sorted(changes.values(), key=lambda row: row[1].start, reverse=True):
@@ -155,17 +156,16 @@ def _change(offset: float, sign: Sign, ratio: float, old: float) -> _Change:
     return _Change(new - turns * TURN, turns, offset - sign * turns * TURN / ratio)
 
 
-def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float:
+def _ratio(text: str, motor: str, joint: int, gears: Gears) -> float:
     """As in the file's section TRANSMISSION, or as stated; BadInput if they differ or there is neither."""
     written = None
-    if motor in _entries(text, path, "TRANSMISSION"):
-        written = _number(text, path, "TRANSMISSION", motor, "transm_joint").number
+    if motor in _entries(text, "TRANSMISSION"):
+        written = _number(text, "TRANSMISSION", motor, "transm_joint").number
     by_option = None if gears.ratios is None else gears.ratios[joint]
     if written is not None and by_option is not None and not math.isclose(written, by_option, rel_tol=1e-6):
         raise BadInput(
             f"the gear ratio of {motor} differs between option and file",
             found=f"--ratio {by_option:g}, transm_joint {written:g}",
-            file=path,
             remedy="leave out --ratio, or correct it",
         )
     ratio = by_option if written is None else written
@@ -177,13 +177,12 @@ def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float
             else f"transm_joint {written:g}",
             allowed="--ratio R1,R2,…: motor turns for one turn of each joint, negative if they rotate in"
             " opposite directions",
-            file=path,
             remedy="state them; they are in the arm's documentation, or ask the manufacturer",
         )
     return ratio
 
 
-def _entries(text: str, path: Path, section: str) -> dict[str, tuple[int, int]]:
+def _entries(text: str, section: str) -> dict[str, tuple[int, int]]:
     """From and to of each entry of a section, by its name; none if there is no such section."""
     heads = list(_SECTION.finditer(text))
     spans: dict[str, tuple[int, int]] = {}
@@ -195,7 +194,7 @@ def _entries(text: str, path: Path, section: str) -> dict[str, tuple[int, int]]:
         for j, entry in enumerate(starts):
             name = entry.group(1)
             if name in spans:
-                raise BadInput(f"duplicate entry in {section}", found=shown(name), file=path)
+                raise BadInput(f"duplicate entry in {section}", found=shown(name))
             spans[name] = entry.end(), starts[j + 1].start() if j + 1 < len(starts) else end
     return spans
 
@@ -205,15 +204,14 @@ def _blank(match: re.Match[str]) -> str:
     return " " * len(match.group())
 
 
-def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
-    entries = _entries(text, path, section)
+def _number(text: str, section: str, name: str, key: str) -> _Value:
+    entries = _entries(text, section)
     if name not in entries:
         raise BadInput(
             f"the file has no motor {name!r} in {section}",
             found=one_line(", ".join(entries)) or f"no entry of {section}",
             allowed="--unit NAME: the mechanical unit, of which the motors are called NAME_1, NAME_2, …",
             remedy=did_you_mean(name, entries) or "give the MOC.cfg of this robot's backup",
-            file=path,
         )
     start, end = entries[name]
     # A text of the file must not be taken for a key of it.
@@ -225,7 +223,6 @@ def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
             f"{name} has no {key}" if not values else f"{name} has {key} more than once",
             allowed=f"-{key} with a number, once",
             remedy="calibrate the motor first" if key == "cal_offset" else None,
-            file=path,
             line=line,
         )
     if key == "cal_offset" and not re.search(r"(?<![\w-])-valid_cal_offset(?![\w-])", entry):
@@ -233,12 +230,11 @@ def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
             f"the calibration offset of {name} is not valid by the file itself",
             found="no -valid_cal_offset",
             remedy="calibrate the motor first, and record the measurements after that",
-            file=path,
             line=line,
         )
     value = values[0]
     if not math.isfinite(float(value.group(1))):
-        raise BadInput(f"{key} of {name} is too large", found=value.group(1)[:40], file=path, line=line)
+        raise BadInput(f"{key} of {name} is too large", found=value.group(1)[:40], line=line)
     return _Value(float(value.group(1)), start + value.start(1), start + value.end(1))
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ....model.arrays import Matrix
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.reading import shown
 from ....model.kinematics.branches import Branches, is_abb_configuration
 from ....model.kinematics.inverse import Solver
@@ -51,14 +51,10 @@ class Robtargets:
             )
         return branches
 
-    def joints(self, values: Sequence[float], name: str, path: Path, line: int) -> tuple[float, ...]:
+    def joints(self, values: Sequence[float], name: str) -> tuple[float, ...]:
         """Degrees; BadInput unless exactly one set of joints has the stated configuration."""
         if any(value not in (0.0, _UNUSED) for value in values[11:]):
-            raise BadInput(
-                f"{name} has positions of external axes, which may carry the robot or the work",
-                file=path,
-                line=line,
-            )
+            raise BadInput(f"{name} has positions of external axes, which may carry the robot or the work")
         flange = self.frame @ from_quaternion(values[:7]) @ np.linalg.inv(self.tool)
         configuration = tuple(values[7:11])
         rows = [
@@ -75,8 +71,6 @@ class Robtargets:
                 found=f"{count} sets of joints within the limits have its pose and the configuration"
                 f" [{','.join(f'{value:g}' for value in configuration)}]",
                 remedy="state the right --tool and --frame, or save the point as a jointtarget",
-                file=path,
-                line=line,
             )
         return tuple(rows[0].tolist())
 
@@ -92,8 +86,8 @@ _NUMBERS = re.compile(r"[\[\]\s,0-9eE+.\-]*")
 _AXES = 6
 _LARGEST = 1e10  # mm, deg: 9E9 stands for an axis that there is not
 
-# From the numbers of a robtarget, its name, file and line to its joints, degrees.
-Posed = Callable[[Sequence[float], str, Path, int], tuple[float, ...]]
+# From the numbers of a robtarget and its name to its joints, degrees.
+Posed = Callable[[Sequence[float], str], tuple[float, ...]]
 
 
 def import_rapid(
@@ -118,8 +112,8 @@ def import_rapid(
             f"; robtargets by inverse kinematics of the nominal arm, tool {tool}, frame {frame or 'wobj0'}"
         )
 
-        def posed(numbers: Sequence[float], name: str, path: Path, line: int) -> tuple[float, ...]:
-            return tuple(pendant.counted(np.array(solver.joints(numbers, name, path, line))).tolist())
+        def posed(numbers: Sequence[float], name: str) -> tuple[float, ...]:
+            return tuple(pendant.counted(np.array(solver.joints(numbers, name))).tolist())
 
     elif frame is not None:
         raise BadInput("--frame is of robtargets, and these need their tool", remedy="state --tool too")
@@ -143,12 +137,12 @@ def rapid_positions(
     A robtarget has the joints that `posed` gives, if its name is among `names` (None: any), else none.
     """
 
-    def joints(value: object, name: str, line: int) -> tuple[float, ...] | None:
+    def joints(value: object, name: str) -> tuple[float, ...] | None:
         if not cartesian:
-            return _axes(value, name, path, line)
+            return _axes(value, name)
         if posed is None or (names is not None and name not in names):
             return None
-        return posed(_robtarget(value, name, path, line), name, path, line)
+        return posed(_robtarget(value, name), name)
 
     bare = blanked(text, REMARK)
     points: list[TaughtPoint] = []
@@ -157,19 +151,20 @@ def rapid_positions(
             continue
         line = bare.count("\n", 0, match.start("name")) + 1
         name, cartesian = match["name"], match["kind"].lower() == "robtarget"
-        values = _values(match["value"], name, path, line)
-        if match["sizes"] is None:
-            points.append(TaughtPoint(name, joints(values, name, line), line))
-            continue
-        if "," in match["sizes"] or not isinstance(values, list):
-            raise _unreadable(name, match["value"], path, line)
-        for i, element in enumerate(values, start=1):
-            element_name = f"{name}{{{i}}}"
-            points.append(TaughtPoint(element_name, joints(element, element_name, line), line))
+        with located(path, line):
+            values = _values(match["value"], name)
+            if match["sizes"] is None:
+                points.append(TaughtPoint(name, joints(values, name), line))
+                continue
+            if "," in match["sizes"] or not isinstance(values, list):
+                raise _unreadable(name, match["value"])
+            for i, element in enumerate(values, start=1):
+                element_name = f"{name}{{{i}}}"
+                points.append(TaughtPoint(element_name, joints(element, element_name), line))
     return points
 
 
-def _values(text: str, name: str, path: Path, line: int) -> object:
+def _values(text: str, name: str) -> object:
     if _NUMBERS.fullmatch(text):
         try:
             value: object = ast.literal_eval(text.strip())
@@ -177,26 +172,25 @@ def _values(text: str, name: str, path: Path, line: int) -> object:
             pass
         else:
             return value
-    raise _unreadable(name, text, path, line)
+    raise _unreadable(name, text)
 
 
-def _axes(value: object, name: str, path: Path, line: int) -> tuple[float, ...]:
+def _axes(value: object, name: str) -> tuple[float, ...]:
     if isinstance(value, list) and len(value) == 2 and isinstance(value[0], list):
         axes = value[0]
         if len(axes) == _AXES and _usable(axes):
             return tuple(float(axis) for axis in axes)
-    raise _unreadable(name, str(value), path, line)
+    raise _unreadable(name, str(value))
 
 
-def _robtarget(value: object, name: str, path: Path, line: int) -> list[float]:
+def _robtarget(value: object, name: str) -> list[float]:
     """The numbers of [[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]]."""
     if isinstance(value, list) and [len(part) for part in value if isinstance(part, list)] == [3, 4, 4, 6]:
         numbers = [number for part in value for number in part]
         if _usable(numbers) and any(numbers[3:7]):
             return [float(number) for number in numbers]
-    raise _unreadable(
-        name, str(value), path, line, "[[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]], in numbers"
-    )
+    form = "[[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]], in numbers"
+    raise _unreadable(name, str(value), form)
 
 
 def _usable(values: Sequence[object]) -> bool:
@@ -204,12 +198,7 @@ def _usable(values: Sequence[object]) -> bool:
 
 
 def _unreadable(
-    name: str, text: str, path: Path, line: int, form: str = "[[rax_1,…,rax_6],[eax_a,…,eax_f]], in numbers"
+    name: str, text: str, form: str = "[[rax_1,…,rax_6],[eax_a,…,eax_f]], in numbers"
 ) -> BadInput:
-    return BadInput(
-        f"the axes of {name} cannot be read",
-        found=shown(" ".join(text.split())[:80]),
-        allowed=form,
-        file=path,
-        line=line,
-    )
+    axes = shown(" ".join(text.split())[:80])
+    return BadInput(f"the axes of {name} cannot be read", found=axes, allowed=form)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.kinematics.robot import J3
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
@@ -61,15 +61,16 @@ def import_fanuc(
 def fanuc_positions(text: str, path: Path) -> list[TaughtPoint]:
     """All P[n] of a listing, in its order."""
     points = []
-    for match in position_blocks(text, path):
-        line = text.count("\n", 0, match.start("number")) + 1
-        points.append(
-            TaughtPoint(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line)
-        )
+    with located(path):
+        for match in _position_blocks(text):
+            line = text.count("\n", 0, match.start("number")) + 1
+            points.append(
+                TaughtPoint(match["number"], _fanuc_joints(match["block"], match["number"], line), line)
+            )
     return points
 
 
-def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
+def _position_blocks(text: str) -> list[re.Match[str]]:
     """The `number` and `block` of each P[n] of a listing; BadInput where it is no listing, or not whole."""
     begin = re.search(r"^/POS\b", text, re.MULTILINE)
     if begin is None:
@@ -78,10 +79,9 @@ def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
             found="no line /POS",
             allowed="a text listing (.ls)",
             remedy="save the program as ASCII, not as .tp",
-            file=path,
         )
     if re.compile(r"^/END\b", re.MULTILINE).search(text, begin.end()) is None:
-        raise BadInput("the listing is incomplete: its last line, /END, is missing", file=path)
+        raise BadInput("the listing is incomplete: its last line, /END, is missing")
     blocks = list(_POSITION.finditer(text, begin.end()))
     numbers = _POSITION_START.findall(text, begin.end())
     if numbers != [match["number"] for match in blocks]:
@@ -89,14 +89,11 @@ def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
             "a position of the listing is incomplete",
             found=f"{len(numbers)} begin with P[…], {len(blocks)} end with }};",
             remedy="save the program as ASCII again",
-            file=path,
         )
     return blocks
 
 
-def _fanuc_joints(
-    block: str, number: str, path: Path, line: int, what: str = "P"
-) -> tuple[float, ...] | None:
+def _fanuc_joints(block: str, number: str, line: int, what: str = "P") -> tuple[float, ...] | None:
     group = GROUP_1.search(block)
     if group is None:
         return None
@@ -111,7 +108,6 @@ def _fanuc_joints(
             f"the joints of {what}[{number}] cannot be read",
             found=" ".join(group["values"].split()),
             allowed="J1=… deg, J2=… deg, …, all taught",
-            file=path,
             line=line,
         )
     return tuple(float(value) for _, value, _ in values)
@@ -135,7 +131,8 @@ def fanuc_registers(
         register, line = int(head["number"]), text.count("\n", 0, head.start("number")) + 1
         if planned is not None and not first <= register < first + planned:
             continue
-        joints = _fanuc_joints(f"GP1:{block}", str(register), path, line, "PR")
+        with located(path):
+            joints = _fanuc_joints(f"GP1:{block}", str(register), line, "PR")
         if joints is None and all_of_them:
             continue
         if joints is not None and joints[0] == NOT_MEASURED:

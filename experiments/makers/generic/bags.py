@@ -46,7 +46,7 @@ class Unpacking:
 
     def __init__(self, path: Path) -> None:
         files = path.iterdir() if path.is_dir() else (path,)
-        self.path, self.packed = path, sum(file.stat().st_size for file in files)
+        self.packed = sum(file.stat().st_size for file in files)
         self.total = 0
 
     def count(self, size: int) -> None:
@@ -58,7 +58,6 @@ class Unpacking:
                 found=f"more than {self.total // 10**6} MB, of {self.packed:,} bytes",
                 allowed=f"{RATIO} times the size of the bag, or {ALWAYS // 10**6} MB where that is more",
                 remedy="keep the topic of the joint states alone (rosbag filter, ros2 bag convert)",
-                file=self.path,
             )
 
     def require_at_once(self, size: int, what: str) -> None:
@@ -69,7 +68,6 @@ class Unpacking:
                 found=f"more than {AT_ONCE // 10**6} MB",
                 allowed=f"{AT_ONCE // 10**6} MB at once",
                 remedy="record in smaller chunks, or keep the topic of the joint states alone",
-                file=self.path,
             )
 
     def whole(self, data: bytes, decompressor: Callable[[], _Decompressor]) -> bytes:
@@ -204,7 +202,6 @@ def is_bag(path: Path) -> str | None:
 class Bag:
     """An open bag."""
 
-    path: Path
     reader: AnyReader
     unpacking: Unpacking
 
@@ -225,7 +222,6 @@ class Bag:
                 found=f"{count} messages on {connections[0].topic}",
                 allowed=f"{promised}, as the bag itself says",
                 remedy="repair it with the tools of ROS, or record again",
-                file=self.path,
             )
 
     def first(self, topic: str) -> Any:
@@ -243,14 +239,15 @@ class Bag:
                 f"a message on {connection.topic} is too large",
                 found=f"{len(raw) / 10**6:.1f} MB",
                 allowed=f"{_LARGEST_MESSAGE // 10**6} MB",
-                file=self.path,
             )
         return self.reader.deserialize(raw, connection.msgtype)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[Bag]:
-    """The bag at `path`; BadInput where it cannot be read, or would take too much memory (`unpacked`)."""
+    """The bag at `path`; BadInput where it cannot be read, or would take too much memory (`unpacked`).
+
+    A BadInput that is raised within names the bag."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -261,11 +258,11 @@ def opened(path: Path) -> Iterator[Bag]:
         ros2 = get_typestore(Stores.LATEST)
         with bounded(path) as unpacking, AnyReader([path], default_typestore=ros2) as reader:
             ros = ros2 if reader.is2 else get_typestore(Stores.ROS1_NOETIC)
-            _require_definitions(reader.typestore, ros, path)
+            _require_definitions(reader.typestore, ros)
             require_few_at_once(unpacking, reader.readers)
-            yield Bag(path, reader, unpacking)
-    except BadInput:
-        raise
+            yield Bag(reader, unpacking)
+    except BadInput as error:
+        raise error.at(path, None) from None
     except Exception as error:  # noqa: BLE001 - the library lets through what its parsers meet in a torn file
         raise BadInput(
             "the bag cannot be read: it is incomplete, corrupted or not a bag",
@@ -276,7 +273,7 @@ def opened(path: Path) -> Iterator[Bag]:
         ) from None
 
 
-def _require_definitions(in_bag: Any, in_ros: Any, path: Path) -> None:
+def _require_definitions(in_bag: Any, in_ros: Any) -> None:
     """BadInput where the bag defines a type that is decoded, and not as ROS does."""
     for name in _READ:
         fields = in_bag.fielddefs.get(name, in_ros.fielddefs[name])[1]
@@ -286,5 +283,4 @@ def _require_definitions(in_bag: Any, in_ros: Any, path: Path) -> None:
                 found=", ".join(str(field[0]) for field in fields)[:100],
                 allowed=", ".join(str(field[0]) for field in in_ros.fielddefs[name][1]),
                 remedy="record the joint states as sensor_msgs/JointState",
-                file=path,
             )

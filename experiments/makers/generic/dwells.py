@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....model.arrays import Matrix
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.kinematics.robot import Robot
 from ..recordings import FileMeasurements
 
@@ -234,18 +234,18 @@ class JointLog:
         marker outside all dwells, or if times do not increase.
         """
         tolerance = still.tolerance(robot)
-        back = np.flatnonzero(np.diff(self.times) < 0)
-        if len(back):
-            raise BadInput(
-                "the times do not increase",
-                found=f"{self.times[back[0] + 1]:.6g} s after {self.times[back[0]]:.6g} s",
-                remedy="import each recording from its own file; check the time column",
-                file=self.path,
-            )
-        dwells, drifting = find_dwells(self.times, self.joints, tolerance, still.seconds)
-        if not dwells:
-            raise self._without_dwell(robot, still, tolerance, drifting)
-        chosen, targets = self._chosen(dwells, still, target)
+        with located(self.path):
+            back = np.flatnonzero(np.diff(self.times) < 0)
+            if len(back):
+                raise BadInput(
+                    "the times do not increase",
+                    found=f"{self.times[back[0] + 1]:.6g} s after {self.times[back[0]]:.6g} s",
+                    remedy="import each recording from its own file; check the time column",
+                )
+            dwells, drifting = find_dwells(self.times, self.joints, tolerance, still.seconds)
+            if not dwells:
+                raise self._without_dwell(robot, still, tolerance, drifting)
+            chosen, targets = self._chosen(dwells, still, target)
         kept = [dwells[i] for i in chosen]
         joints = np.array([dwell.joints for dwell in kept])
         spots = None if self.spots is None else np.array([self.spots[s.used].mean(axis=0) for s in kept])
@@ -267,10 +267,10 @@ class JointLog:
         """Indices of the dwells that are measurements, and the target of each."""
         if self.marks is None:
             if target is None:
-                raise BadInput("the target of the file is not stated", file=self.path)
+                raise BadInput("the target of the file is not stated")
             return list(range(len(dwells))), [target] * len(dwells)
         if not self.marks:
-            raise BadInput("no measurements found: there is no marker in the recording", file=self.path)
+            raise BadInput("no measurements found: there is no marker in the recording")
         times = np.array([mark.time_s for mark in self.marks])
         names: dict[int, str] = {}
         for mark, at in zip(self.marks, dwell_of_each(dwells, times, still.seconds), strict=True):
@@ -281,21 +281,18 @@ class JointLog:
                     found=f"marker at {mark.time_s:.3f} s; nearest dwell {_span(near)}",
                     allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s around the marker",
                     remedy="state a larger tolerance or a shorter time if the arm was at rest",
-                    file=self.path,
                 )
             name = mark.target if target is None else target
             if name is None:
                 raise BadInput(
                     "the markers do not name a target",
                     remedy="state the target of the file (--target)",
-                    file=self.path,
                 )
             if names.setdefault(at, name) != name:
                 raise BadInput(
                     "two markers in one dwell name different targets",
                     found=f"{names[at]!r} and {name!r}, dwell {_span(dwells[at])}",
                     remedy="a measurement has one target: remove the wrong marker",
-                    file=self.path,
                 )
         chosen = sorted(names)
         return chosen, [names[i] for i in chosen]
@@ -316,7 +313,6 @@ class JointLog:
             allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s, readings at most "
             f"{still.seconds / 2:g} s apart",
             remedy="state the tolerance and the shortest time of a dwell; check the unit of the angles",
-            file=self.path,
         )
 
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 import re
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ....model.arrays import Matrix
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.reading import did_you_mean, read_text, require_regular, shown
 from ....model.kinematics.robot import Robot
 from ..recordings import FileMeasurements, Imported, ImportJob
@@ -78,41 +78,34 @@ def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[flo
     rows, lines = [], []
     text, _ = read_text(path)
     for line, message in messages(text):
-        if not {"name", "position"} <= message.keys():
-            raise BadInput(
-                "a message has no names or no positions",
-                found=", ".join(message) or "none of the keys of a JointState",
-                allowed="name and position, as ros2 topic echo /joint_states prints them",
-                file=path,
-                line=line,
-            )
-        position = dict(zip(message["name"], message["position"], strict=False))
-        values = []
-        for name, unit in zip(names, per_unit(robot).tolist(), strict=True):
-            if name not in position:
-                raise BadInput(
-                    f"the message has no joint {name!r}",
-                    found=", ".join(message["name"]) or "no joints",
-                    allowed=", ".join(names),
-                    remedy=did_you_mean(name, message["name"])
-                    or "state the names of joint 1, 2, … (--columns)",
-                    file=path,
-                    line=line,
-                )
-            value = number(position[name])
-            if value is None or not math.isfinite(value):
-                raise BadInput(
-                    f"the position of joint {name!r} is not a finite number",
-                    found=shown(position[name]),
-                    file=path,
-                    line=line,
-                )
-            values.append(value * unit)
-        rows.append(values)
+        with located(path, line):
+            rows.append(_row(message, robot, names))
         lines.append(line)
     if not rows:
         raise BadInput("no measurements found: the file has no joint states", file=path)
     return rows, lines
+
+
+def _row(message: Mapping[str, Sequence[str]], robot: Robot, names: Sequence[str]) -> list[float]:
+    """Degrees (mm) of a message."""
+    if not {"name", "position"} <= message.keys():
+        raise BadInput(
+            "a message has no names or no positions",
+            found=", ".join(message) or "none of the keys of a JointState",
+            allowed="name and position, as ros2 topic echo /joint_states prints them",
+        )
+    position = dict(zip(message["name"], message["position"], strict=False))
+    if not set(names) <= position.keys():
+        raise _no_joints("the message has", names, list(position))
+    values = []
+    for name, unit in zip(names, per_unit(robot).tolist(), strict=True):
+        value = number(position[name])
+        if value is None or not math.isfinite(value):
+            raise BadInput(
+                f"the position of joint {name!r} is not a finite number", found=shown(position[name])
+            )
+        values.append(value * unit)
+    return values
 
 
 def messages(text: str) -> list[tuple[int, dict[str, list[str]]]]:
@@ -213,22 +206,22 @@ def _read(
     with opened(path) as bag:
         reader = bag.reader
         states = [c for c in reader.connections if c.msgtype == JOINT_STATE]
-        chosen = _topic(states, topic, reader, path)
+        chosen = _topic(states, topic, reader)
         stamps, positions = array("q"), array("d")  # not lists of lists: recordings are long
         joint_names_read: dict[str, None] = {}
         for stamp, message in bag.messages([c for c in states if c.topic == chosen]):
             joint_names_read.update(dict.fromkeys(message.name))
-            row = _positions(message, names, chosen, path)
+            row = _positions(message, names, chosen)
             if row is not None:
                 stamps.append(stamp)
                 positions.extend(row)
         if not stamps:
-            raise _no_joints(names, list(joint_names_read), chosen, path)
+            raise _no_joints(f"the messages on {chosen} have", names, list(joint_names_read))
         marks = None
         if marker_topic is not None:
             markers = [c for c in reader.connections if c.topic == marker_topic]
             if not markers:
-                raise _no_topic(marker_topic, reader, path)
+                raise _no_topic(marker_topic, reader)
             marks = [
                 Mark((stamp - stamps[0]) * 1e-9, None if message is None else str(message.data))
                 for stamp, message in bag.messages(markers)
@@ -239,7 +232,7 @@ def _read(
     ), chosen
 
 
-def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader, path: Path) -> str:
+def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader) -> str:
     there = sorted({connection.topic for connection in states})
     if topic is not None:
         if topic not in there:
@@ -248,45 +241,41 @@ def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader, p
                     "the topic has no joint states",
                     found=f"{topic} of type {reader.topics[topic].msgtype}",
                     allowed=", ".join(there) or JOINT_STATE,
-                    file=path,
                 )
-            raise _no_topic(topic, reader, path)
+            raise _no_topic(topic, reader)
         return topic
     if not there:
         raise BadInput(
             "the bag has no joint states",
             found=", ".join(sorted(reader.topics)) or "no topics",
             allowed=f"a topic of type {JOINT_STATE}",
-            file=path,
         )
     if len(there) > 1:
         raise BadInput(
             "the bag has several topics of joint states",
             found=", ".join(there),
             remedy="state which one is of the arm (--topic)",
-            file=path,
         )
     return there[0]
 
 
-def _no_topic(topic: str, reader: AnyReader, path: Path) -> BadInput:
+def _no_topic(topic: str, reader: AnyReader) -> BadInput:
     there = sorted(reader.topics)
     return BadInput(
         "there is no topic of this name",
         found=topic,
         allowed=", ".join(there),
         remedy=did_you_mean(topic, there),
-        file=path,
     )
 
 
-def _positions(message: Any, names: Sequence[str], topic: str, path: Path) -> list[float] | None:
+def _positions(message: Any, names: Sequence[str], topic: str) -> list[float] | None:
     """Positions in the order of `names`; None for a message of other joints (a gripper's, say)."""
     there = list(message.name)
     if not set(names) & set(there):
         return None
     if not set(names) <= set(there):
-        raise _no_joints(names, there, topic, path)
+        raise _no_joints(f"the messages on {topic} have", names, there)
     position = dict(zip(there, message.position, strict=False))
     values = [float(position.get(name, np.nan)) for name in names]
     if not np.all(np.isfinite(values)):
@@ -294,17 +283,15 @@ def _positions(message: Any, names: Sequence[str], topic: str, path: Path) -> li
             f"a message on {topic} lacks a position",
             found=", ".join(f"{name} {value:g}" for name, value in zip(names, values, strict=True)),
             allowed="a finite number for each joint",
-            file=path,
         )
     return values
 
 
-def _no_joints(names: Sequence[str], there: Sequence[str], topic: str, path: Path) -> BadInput:
+def _no_joints(where: str, names: Sequence[str], there: Sequence[str]) -> BadInput:
     missing = next(name for name in names if name not in there)
     return BadInput(
-        f"the messages on {topic} have no joint {missing!r}",
+        f"{where} no joint {missing!r}",
         found=", ".join(there) or "no joints",
         allowed=", ".join(names),
         remedy=did_you_mean(missing, there) or "state the names of joint 1, 2, … (--columns)",
-        file=path,
     )

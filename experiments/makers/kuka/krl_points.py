@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.reading import shown
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
@@ -53,7 +53,8 @@ def kuka_positions(text: str, path: Path) -> list[TaughtPoint]:
     for match in AGGREGATE.finditer(bare):
         line = bare.count("\n", 0, match.start("name")) + 1
         cartesian = match["fields"].strip()[0] in "Xx"
-        points.append(TaughtPoint(match["name"], None if cartesian else _axes(match, path, line), line))
+        with located(path, line):
+            points.append(TaughtPoint(match["name"], None if cartesian else _axes(match), line))
     return points
 
 
@@ -71,7 +72,7 @@ def _positions(text: str, path: Path) -> list[TaughtPoint]:
     ]
 
 
-def _axes(match: re.Match[str], path: Path, line: int) -> tuple[float, ...]:
+def _axes(match: re.Match[str]) -> tuple[float, ...]:
     fields = [field.strip() for field in match["fields"].split(",")]
     axes = [field for field in fields if field[:1].upper() == "A"]
     values = [AXIS.match(axis) for axis in axes]
@@ -81,7 +82,5 @@ def _axes(match: re.Match[str], path: Path, line: int) -> tuple[float, ...]:
             f"the axes of {match['name']} cannot be read",
             found=shown(match["fields"].strip()[:80]),
             allowed="{A1 …, A2 …, …}, each once, in this order",
-            file=path,
-            line=line,
         )
     return tuple(float(value[2]) for value in values if value is not None)

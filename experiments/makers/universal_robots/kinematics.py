@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ....model.arrays import Matrix
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.header import UrdfRef
 from ....model.files.reading import did_you_mean, read_text, read_yaml
 from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
@@ -64,17 +64,17 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
         )
     file, nominal = stated_rows(name, Path()), load_robot(name)
     text, _ = read_text(path)
-    chain = _deltas(text, path, file) if "delta_" in text else _transforms(path)
-    robot = _along_axes(_as_chain(nominal, *chain), nominal)
-    rms, most = flanges_apart(robot, nominal)
-    if most > _FARTHEST:
-        raise BadInput(
-            f"this is not the calibration of a {file.model}",
-            found=f"its flange would be up to {most:.0f} mm from that of the nominal arm",
-            allowed=f"up to {_FARTHEST:.0f} mm",
-            remedy=f"state the right --robot: {', '.join(known)}",
-            file=path,
-        )
+    with located(path):
+        chain = _deltas(text, file) if "delta_" in text else _transforms(path)
+        robot = _along_axes(_as_chain(nominal, *chain), nominal)
+        rms, most = flanges_apart(robot, nominal)
+        if most > _FARTHEST:
+            raise BadInput(
+                f"this is not the calibration of a {file.model}",
+                found=f"its flange would be up to {most:.0f} mm from that of the nominal arm",
+                allowed=f"up to {_FARTHEST:.0f} mm",
+                remedy=f"state the right --robot: {', '.join(known)}",
+            )
     return CalibratedArm(file, robot, (rms, most))
 
 
@@ -91,7 +91,7 @@ def ros_chain(nominal: Robot, path: Path) -> Robot:
     return _as_chain(nominal, *_transforms(path))
 
 
-def _deltas(text: str, path: Path, file: RobotFile) -> tuple[list[Matrix], Matrix]:
+def _deltas(text: str, file: RobotFile) -> tuple[list[Matrix], Matrix]:
     deltas: dict[str, list[float]] = {}
     for key in DELTAS:
         match = re.search(rf"^[ \t]*{key}\s*=\s*\[([^\]]*)\]", text, re.MULTILINE)
@@ -104,7 +104,6 @@ def _deltas(text: str, path: Path, file: RobotFile) -> tuple[list[Matrix], Matri
                 f"the calibration has no {key}" if match is None else f"{key} cannot be used",
                 found=None if match is None else match[1].strip(),
                 allowed=f"{key} = [six numbers], as in the controller's calibration.conf",
-                file=path,
             )
         deltas[key] = values
     rows = [

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import BeforeValidator, Field, model_validator
 
 from ....analysis.design.continuous_design import Criterion
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.header import (
     Header,
     RobotRef,
@@ -473,11 +473,9 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
         )
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
-    try:
+    with located(document.file, line(("held",))):
         tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
         Parameters.build(robot, tool, noise, Geometry.from_header(header, robot), header, [TARGET])
-    except BadInput as error:
-        raise error.at(document.file, line(("held",))) from None
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
     return Case(at, words, settings, header, robot)
 

@@ -11,6 +11,7 @@ import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
 from ....analysis.status import known as is_known
-from ....analysis.status import verdict_of, versions
+from ....analysis.status import verdict_of
 from ....model.arrays import Index, Matrix, Progress, normal_half_width
 from ....model.errors import BadInput
 from ....model.likelihood.problem import Problem
@@ -65,8 +66,8 @@ def sweep(
     began = time.perf_counter()
     prints = "\n".join(case.fingerprint for case in study.cases)
     heading = heading_of(study.content.study, seed, settings=hashlib.sha256(prints.encode()).hexdigest())
-    pieces = [(case, seed) for case in study.cases]
-    answers = each_piece(store, heading, GridCase, _case_of, pieces, progress, processes, called="case")
+    work = partial(studied_case, seed=seed)
+    answers = each_piece(store, heading, GridCase, work, study.cases, progress, processes, called="case")
     content, cases = study.content, judged(answers)
     axes = tuple(
         GridAxis(
@@ -88,15 +89,10 @@ def sweep(
         agrees=all(case.agrees is not False for case in cases if case.verdict != "degenerate"),
         settings=settings,
         seconds=time.perf_counter() - began,
-        versions=versions(),
         notes=(*findings(axes, cases), *notes(settings, cases)),
         axes=axes,
         cases=cases,
     )
-
-
-def _case_of(job: tuple[Case, int]) -> GridCase:
-    return studied_case(*job)
 
 
 def studied_case(case: Case, seed: int) -> GridCase:
