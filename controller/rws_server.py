@@ -443,7 +443,7 @@ class Digest:
         self._users = dict(users)
         self._counts: dict[str, int] = {}  # of every nonce that was given: the largest count it was used with
 
-    def challenge(self, stale: bool = False) -> str:
+    def challenge(self) -> str:
         """The value of WWW-Authenticate, with a new nonce."""
         nonce = secrets.token_hex(16)
         self._counts[nonce] = 0
@@ -451,7 +451,7 @@ class Digest:
             del self._counts[next(iter(self._counts))]
         return (
             f'Digest realm="{REALM}", domain="/", qop="auth", nonce="{nonce}", opaque="{_OPAQUE}", '
-            f'algorithm="MD5", stale="{str(stale).upper()}"'
+            'algorithm="MD5", stale="FALSE"'
         )
 
     def admits(self, authorization: str, method: str, uri: str) -> bool:

@@ -54,8 +54,7 @@ def write_verification(
             allowed="postures of the run: they are known to be reachable",
         )
     with one_blas_thread():
-        solution = _solution(run)
-        entered = _entered(run, solution)
+        solution, entered = _determined(run)
         header = run.header.model_copy(update={"distances": ()})
         plan = choose(solution, header, entered, _tolerances(run.header, tolerance), shots)
     _write(run, solution, plan, entered, file, force)
@@ -65,11 +64,11 @@ def write_verification(
 def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult:
     """The answer of the acceptance test: the calibration run at `path`, the corrected robot's run `new`."""
     run, verified = read_run(path), read_run(new)
-    _require_of(run, verified)
+    with located(verified.path, verified.header_line):
+        _require_of(run, verified)
     verified.require_analysable()
     with one_blas_thread():
-        solution = _solution(run)
-        entered = _entered(run, solution)
+        solution, entered = _determined(run)
         targets = tuple(shot.target for shot in verified.shots)
         declared = {**run.header.targets, **verified.header.targets}
         kept = {name: declared[name] for name in targets if name in declared}
@@ -81,35 +80,29 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
         return accept(prediction, solution, _tolerances(run.header, tolerance))
 
 
-def _solution(run: Run) -> Solution:
+def _determined(run: Run) -> tuple[Solution, tuple[str, ...]]:
+    """The solution of a run, and the offsets that are to be entered: all that are not held, each
+    identified."""
     solution = converged_solution(run, "nothing was to be entered")
+    free = [row for row in solution.offsets if not row.held]
     with located(run.path, run.header_line):
         require_validated(solution)
-    return solution
-
-
-def _entered(run: Run, solution: Solution) -> tuple[str, ...]:
-    """The offsets that are to be entered: all that are not held, and each identified."""
-    free = [row for row in solution.offsets if not row.held]
-    open_ = [row.name for row in free if row.status != "identified"]
-    if open_ or not free:
-        raise BadInput(
-            "there is no acceptance test of a run that does not determine all its offsets: nothing is to be"
-            " entered",
-            found=", ".join(f"{row.name}: {row.status}" for row in free if row.name in open_) or "all held",
-            allowed="a run with the verdict pass",
-            remedy="record more measurements: zerobeam check PLAN says which postures help",
-            file=run.path,
-            line=run.header_line,
-        )
-    return tuple(row.name for row in free)
+        open_ = [row for row in free if row.status != "identified"]
+        if open_ or not free:
+            raise BadInput(
+                "there is no acceptance test of a run that does not determine all its offsets: nothing is to"
+                " be entered",
+                found=", ".join(f"{row.name}: {row.status}" for row in open_) or "all held",
+                allowed="a run with the verdict pass",
+                remedy="record more measurements: zerobeam check PLAN says which postures help",
+            )
+    return solution, tuple(row.name for row in free)
 
 
 def offsets_to_enter(run: Run) -> dict[str, float]:
     """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
     with one_blas_thread():
-        solution = _solution(run)
-    entered = _entered(run, solution)
+        solution, entered = _determined(run)
     rows = {row.name: row.estimate for row in solution.offsets if row.name in entered}
     return {name: estimate for name, estimate in rows.items() if estimate is not None}
 
@@ -132,8 +125,6 @@ def _require_of(run: Run, verified: Run) -> None:
             allowed=f"{_SHA}: {run.sha256}",
             remedy="make the plan with zerobeam plan verify RUN -o PLAN and record it; for measurements that"
             " are imported its head is the header",
-            file=verified.path,
-            line=verified.header_line,
         )
     if verified.robot.n != run.robot.n or not np.allclose(
         [joint.fixed for joint in verified.robot.joints], [joint.fixed for joint in run.robot.joints]
@@ -142,8 +133,6 @@ def _require_of(run: Run, verified: Run) -> None:
             "the two runs are of different robots, or one with a corrected robot file",
             found=verified.robot.name,
             allowed=f"{run.robot.name}, as in the calibration: the controller has the offsets, not the file",
-            file=verified.path,
-            line=verified.header_line,
         )
 
 

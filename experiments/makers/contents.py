@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
 from ...model.kinematics.robot import Robot
@@ -147,16 +146,11 @@ def proposed_columns(table_columns: Sequence[TableColumn], robot: Robot) -> tupl
     return None
 
 
-def values_of(table: TextTable, column: int) -> Matrix:
-    """(N,) numbers of a column; BadInput with the line of the first that is none."""
-    return table.numbers([column])[:, 0]
-
-
 def _column(table: TextTable, i: int, name: str) -> TableColumn:
     plain = table.names is not None and name and not set(name) & set(",=") and not name.isdecimal()
     called = name if plain else str(i + 1)
     try:
-        values = values_of(table, i)
+        values = table.numbers([i])
     except BadInput:
         line, text = next(
             (line, text)

@@ -6,6 +6,7 @@ entry. What a maker lacks is empty. Only what a command needs is loaded.
 
 from __future__ import annotations
 
+import math
 import pkgutil
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -186,6 +187,17 @@ def require_vendor(robot: Robot, vendor: Vendor, what: str) -> str | None:
 def names_of(text: str | None) -> list[str] | None:
     """Names that are separated by commas."""
     return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def numbers_of(text: str, option: str, allowed: str) -> list[float]:
+    """Finite numbers of an option that are separated by commas; BadInput that says what is `allowed`."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if not values or not all(map(math.isfinite, values)):
+        raise BadInput(f"{option} is not understood", found=text, allowed=allowed)
+    return values
 
 
 def blanked(program: str, remark: str, *, strings: bool = True) -> str:

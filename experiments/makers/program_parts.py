@@ -290,8 +290,3 @@ def number_edits(
         Edit(start, end, new_number(text[start:end], float(value), digits))
         for (start, end), value, digits in zip(spans, values, decimals, strict=True)
     ]
-
-
-def number_spans(text: str, start: int, end: int) -> list[tuple[int, int]]:
-    """The places of all numbers in a part of a text."""
-    return [match.span() for match in re.compile(rf"(?<![\w.]){NUMBER}").finditer(text, start, end)]

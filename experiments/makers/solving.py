@@ -262,7 +262,8 @@ class _Corrector:
             rows = self._matching_nearby(target, flange)
             for thorough in (False, True):
                 if not len(rows):
-                    rows = self._matching(target, flange, thorough)
+                    solutions = self.arms.solver.solutions(flange, thorough=thorough)
+                    rows = self._with_stated(target, solutions)
             if len(rows) and all(self.arms.solver.same(rows[0] / display, other) for other in rows / display):
                 self._require_isolated(flange, rows[0])
                 near = next((each for each in (self._last, self.near) if each is not None), rows[0])
@@ -301,9 +302,6 @@ class _Corrector:
         if not arrived[0] or is_singular(nominal, reached[0]):
             return np.empty((0, nominal.n))
         return self._with_stated(target, reached)
-
-    def _matching(self, target: PoseTarget, flange: Matrix, thorough: bool) -> Matrix:
-        return self._with_stated(target, self.arms.solver.solutions(flange, thorough=thorough))
 
     def _with_stated(self, target: PoseTarget, solutions: Matrix) -> Matrix:
         """The solutions, with their whole turns, that have the stated configuration; degrees."""

@@ -24,9 +24,10 @@ from ....model.errors import BadInput, located
 from ....model.files.reading import did_you_mean, read_text, shown
 from ....model.kinematics.pendant import require_link_encoder
 from ..calibration import JointOffset, RobotCalibration
-from ..maker import one_line, require_vendor
+from ..maker import numbers_of, one_line, require_vendor
 
 Sign = Literal[1, -1]
+_NUMBERS = "finite numbers separated by commas"
 TURN = 2 * math.pi
 
 _SECTION = re.compile(r"^([A-Z][A-Z0-9_]*):[ \t]*\r?$", re.MULTILINE)
@@ -48,7 +49,7 @@ class Gears:
     @classmethod
     def of_options(cls, ratios: str | None, signs: str | None, n: int) -> Gears:
         """As on the command line, for n joints: numbers separated by commas; one sign may serve for all."""
-        values = None if signs is None else _numbers(signs, "--motor-sign")
+        values = None if signs is None else numbers_of(signs, "--motor-sign", _NUMBERS)
         if values is not None and (len(values) not in (1, n) or not set(values) <= {1.0, -1.0}):
             raise BadInput(
                 "--motor-sign is not understood",
@@ -58,7 +59,7 @@ class Gears:
         each: list[Sign] | None = None
         if values is not None:
             each = [1 if value > 0 else -1 for value in (values * n if len(values) == 1 else values)]
-        numbers = None if ratios is None else _numbers(ratios, "--ratio")
+        numbers = None if ratios is None else numbers_of(ratios, "--ratio", _NUMBERS)
         if numbers is not None and (len(numbers) != n or not all(numbers)):
             raise BadInput(
                 "--ratio is not understood",
@@ -135,18 +136,6 @@ def _require_turning(calibration: RobotCalibration) -> None:
             allowed="offsets of revolute joints",
             remedy="leave it out: " + " ".join(f"--without {name}" for name in sliding),
         )
-
-
-def _numbers(text: str, option: str) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if not values or not all(map(math.isfinite, values)):
-        raise BadInput(
-            f"{option} is not understood", found=text, allowed="finite numbers separated by commas"
-        )
-    return values
 
 
 def _change(offset: float, sign: Sign, ratio: float, old: float) -> _Change:

@@ -84,7 +84,6 @@ def _axes(joints: str, sign: str) -> list[str]:
     ]
 
 
-AXES = 6
 _EXTERNAL = ",".join(["9E9"] * 6)
 
 

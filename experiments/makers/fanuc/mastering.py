@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from ....model.errors import BadInput
 from ....model.kinematics.pendant import encoder3_of, pendant_of
 from ....model.kinematics.robot import J3, Robot
 from ..calibration import RobotCalibration
-from ..maker import require_vendor
+from ..maker import numbers_of, require_vendor
 from ..sheets import sheet_text
 
 _RELIED_ON: Mapping[J3, list[str]] = {
@@ -122,12 +120,8 @@ def _as_fanuc(calibration: RobotCalibration, encoder: J3) -> list[float | None]:
 
 
 def _numbers(text: str, joints: int, option: str) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != joints or not np.all(np.isfinite(values)):
-        raise BadInput(
-            f"{option} is not understood", found=text, allowed=f"{joints} numbers, separated by commas"
-        )
+    allowed = f"{joints} numbers, separated by commas"
+    values = numbers_of(text, option, allowed)
+    if len(values) != joints:
+        raise BadInput(f"{option} is not understood", found=text, allowed=allowed)
     return values

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -135,19 +135,8 @@ def _nearest(angle: float, near: float, period: float = 2 * np.pi) -> float:
 
 def _clean(row: DHRow, nominal: DHRow) -> DHRow:
     """A row whose numbers are exactly nominal where they differ by rounding only."""
-
-    def nominal_or(value: float, nominal_value: float) -> float:
-        return (
-            nominal_value if abs(value - nominal_value) <= _ROUNDING * max(1.0, abs(nominal_value)) else value
-        )
-
-    return DHRow(
-        nominal_or(row.a, nominal.a),
-        nominal_or(row.alpha, nominal.alpha),
-        nominal_or(row.d, nominal.d),
-        nominal_or(row.theta, nominal.theta),
-        nominal_or(row.beta, nominal.beta),
-    )
+    values = zip(astuple(row), astuple(nominal), strict=True)
+    return DHRow(*(old if abs(new - old) <= _ROUNDING * max(1.0, abs(old)) else new for new, old in values))
 
 
 def robot_text(run: Run, calibration: RobotCalibration) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ....model.arrays import Matrix
-from ....model.errors import BadInput
+from ....model.errors import BadInput, located
 from ....model.files.reading import LARGEST_TABLE, did_you_mean, read_text, shown
 from ....model.kinematics.robot import Robot
 
@@ -226,6 +226,13 @@ def table_of(
     text: str, path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> TextTable:
     """Parse a table from its text; `path` is named in errors. Else as `read_table`."""
+    with located(path):
+        return _table(text, path, header_row, delimiter, decimal, joints_of)
+
+
+def _table(
+    text: str, path: Path, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
+) -> TextTable:
     padded = delimiter is None
     delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
     # Columns that are aligned with blanks have several between them.
@@ -242,15 +249,15 @@ def table_of(
                 rows.append(row)
                 lines.append(reader.line_num)
     except csv.Error as error:
-        raise BadInput(f"the file is not valid CSV: {error}", file=path, line=reader.line_num) from None
+        raise BadInput(f"the file is not valid CSV: {error}", line=reader.line_num) from None
     if not rows:
-        raise BadInput("the file has no rows", file=path)
+        raise BadInput("the file has no rows")
     names, header_line = None, 0
     if header_row:
         names, header_line = tuple(rows.pop(0)), lines.pop(0)
-        _check_names(names, header_line, path, delimiter, decimal)
+        _check_names(names, header_line, delimiter, decimal)
         if not rows:
-            raise BadInput("the file has a header row only", file=path)
+            raise BadInput("the file has a header row only")
         width, whose = len(names), "the header row"
     else:
         if len(rows[0]) > 1 and not any(number(cell, decimal) is not None for cell in rows[0]):
@@ -261,7 +268,6 @@ def table_of(
                 remedy="the decimal sign seems to be a comma: state it (--decimal ,)"
                 if decimal == "." and all(number(cell, ",") is not None for cell in rows[0])
                 else "if it is a header row, state it (--header-row)",
-                file=path,
                 line=lines[0],
             )
         width, whose = len(rows[0]), "the first row"
@@ -270,25 +276,24 @@ def table_of(
     for cells, line in zip(rows, lines, strict=True):
         if len(cells) != width:
             whole = not header_row and line == lines[0]
-            raise _wrong_count(cells, width, whose, whole, path, line)
+            raise _wrong_count(cells, width, whose, whole, line)
     return TextTable(path, names, header_line, rows, lines, decimal, delimiter)
 
 
-def _check_names(names: tuple[str, ...], line: int, path: Path, delimiter: str, decimal: str) -> None:
+def _check_names(names: tuple[str, ...], line: int, delimiter: str, decimal: str) -> None:
     if all(number(name, decimal) is not None for name in names):
         raise BadInput(
             "the first row is not a header row: it holds numbers only",
             found=shown(delimiter.join(names)),
             remedy="do not state a header row: the first row would be lost",
-            file=path,
             line=line,
         )
     for name in names:
         if names.count(name) > 1:
-            raise BadInput("two columns have the same name", found=shown(name), file=path, line=line)
+            raise BadInput("two columns have the same name", found=shown(name), line=line)
 
 
-def _wrong_count(cells: list[str], width: int, whose: str, first: bool, path: Path, line: int) -> BadInput:
+def _wrong_count(cells: list[str], width: int, whose: str, first: bool, line: int) -> BadInput:
     # The first row decides whether the file is of another robot; a later one is broken in itself.
     remedy = _other_delimiter(cells)
     if remedy is None and first:
@@ -298,7 +303,6 @@ def _wrong_count(cells: list[str], width: int, whose: str, first: bool, path: Pa
         found=f"{len(cells)} values",
         allowed=f"{width}, as {whose}",
         remedy=remedy,
-        file=path,
         line=line,
     )
 

@@ -251,7 +251,8 @@ class _Builder:
             child = target.children[0]
             self.module.moves.append(Move(word, not word.endswith("PTP"), child, pos, changes))
             index = len(self.module.moves) - 1
-            change = None if _is_here(child) else _arm_at(index)
+            here = isinstance(child, Token) and child.type == "HERE"
+            change = None if here else _arm_at(index)
             self._step(FlowStep(change=change, motion=index))
         if changes and self.block is None:
             self._step(FlowStep(change=perhaps_kept(changes)))
@@ -357,7 +358,3 @@ _KNOWN = _QUIET | _IN_DATA_LIST | _STRUCTURES | SETTING | {"call", "data_of_path
 
 def _arm_at(motion: int) -> Change:
     return lambda state: assigned(state, "arm", [("motion", motion)])
-
-
-def _is_here(part: Tree[Token] | Token) -> bool:
-    return isinstance(part, Token) and part.type == "HERE"

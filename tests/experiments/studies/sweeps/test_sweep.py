@@ -372,7 +372,7 @@ def test_what_agrees(off: float, held: float, verdict: str, agrees: bool) -> Non
 def test_a_degenerate_case_is_no_promise(study: SettingsStudy, monkeypatch: pytest.MonkeyPatch) -> None:
     for verdict, agrees in (("pass", False), ("weak", False), ("degenerate", True)):
         case = replace(made(1.3, 0.94), verdict=verdict, at=study.cases[0].at)
-        monkeypatch.setattr(module, "studied_case", lambda *_, case=case: case)
+        monkeypatch.setattr(module, "studied_case", lambda _, seed, case=case: case)
         swept_answer = sweep(replace(study, cases=study.cases[:1]), 3, silent, processes=1)
         assert (swept_answer.agrees, swept_answer.cases[0].agrees) == (agrees, False)
 
