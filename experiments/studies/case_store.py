@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from ...analysis.status import UnsoundResult, versions
 from ...interruption import obey, uninterrupted
 from ...model.arrays import Progress
-from ...model.errors import BadInput, NotWritten
+from ...model.errors import BadInput, NotWritten, located
 from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import Closing, lock
 from ..processes import side_by_side
@@ -47,8 +47,9 @@ class CaseStore(Closing, Generic[Case]):
         except OSError as error:
             raise _cannot_keep(path, error) from None
         try:
-            self._lock()
-            self._begin({"schema": CASES_SCHEMA, **heading})
+            with located(path):
+                self._lock()
+                self._begin({"schema": CASES_SCHEMA, **heading})
         except OSError as error:
             self.close()
             raise _cannot_keep(path, error) from None
@@ -77,7 +78,6 @@ class CaseStore(Closing, Generic[Case]):
             raise BadInput(
                 f"another process carries this {self._of} out",
                 remedy=f"wait until it has ended, stop it, or name another folder for the {self._of}",
-                file=self._path,
             )
 
     def _begin(self, heading: Mapping[str, object]) -> None:
@@ -109,7 +109,6 @@ class CaseStore(Closing, Generic[Case]):
                 f"this file was not written by a {self._of}, or is spoilt",
                 allowed=f"a first line of schema {CASES_SCHEMA}",
                 remedy=f"move it away, or name another folder for the {self._of}",
-                file=self._path,
             ) from None
         for key, value in heading.items():
             if first.get(key) != value:
@@ -119,7 +118,6 @@ class CaseStore(Closing, Generic[Case]):
                     allowed=shown(value),
                     remedy="resume with the same settings, remove the file to begin again, or name"
                     f" another folder for the {self._of}",
-                    file=self._path,
                     line=1,
                 )
         for number, line in enumerate(lines[1:], start=2):
@@ -130,7 +128,6 @@ class CaseStore(Closing, Generic[Case]):
                 raise BadInput(
                     "a finished case cannot be read",
                     remedy="remove the file to begin again",
-                    file=self._path,
                     line=number,
                 ) from None
 

@@ -457,7 +457,8 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     for i, (axis, j) in enumerate(zip(content.axes, at, strict=True)):
         of_value: KeyPath = ("axes", i, "values", j)
         for key, value in axis.changes(j).items():
-            _put(values, defaults, key, value, document, of_value)
+            with located(document.file, document.line(of_value)):
+                _put(values, defaults, key, value)
             value_places[key] = of_value
 
     def line(key_path: KeyPath) -> int | None:
@@ -480,11 +481,9 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     return Case(at, words, settings, header, robot)
 
 
-def _put(
-    values: SettingValues, every: SettingValues, key: str, value: object, document: Document, at: KeyPath
-) -> None:
+def _put(values: SettingValues, every: SettingValues, key: str, value: object) -> None:
     """Set a dotted name in `values`; its last part may be the x, y or z of a triple. `every` has the
-    defaults, too, and `at` is where the document has the value."""
+    defaults, too."""
     *path, last = key.split(".")
     names = setting_names()
     triple = last in ("x", "y", "z") and ".".join(path) in names
@@ -494,8 +493,6 @@ def _put(
             found=key,
             allowed=", ".join(names),
             remedy=did_you_mean(key, names),
-            file=document.file,
-            line=document.line(at),
         )
     if triple:
         *path, name = path
@@ -513,7 +510,5 @@ def _put(
         raise BadInput(
             f"{'.'.join((*path, name))} has no {last}: it is not a point or direction",
             found=shown(point),
-            file=document.file,
-            line=document.line(at),
         )
     branch[name] = [value if axis == last else old for axis, old in zip("xyz", point, strict=True)]
