@@ -76,6 +76,12 @@ class PlanStep:
     joints: tuple[float, ...]
     via: tuple[tuple[float, ...], ...]
 
+    @property
+    def named(self) -> dict[str, tuple[float, ...]]:
+        """All joints on the way and the posture's by their names in a program: zb_v3_1, zb_v3_2, zb_p3."""
+        between = {f"zb_v{self.number}_{i}": row for i, row in enumerate(self.via, start=1)}
+        return {**between, f"zb_p{self.number}": self.joints}
+
 
 def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
     """The postures of a plan in its order."""

@@ -128,14 +128,13 @@ def _zone(mm: float) -> str:
 
 
 def _targets(step: PlanStep) -> Iterator[str]:
-    rows = [(f"zb_v{step.number}_{i}", row) for i, row in enumerate(step.via, start=1)]
-    for name, row in [*rows, (f"zb_p{step.number}", step.joints)]:
+    for name, row in step.named.items():
         values = listed([*row, *[0.0] * (AXES - len(row))])
         yield f"  CONST jointtarget {name}:=[[{values}],[{_EXTERNAL}]];"
 
 
 def _visit(step: PlanStep) -> Iterator[str]:
-    names = [f"zb_v{step.number}_{i}" for i in range(1, len(step.via) + 1)] + [f"zb_p{step.number}"]
+    names = list(step.named)
     yield f"IF first<={step.number} THEN"
     for before, there in zip(["CJointT()", *names], names, strict=False):
         yield f"  zb_go {before},{there},{'zb_zone' if there != names[-1] else 'fine'};"

@@ -98,9 +98,10 @@ def _recorded(number: int) -> Iterator[str]:
 
 def _visit(step: PlanStep, motion: ProgramMotion) -> Iterator[str]:
     yield f"CASE {step.number}"
-    for i in range(1, len(step.via) + 1):
-        yield f"  PTP ZB_V{step.number}_{i}" + (" C_PTP" if motion.zone else "")
-    yield f"  PTP ZB_P{step.number}"
+    *between, there = (name.upper() for name in step.named)
+    for name in between:
+        yield f"  PTP {name}" + (" C_PTP" if motion.zone else "")
+    yield f"  PTP {there}"
     yield "  ZB_WAITS=TRUE"
 
 
@@ -116,11 +117,7 @@ def _data(plan: Plan, name: str, steps: list[PlanStep], head: list[str]) -> str:
         "DECL BOOL ZB_WAITS=FALSE ; the arm is at it, to be centred",
     ]
     for step in steps:
-        rows = [(f"ZB_V{step.number}_{i}", row) for i, row in enumerate(step.via, start=1)]
-        lines += [
-            f"DECL AXIS {target_name}={_axes(row)}"
-            for target_name, row in [*rows, (f"ZB_P{step.number}", step.joints)]
-        ]
+        lines += [f"DECL AXIS {at.upper()}={_axes(row)}" for at, row in step.named.items()]
     for step in steps:
         lines += [f"DECL E6AXIS {MEASURED}{step.number}={zero}", f"DECL BOOL {DONE}{step.number}=FALSE"]
     return "\n".join([*lines, "ENDDAT"]) + "\n"

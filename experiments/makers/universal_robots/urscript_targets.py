@@ -111,15 +111,7 @@ _REASONS = (  # why the grammar does not derive a statement that has these words
     ),
 )
 _OPENING = ("define", "thread", "if", "while")
-_JOINS = (
-    "define",
-    "thread",
-    "elif",
-    "else",
-    "while",
-    "end",
-    "leaving",
-)  # reached from elsewhere
+_JOINS = ("define", "thread", "elif", "else", "while", "end", "leaving")  # reached from elsewhere
 _NO_TCP = "the TCP is not known; state --tool X,Y,Z,RX,RY,RZ in metres and radians"
 
 
