@@ -348,7 +348,7 @@ class Problem:
         rows = self.shots * d
         jacobian = np.zeros((rows + len(self.distances), p))
         where = np.repeat(self.columns, d, axis=0)
-        np.put_along_axis(jacobian[:rows], where, stacked[:, :, 1:].reshape(rows, -1), axis=1)
+        np.put_along_axis(jacobian[:rows], where, stacked[:, :, 1:].reshape(rows, where.shape[1]), axis=1)
         distance, by_targets = self.distance_rows(x[None])
         jacobian[rows:] = by_targets[0] * self.parameters.prior_std
         return Whitened(np.append(stacked[:, :, 0].reshape(-1), distance[0]), jacobian, residual, factor)

@@ -352,3 +352,9 @@ def test_the_radius_holds_the_truth_behind_simulated_runs(scale, count):
     if dof is not None:
         # Nor does the normal law do for a scale from six numbers.
         assert not binomial((error < radius95(of_point)).sum(), count)
+
+
+def test_the_spread_of_two_joints_is_by_the_plastic_ratio() -> None:
+    plastic = 1.324717957244746  # x^3 = x + 1
+    expected = [[10 + 10 * ((0.5 + k / plastic**j) % 1) for j in (1, 2)] for k in range(1, 6)]
+    np.testing.assert_allclose(spread_postures(np.array([10.0, 10]), np.array([20.0, 20]), 5), expected)

@@ -10,6 +10,7 @@ from scipy import stats
 
 from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Residuals, displacement
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.parameters import Parameters
@@ -100,6 +101,7 @@ def test_against_a_fit_with_another_target_name() -> None:
     found = displacement(fit)
     assert found is not None
     assert found.at == ("psd", 4, 5)
+    assert found.elsewhere == ()
     drop = (fit.whitened.residual**2).sum() - (other.whitened.residual**2).sum()
     assert stats.chi2.isf(found.p_value / 11, 3) == pytest.approx(drop, rel=0.02)
     places = two.split(other.x).targets
@@ -215,16 +217,22 @@ def test_the_target_that_moved_is_named() -> None:
 def test_an_estimated_scale_needs_no_right_noise() -> None:
     """The F ratio is the same whatever noise is stated; with too little stated as known nothing is called."""
     shift = (0.6, -0.6, 0.5)
-    p_values = []
+    p_values, beside_links = [], []
     for factor in (1.0, 0.1):
         true = bumped(good_plan(12, joint_deg=0.002, spot_mm=0.05), shift, 5)[0]
         noise = replace(true.noise, joint=true.noise.joint * factor, spot=true.noise.spot * factor)
-        p_values.append(found_in(replace(true, noise=replace(noise, estimated=True))).p_value)
+        estimated = replace(true, noise=replace(noise, estimated=True))
+        p_values.append(found_in(estimated).p_value)
+        fit = fit_likelihood(estimated, starts=0)
+        rival = displacement(fit, link_columns(estimated, fit.x))
+        assert rival is not None
+        beside_links.append(rival.p_value)
         stated = found_in(replace(true, noise=noise))
         assert stated.p_value < CHANCE
         assert stated.significant == (factor == 1.0)
     assert p_values[0] < CHANCE
     assert p_values[1] == pytest.approx(p_values[0], rel=0.05)
+    assert beside_links[1] == pytest.approx(beside_links[0], rel=0.05)
 
 
 def test_a_wrong_guess_is_no_displacement() -> None:

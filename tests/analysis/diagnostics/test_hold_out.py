@@ -305,6 +305,17 @@ def test_each_row_is_the_hold_out_of_the_placement(solution: Solution) -> None:
     assert found.rms_mm == pytest.approx(np.sqrt(sum(squares) / solution.problem.shots))
 
 
+def test_the_rms_to_expect_is_that_of_many_runs() -> None:
+    """Five measurements for the offsets: what they leave open is most of what is expected of the others."""
+    shots = {"psd": 5, "left": 12}
+    told = [hold_out(problem, ["left"]) for problem in recorded(shots, three_placements(shots), 60)]
+    expected = np.mean([held.expected_mm for held in told if held.expected_mm is not None])
+    squares = [held.rms_mm**2 for held in told if held.rms_mm is not None]
+    spread = np.std(squares, ddof=1) / np.sqrt(len(squares))
+    assert expected**2 == pytest.approx(np.mean(squares), abs=4 * spread)
+    assert 4 * spread < 0.6 * expected**2
+
+
 def test_the_jackknife_by_full_fits_and_by_the_plain_formula(solution: Solution) -> None:
     found = jackknife(solution, fits_without(solution))
     assert found is not None

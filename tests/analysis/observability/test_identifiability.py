@@ -22,7 +22,7 @@ from judgements import reason_for, sentence_of, verdict
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.observability.causes import NotResolvable, worst_direction
+from zerobeam.analysis.observability.causes import CommonMotion, NotResolvable, worst_direction
 from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import (
     identify,
@@ -30,8 +30,11 @@ from zerobeam.analysis.observability.identifiability import (
     observability,
     too_few_measurements,
 )
+from zerobeam.analysis.solution import solve
+from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
+from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.observability import reason, remedy
@@ -657,3 +660,14 @@ def test_too_few_shots_counts():
     assert too_few_measurements(Problem.from_plan(plan_of(plan.header, plan.postures[:4])), 8) is None
     probe = good_plan(3, 5, OPEN_PROBE)
     assert "at least 4 measurements" in remedy(too_few_measurements(Problem.from_plan(probe), 11).cause)
+
+
+def test_the_range_of_the_joints_before_is_that_of_the_one_that_moves_most() -> None:
+    """Joint 1 hardly moves, joint 2 does: what is told of joint 3 is the larger of both."""
+    run = read_run(demo_runs()[1].path)
+    solution = solve(Problem.from_run(run))
+    cause = solution["delta3"].cause
+    assert isinstance(cause, CommonMotion)
+    spread = np.ptp(np.degrees(solution.problem.joints[:, :2]), axis=0)
+    assert spread[0] < 1 < spread[1]
+    assert cause.range_deg == pytest.approx(float(spread[1]), rel=0.1)  # of measurements turned to hit

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cells import good_plan, header, irb1600, pattern_plan, plan_of
+from cells import PROBE, good_plan, header, irb1600, pattern_plan, plan_of
 
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.check import Check, check
-from zerobeam.analysis.observability.outlook import over_target
+from zerobeam.analysis.observability.outlook import over_target, predicted_std
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
 
@@ -127,3 +127,42 @@ def test_no_advice_for_a_good_plan() -> None:
     answer = check(good_plan())
     assert answer.verdict == "pass"
     assert answer.advice is None
+
+
+def test_a_mirrored_cell_has_the_mirrored_advice() -> None:
+    """The arm is its own mirror image in the plane of x and z: what turned one way there turns the other."""
+    plan = pattern_plan("x", 400.0)
+    x, y, z = plan.header.targets["psd"].guess_mm or (0.0, 0.0, 0.0)
+    mirrored = plan_of(header(target=(x, -y, z)), plan.postures * [-1, 1, 1, -1, 1, -1])
+    one, other = check(plan).advice, check(mirrored).advice
+    assert one is not None
+    assert other is not None
+    assert (one.joint, one.posture) == (other.joint, other.posture)
+    assert other.change_deg == -one.change_deg
+
+
+def test_the_targets_elsewhere_one_by_one() -> None:
+    """Some of them out of reach of some postures."""
+    problem = Problem.from_plan(plan_of(header(PROBE), good_plan().postures))
+    spread = np.where(problem.parameters.group("target"), 250.0, 0.0)
+    x = problem.nominal()
+    told = over_target(problem, x, spread)
+    assert told is not None
+    assert told.hit < 1
+    largest = dict.fromkeys(told.worst_std, 0.0)
+    for place in x + spread * np.random.default_rng(1).normal(size=(told.draws, len(x))):
+        aimed = aim(problem, place, servo_joints(problem))
+        std = predicted_std(aimed.problem.select(np.flatnonzero(aimed.hit)), place)
+        items = [item for item in problem.parameters.items if not item.held]
+        for item, value in zip(items, std, strict=True):
+            if item.group == "offset":
+                largest[item.name] = max(largest[item.name], value * item.prior_std * item.display)
+    assert told.worst_std == pytest.approx(largest, rel=1e-6)
+
+
+def test_a_target_that_no_posture_reaches_leaves_the_prior() -> None:
+    problem = Problem.from_plan(plan_of(header(PROBE), good_plan().postures))
+    spread = np.where(problem.parameters.group("target"), 3000.0, 0.0)
+    told = over_target(problem, problem.nominal(), spread)
+    assert told is not None
+    assert told.worst_std == pytest.approx(dict.fromkeys(told.worst_std, 5.0))

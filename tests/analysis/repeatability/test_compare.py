@@ -208,6 +208,11 @@ def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
     t = abs(values[1, 0] - rest.mean()) / (rest.std(ddof=1) * np.sqrt(1 + 1 / 3))
     assert alone is not None
     assert alone.p_value == pytest.approx(2 * stats.t.sf(t, 2))
+    # Two others have a scatter too.
+    three = against_others(unpredicted(values[:3, :1], own.at[:3]), 1)
+    assert three is not None
+    t = abs(values[1, 0] - values[[0, 2], 0].mean()) / (values[[0, 2], 0].std(ddof=1) * np.sqrt(1.5))
+    assert three.p_value == pytest.approx(2 * stats.t.sf(t, 1))
 
 
 def test_drift_is_that_of_a_regression() -> None:

@@ -88,3 +88,15 @@ def test_a_mounting_changes_no_configuration() -> None:
 @pytest.mark.parametrize(("name", "exist"), [("irb120", True), ("ur5e", False), ("panda", False)])
 def test_only_of_arms_with_a_spherical_wrist(name: str, exist: bool) -> None:
     assert Branches(load_robot(name), 1).exist is exist
+
+
+def test_the_wrist_has_no_say_in_where_its_centre_is() -> None:
+    rng = np.random.default_rng(3)
+    for name in ("irb120", "kr6_r900"):
+        robot = load_robot(name)
+        branches = Branches(robot, -1 if robot.vendor == "kuka" else 1)
+        for _ in range(40):
+            arm, wrist = rng.uniform(-100, 100, 3), rng.uniform(-100, 100, (2, 3))
+            wrist[0, 1] = 0.01  # all but straight
+            first, second = (branches.of(np.concatenate([arm, turns])) for turns in wrist)
+            assert (first.behind, first.behind_arm) == (second.behind, second.behind_arm)

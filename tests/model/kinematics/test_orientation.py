@@ -3,7 +3,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from zerobeam.model.kinematics.orientation import angles_of, orientation, roll_pitch_yaw
+from zerobeam.model.kinematics.orientation import (
+    angles_of,
+    from_quaternion,
+    orientation,
+    roll_pitch_yaw,
+)
 
 
 def about(axis: str, degrees: float) -> np.ndarray:
@@ -55,3 +60,11 @@ def test_a_tool_that_points_forward_is_what_pendants_show() -> None:
     np.testing.assert_allclose(
         orientation(about("y", -90) @ about("x", 180)).roll_pitch_yaw, [180, -90, 0], atol=1e-9
     )
+
+
+def test_a_pose_from_its_quaternion() -> None:
+    for turn in Rotation.random(20, np.random.default_rng(1)):
+        x, y, z, w = turn.as_quat()
+        pose = from_quaternion([1.0, -2.0, 3.0, *(2 * np.array([w, x, y, z]))])  # of any length
+        np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(pose[:, 3], [1, -2, 3, 1])

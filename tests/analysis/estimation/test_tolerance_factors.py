@@ -1,0 +1,48 @@
+"""Factors of the tolerances: the marginal likelihood a second time, as a normal's density of all numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_runs import geometry_run
+
+from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.estimation.tolerance_factors import _PRIOR_STD, _kinds, _Linear
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.likelihood.problem import Problem
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> LikelihoodFit:
+    folder: Path = tmp_path_factory.mktemp("factors")
+    return fit_likelihood(Problem.from_run(geometry_run(folder)), starts=0)
+
+
+def marginal(fit: LikelihoodFit, at: Matrix) -> float:
+    """Log density of the linearised data, normal about what the priors predict, with the factors' prior."""
+    columns = fit.whitened.jacobian[:, fit.problem.parameters.free]
+    data = fit.whitened.residual - columns @ fit.z
+    spread = np.exp(2 * (_kinds(fit.problem) @ at))
+    covariance = np.eye(len(data)) + (columns * spread) @ columns.T
+    square = data @ np.linalg.solve(covariance, data)
+    return -(square + np.linalg.slogdet(covariance)[1] + float(at @ at) / _PRIOR_STD**2) / 2
+
+
+def test_the_evidence_is_the_density_of_the_data(fit: LikelihoodFit) -> None:
+    linear, points = _Linear(fit, np.zeros(2)), np.array([[0.0, 0.0], [0.7, 0.0], [0.0, -0.7], [-1.0, 1.0]])
+    told = np.array([linear.log_evidence(at) for at in points])
+    plain = np.array([marginal(fit, at) for at in points])
+    np.testing.assert_allclose(told - told[0], plain - plain[0], rtol=1e-3, atol=1e-3)
+    assert np.ptp(told) > 1
+
+
+def test_the_curvature_is_of_the_evidence(fit: LikelihoodFit) -> None:
+    linear, at = _Linear(fit, np.zeros(2)), np.array([-0.5, 0.5])
+    curvature = linear.curvature(at)
+    assert (np.linalg.eigvalsh(curvature) > 1.5 / _PRIOR_STD**2).all()  # the data tell: no bound is met
+    for way in ([1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]):
+        step = 0.05 * np.array(way)
+        values = [linear.log_evidence(at + k * step) for k in (-1, 0, 1)]
+        assert 2 * values[1] - values[0] - values[2] == pytest.approx(step @ curvature @ step, rel=0.05)
