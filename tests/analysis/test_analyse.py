@@ -29,9 +29,6 @@ def good():
     return plan, truth, run, found.result, found.draws
 
 
-# --- a good run --------------------
-
-
 def test_a_good_run_passes(good):
     *_, result, draws = good
     assert result.verdict == "pass"
@@ -124,9 +121,6 @@ def test_progress_is_told_in_order(good):
         assert (shares[0], shares[-1]) == (0.0, 1.0)
 
 
-# --- what must not matter --------------------
-
-
 def test_the_order_of_shots_and_the_target_s_name_do_not_matter(good):
     plan, _, run, result, _ = good
     order = np.random.default_rng(1).permutation(10)
@@ -145,9 +139,6 @@ def test_the_order_of_shots_and_the_target_s_name_do_not_matter(good):
     cooks = {shot.shot: shot.cooks for shot in other.shots}
     for shot in result.shots:
         assert cooks[shot.shot] == pytest.approx(shot.cooks, rel=1e-3)
-
-
-# --- the decisive test --------------------
 
 
 def test_the_x_pattern_claims_nothing_of_delta2():
@@ -187,9 +178,6 @@ def test_nothing_is_sampled_where_no_parameter_is_identifiable(monkeypatch):
     assert not any("posterior" in note for note in answer["notes"])
     with pytest.raises(AssertionError):
         analyse(run)
-
-
-# --- what is told about the fit ---
 
 
 def test_understated_noise_is_a_lack_of_fit():
@@ -270,9 +258,6 @@ def test_distances_beside_what_the_fit_makes_of_them():
     assert (row.between, row.mm, row.sigma_mm) == (("a", "b"), 50.0, 0.1)
     assert 0 < row.std < 0.1
     assert row.estimate == pytest.approx(50.0, abs=4 * row.std)
-
-
-# --- bad input ---
 
 
 def test_one_shot_and_a_target_seen_once_are_refused(refused):

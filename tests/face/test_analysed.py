@@ -69,9 +69,6 @@ class Tags(HTMLParser):
         assert self.open.pop() == tag
 
 
-# --- rows, tables, covariance -----------------------------------------------------------------------
-
-
 def test_it_is_a_solution_with_rows_by_name(good: zb.Analysed) -> None:
     assert isinstance(good, zb.Solution)
     row = good["delta2"]
@@ -112,9 +109,6 @@ def test_an_optional_library_that_is_missing_is_said_so(good, missing, monkeypat
         good.offsets.to_frame() if missing == "pandas" else good.posterior
 
 
-# --- text and cards ---------------------------------------------------------------------------------
-
-
 def test_it_says_in_short_what_it_is(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
     assert repr(good).startswith("Solution of good.jsonl")
     for sol in (good, x_pattern):
@@ -152,9 +146,6 @@ def test_hostile_names_stay_names(good: zb.Analysed) -> None:
     assert {tag for tag, _ in Tags(sol._repr_html_()).seen}.isdisjoint({"script"})
 
 
-# --- figures ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["offsets", "residuals", "posterior"])
 def test_a_figure_shows_and_saves_itself(good: zb.Analysed, name: str, tmp_path: Path) -> None:
     figure = getattr(good.plot, name)()
@@ -187,9 +178,6 @@ def test_the_scene_is_a_page_in_a_frame(good: zb.Analysed, tmp_path: Path) -> No
     assert scene.save(tmp_path / "scene.html").read_text(encoding="utf-8") == scene.page
 
 
-# --- the posterior ----------------------------------------------------------------------------------
-
-
 def test_the_posterior_is_that_of_the_file(good: zb.Analysed, tmp_path: Path) -> None:
     tree = good.posterior
     assert isinstance(tree, xr.DataTree)
@@ -219,9 +207,6 @@ def test_without_a_fit_there_is_nothing_to_show(unconverged: zb.Analysed) -> Non
     ):
         with pytest.raises(zb.BadInput, match=r"no (draws|posterior|scene)"):
             ask()
-
-
-# --- what it passes on ------------------------------------------------------------------------------
 
 
 def test_its_json_is_that_of_the_report(good: zb.Analysed, tmp_path: Path) -> None:

@@ -166,7 +166,6 @@ def test_a_robot_with_its_twists_as_joints_is_the_robot() -> None:
     for robot in (irb1600(), random_robot("rrrprr", 2)):
         problem = replace(Problem.from_plan(good_plan(4)), robot=robot)
         wide = widened(problem)
-        assert wide is not None
         q = np.random.default_rng(0).uniform(-1, 1, (5, robot.n))
         np.testing.assert_allclose(wide.problem.robot.fk(wide.of(q), "rad"), robot.fk(q, "rad"), atol=1e-9)
 
@@ -174,7 +173,6 @@ def test_a_robot_with_its_twists_as_joints_is_the_robot() -> None:
 def test_a_reversed_twist_is_the_robot_file_with_the_other_sign(tmp_path) -> None:
     problem = Problem.from_run(demo("good"))
     wide = widened(problem)
-    assert wide is not None
     q = np.random.default_rng(1).uniform(-1, 1, (5, 6))
     found = {change.joints: change.recorded for change in wide.changes(q)}
     assert set(found) == {(1, 2), (3, 4), (4, 5), (5, 6)}
@@ -294,7 +292,6 @@ def test_the_effective_parameters_follow_from_the_tolerances() -> None:
     solution = of_another_arm(3)
     problem = solution.problem
     left = with_links_freed(problem, solution.fit.x)
-    assert left is not None
     whole, x = with_links(problem, solution.fit.x)
     traces = []
     for own, at in ((problem, solution.fit.x), (whole, x)):
@@ -309,6 +306,5 @@ def test_twists_are_tried_of_an_arm_with_geometry_too(tmp_path) -> None:
     problem = Problem.from_run(corruption.spoilt(tmp_path))
     whole = problem.with_geometry(Geometry.of_links(problem.robot, 0.3, 0.1))
     wide = widened(whole)
-    assert wide is not None
     assert not wide.problem.geometry
     assert any(corruption.named_by(found) for found in diagnose(of(whole)))

@@ -64,9 +64,6 @@ def p_values(shots, stated, count, names=("left",)):
     return np.array([held.p_value for held in told])
 
 
-# --- the check against the noise --------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("shots", "names"), [(TWO, ["left"]), (THREE, ["left", "right"])], ids=["one", "two"]
 )
@@ -95,9 +92,6 @@ def test_what_the_fit_leaves_open_is_in_the_check():
     shots = {"psd": 5, "left": 12}
     p = p_values(shots, three_placements(shots), 60)
     assert stats.kstest(p, "uniform").pvalue > LEVEL
-
-
-# --- what is told -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -202,9 +196,6 @@ def test_with_separate_noise_factors():
     assert open_noise.dof == known.dof
 
 
-# --- each placement left out -----------------------------------------------------------------------------
-
-
 PLACES = {
     "left_a": (800.0, 300.0, 100.0),
     "left_b": (800.0, 350.0, 100.0),
@@ -241,9 +232,6 @@ def placed(
 @pytest.fixture(scope="module", params=["known", "estimated"])
 def solution(request: pytest.FixtureRequest) -> Solution:
     return solve(placed(PLACES, SHOTS, scale=request.param), starts=0)
-
-
-# --- which placement a name means -----------------------------------------------------------------
 
 
 def group(name: str, *targets: str) -> Placement:
@@ -288,13 +276,9 @@ def test_part_of_a_placement_takes_all_of_it(solution: Solution) -> None:
         hold_out(solution.problem, ["*_a", "psd"])
 
 
-# --- against full fits ------------------------------------------------------------------------------
-
-
 def test_each_row_is_the_hold_out_of_the_placement(solution: Solution) -> None:
     """The hold-out fits from zero offsets, to the last digit."""
     found = leave_one_out(solution, fits_without(solution))
-    assert found is not None
     assert [row.placements for row in found.rows] == [("left",), ("right",), ("psd",)]
     for row in found.rows:
         alone = hold_out(solution.problem, row.placements)
@@ -307,7 +291,6 @@ def test_each_row_is_the_hold_out_of_the_placement(solution: Solution) -> None:
 
 def test_the_jackknife_by_full_fits_and_by_the_plain_formula(solution: Solution) -> None:
     found = jackknife(solution, fits_without(solution))
-    assert found is not None
     assert (found.placements, found.dof) == (("left", "right", "psd"), 2)
     fits = [
         fit_likelihood(solution.problem.without_targets(p.targets), starts=0)
@@ -317,7 +300,6 @@ def test_the_jackknife_by_full_fits_and_by_the_plain_formula(solution: Solution)
     for i, row in enumerate(found.offsets, start=1):
         by_fits = np.degrees([fit.x[i] for fit in fits])
         stated = solution[row.name].u
-        assert stated is not None
         assert row.estimates == pytest.approx(by_fits, abs=0.1 * stated)
         counts = np.array([10, 10, 7])
         whole = float(np.degrees(solution.fit.x[i]))
@@ -346,16 +328,12 @@ def test_equal_groups_have_the_plain_jackknife() -> None:
     assert abs(np.mean(plain) * counts.sum() - 1) > 0.15
 
 
-# --- what is not there ---------------------------------------------------------------------------------
-
-
 def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
     """Two measurements each at two places: 8 numbers for 6 coordinates and 5 offsets without the third."""
     places = {name: PLACES[name] for name in ("psd", "left_a", "right_a")}
     own = solve(untied(places, {"psd": 14, "left_a": 2, "right_a": 2}), starts=0)
     assert all(own[f"delta{i}"].status == "identified" for i in range(2, 7))
     found = jackknife(own, fits_without(own))
-    assert found is not None
     for row in found.offsets:
         assert row.needs == ("psd",)
         assert [value is None for value in row.estimates] == [True, False, False]
@@ -387,9 +365,6 @@ def test_the_factor_is_of_chi_squared() -> None:
     assert replace(row, chi2=None).factor is None
 
 
-# --- a rival of a moved target -------------------------------------------------------------------------
-
-
 def test_a_rival_that_explains_the_misses_leaves_no_moved_target() -> None:
     """Synthetic columns: one is the very effect of the displacement."""
     _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
@@ -401,18 +376,14 @@ def test_a_rival_that_explains_the_misses_leaves_no_moved_target() -> None:
     moved = replace(fit)
     vars(moved)["whitened"] = fit.whitened._replace(residual=fit.whitened.residual + shift.reshape(-1))
     plain = displacement(moved)
-    assert plain is not None
     assert plain.significant
     assert plain.at.before_shot in (7, 8)
     rival = displacement(moved, 3 * shift.reshape(-1, 1))
-    assert rival is not None
     assert not rival.significant
     # A rival that is stated to be small, and one of another kind, do not take it.
     small = displacement(moved, 1e-3 * shift.reshape(-1, 1))
-    assert small is not None
     assert small.significant
     other = displacement(moved, np.random.default_rng(0).normal(size=(28, 1)))
-    assert other is not None
     assert other.significant
 
 
@@ -421,7 +392,6 @@ def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
     _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
     fit = fit_likelihood(problem, starts=0)
     columns = link_columns(problem, fit.x)
-    assert columns is not None
     rng, runs, plain, rival = np.random.default_rng(3), 200, 0, 0
     for _ in range(runs):
         own = replace(fit)
@@ -432,9 +402,6 @@ def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
         rival += two is not None and two.p_value < 0.01
     assert rival <= stats.binom.ppf(0.999, runs, 0.01)
     assert plain > stats.binom.ppf(0.999, runs, 0.01)
-
-
-# --- weights ------------------------------------------------------------------------------------------
 
 
 def test_weight_two_is_the_measurement_twice() -> None:

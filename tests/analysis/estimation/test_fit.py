@@ -317,9 +317,6 @@ def test_the_best_of_all_starts_wins():
     assert np.ptp(result.log_posterior) > 1  # they do not all end in one place
 
 
-# --- rows -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 def test_fifty_runs_at_once_are_fifty_fits(scale):
     """Row by row the fit of a problem with those recordings alone: 1e-9 of a posterior std."""

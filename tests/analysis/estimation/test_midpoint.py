@@ -232,8 +232,6 @@ def test_without_noise_both_find_the_truth():
     )
 
 
-# --- many fits, and their scatter -------------------------------------------------------------------
-
 RUNS = 200
 PROBED = {"delta3": 0.7, "delta4": -0.5, "delta5": 0.3}
 

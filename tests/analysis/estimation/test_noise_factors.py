@@ -162,9 +162,6 @@ def test_noise_is_not_blamed_for_offsets():
         assert np.degrees(np.abs(fit.x - truth.x)[1:6]).max() < 2
 
 
-# --- what cannot be told ----------------------------------------------------------------------------
-
-
 def numbers_of(value, name):
     """All numbers of a JSON tree that stand with what is called `name`."""
     if isinstance(value, dict):

@@ -56,9 +56,6 @@ def direction_of(identified, name, kind=None):
     return found[0]
 
 
-# --- what is known -----------------------------------------------------------------------------------
-
-
 def test_a_good_plan_passes():
     problem, identified = judged(good_plan())
     rows = by_name(problem, identified)
@@ -155,9 +152,6 @@ def test_predicted_stds_of_other_plans(case):
 def test_predicted_stds_of_other_plans_at_length(case):
     errors = monte_carlo(500, 200_000, MONTE_CARLO[case](), eigenvectors=case != "weak")
     assert within_chi_square_bounds(errors)
-
-
-# --- what cannot be known -------------------------------------------------------------------------------
 
 
 def test_x_pattern_straight_ahead():
@@ -395,9 +389,6 @@ def test_more_noise_less_data():
     np.testing.assert_allclose(weighted.data_std[1:], 2 * std, rtol=1e-6)
 
 
-# --- what must not matter ---------------------------------------------------------------------------------
-
-
 def plans():
     return {"good": good_plan(), "x": pattern_plan("x"), "x aside": pattern_plan("x", 400.0)}
 
@@ -494,9 +485,6 @@ def test_another_target_is_another_plan():
     assert not np.allclose(judged(plan)[1].data_std[1:], judged(other)[1].data_std[1:], rtol=1e-4)
 
 
-# --- observability indices ----------------------------------------------------------------------------------
-
-
 def test_observability_of_singular_values_by_hand():
     indices = observability(np.array([8.0, 2.0, 1.0, 4.0]), shots=16)
     assert indices["O1"] == pytest.approx(64**0.25 / 4)
@@ -508,9 +496,6 @@ def test_observability_of_singular_values_by_hand():
 
 def test_observability_of_a_singular_matrix_is_zero():
     assert observability(np.array([3.0, 0.0]), 4) == dict.fromkeys(["O1", "O2", "O3", "O4", "O5"], 0.0)
-
-
-# --- verdicts and reasons -----------------------------------------------------------------------------------
 
 
 def test_pass_weak_degenerate():
@@ -569,9 +554,6 @@ def test_without_a_direction_of_its_own_it_is_the_noise():
     assert found.cause == NotResolvable()
     assert found.combination == {"delta2": 1.0}
     assert np.isfinite(identified.data_std[1])
-
-
-# --- mechanisms ---------------------------------------------------------------------------------------------
 
 
 def explained(plan):

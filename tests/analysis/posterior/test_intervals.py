@@ -52,9 +52,6 @@ def two_targets():
     ]
 
 
-# --- intervals --------------------------------------------------------------------------------------
-
-
 def test_weak_parameters_are_told_by_all_three_ways(weak):
     run, result = weak
     statuses = {row.name: row.status for row in result.parameters}
@@ -177,9 +174,6 @@ def test_without_a_fit_there_is_nothing(monkeypatch):
     assert (result.intervals, result.robust) == ((), None)
 
 
-# --- robust -----------------------------------------------------------------------------------------
-
-
 def test_a_robust_fit_is_there_when_asked_for():
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
     assert analyse(run, ess=400).result.robust is None
@@ -214,9 +208,6 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
     assert any("did not converge" in note for note in notes(result))
 
 
-# --- held out ---------------------------------------------------------------------------------------
-
-
 def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
     calm = analyse(two_targets, ess=400).result
     answer = analyse(two_targets, ess=400, held_out=["b"]).result
@@ -249,9 +240,6 @@ def test_a_name_that_is_not_there_is_said_before_the_long_part(two_targets, refu
     assert error.found == "c"
     assert str(two_targets.path) in str(error)
     assert set(message) <= {"fit"}
-
-
-# --- the same answer twice --------------------------------------------------------------------------
 
 
 def test_one_seed_gives_the_same_file_twice(two_targets):

@@ -43,9 +43,6 @@ def refused(**changes) -> zb.BadInput:
     return caught.value
 
 
-# --- what it makes ----------------------------------------------------------------------------------
-
-
 def test_it_is_the_run_of_a_file_that_says_the_same(tmp_path):
     spots = np.array([[0.1, -0.2], [0, 0.05], [0.3, 0.4]])
     run = made(
@@ -137,9 +134,6 @@ def test_what_is_wrong_only_for_the_analysis_names_the_run():
         zb.analyse(made(joints=POSTURES[:1]))
 
 
-# --- what it refuses --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("changes", "argument", "words"),
     [
@@ -196,9 +190,6 @@ def test_a_value_is_checked_where_it_is_made(kind, values, argument):
         kind(**values)
     assert caught.value.argument == argument
     assert caught.value.found is not None
-
-
-# --- plans -------------------------------------------------------------------------------------------
 
 
 def made_plan(**changes):

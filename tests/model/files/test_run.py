@@ -77,9 +77,6 @@ def test_a_prismatic_joint_stays_in_millimetres(tmp_path, run_file):
     np.testing.assert_allclose(run.joints, [[np.pi / 2, 100], [np.pi / 2, 101], [np.pi / 2, 102]])
 
 
-# --- a torn end -------------------------------------------------------------------------------------
-
-
 def test_wherever_the_last_line_breaks_off_the_rest_is_used(run_file):
     whole = text(*FOUR)
     start = whole.rindex("{")
@@ -110,9 +107,6 @@ def test_a_broken_line_in_the_middle_is_an_error(run_file, refused):
     error = refused(read_run, run_file(text(shot(0)).encode() + b"\xff\n" + text(shot(2)).encode()))
     assert error.line == 3
     assert "UTF-8" in error.what
-
-
-# --- bad input --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -190,9 +184,6 @@ def test_a_probe_makes_no_spot(run_file, refused):
     assert error.line == 3
 
 
-# --- limits and units -------------------------------------------------------------------------------
-
-
 def test_a_joint_outside_its_limits_names_value_and_range(run_file, refused):
     far = [*JOINTS[:4], 120.5, JOINTS[5]]
     error = refused(read_run, run_file(text(shot(0), shot(1, joints_deg=far))))
@@ -249,9 +240,6 @@ def test_degrees_that_were_converted_twice_are_asked_about(run_file, refused):
     assert "radians?" not in slip.remedy
 
 
-# --- enough to analyse ------------------------------------------------------------------------------
-
-
 def test_a_run_of_one_shot_tells_nothing(run_file, refused):
     error = refused(read_run(run_file(text(shot(0)))).require_analysable)
     assert "one measurement cannot determine" in error.what
@@ -285,9 +273,6 @@ def test_targets_of_the_header_that_no_shot_has_are_told(run_file):
     assert len(run.warnings) == 2
     assert "'bb', but no measurement" in run.warnings[0]
     assert "'b' is not among" in run.warnings[1]
-
-
-# --- writing ----------------------------------------------------------------------------------------
 
 
 def model(**changes):

@@ -218,9 +218,6 @@ def test_a_robot_named_from_another_folder(tmp_path):
     assert ref == UrdfRef(urdf="../a/b/x.urdf", base="a", tip="b")
 
 
-# --- turns, and what the flange sees ----------------------------------------------------------------
-
-
 @pytest.fixture(params=DESIGNED)
 def own(request, tmp_path):
     """An arm of the package and its flange's pose by other means."""
@@ -319,9 +316,6 @@ def test_the_geometric_jacobian_against_complex_steps(own, size):
             turned[:, column] *= -1
             assert np.abs(turned - expected).max() > 1e-3
         assert np.abs(result[:, n:] - vectors.T).max() > 1e-3
-
-
-# --- forward kinematics for people --------------------------------------------------------------------
 
 
 def display(robot: Robot, q: np.ndarray) -> np.ndarray:

@@ -32,8 +32,6 @@ def both_ways(function, **options):
     return made
 
 
-# --- operations -------------------------------------------------------------------------------------
-
 TWO = {"ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide}
 ONE = {
     "NEG": np.negative,
@@ -131,9 +129,6 @@ def test_what_is_not_known_is_refused(value):
         grid_source(function, ())
 
 
-# --- hoisting ---------------------------------------------------------------------------------------
-
-
 def hoistable():
     a, b = ca.SX.sym("a", 1), ca.SX.sym("b", 1)
     return ca.Function("hoist", [a, b], [ca.sqrt(a) * b + ca.exp(b)], ["a", "b"], ["v"])
@@ -166,9 +161,6 @@ def test_the_same_function_gives_the_same_source():
     assert grid_source(hoistable(), ("a",)) == grid_source(hoistable(), ("a",))
     assert grid_source(hoistable(), ("a", "b")) == grid_source(hoistable(), ("b", "a"))
     assert grid_source(hoistable(), ("a",)) != grid_source(hoistable(), ())
-
-
-# --- the functions of a shot ------------------------------------------------------------------------
 
 
 def shot_functions(name, folder, log_det="none"):

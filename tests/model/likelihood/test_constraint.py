@@ -179,9 +179,6 @@ def case(request, cases, arm_name):
     return cases(arm_name, request.param)
 
 
-# --- the miss and its Jacobian ----------------------------------------------------------------------
-
-
 def test_the_arms_and_tools_cover_what_they_are_meant_to():
     """Nothing below is shown for a kind of joint or a beam axis that no case has."""
     assert {int(np.argmax(np.abs(d))) for d in DIRECTION.values()} == {0, 1, 2}
@@ -237,9 +234,6 @@ def test_a_jacobian_without_one_of_its_terms_is_caught(cases, arm_name, part):
         np.testing.assert_allclose(lacking(free).real, case.miss(q, spot, free), atol=1e-9)  # the same value
         difference = np.abs(case.jacobian(q, spot, free) - by_complex_step(lacking, free))
         assert difference.max() > 1e5 * BOUND
-
-
-# --- the Gaussian terms -----------------------------------------------------------------------------
 
 
 def test_the_plain_covariance_is_that_of_the_derivative_by_the_joints(case):
@@ -407,9 +401,6 @@ def test_the_information_on_the_noise_is_the_covariance_of_its_score(cases, kind
         assert (np.abs(products.mean(axis=0) - wrong) > 5 * error).any()
 
 
-# --- gauges -----------------------------------------------------------------------------------------
-
-
 def moved(flange: np.ndarray, point: np.ndarray) -> np.ndarray:
     return flange[:3, 3] + flange[:3, :3] @ point
 
@@ -549,9 +540,6 @@ def test_a_beam_along_x_turned_about_the_last_axis_keeps_the_miss_itself(cases):
         np.testing.assert_allclose(there, here, rtol=0, atol=1e-9)
 
 
-# --- places and beams -------------------------------------------------------------------------------
-
-
 def test_seen_and_place_are_each_other_backwards(cases, arm_name):
     case = cases(arm_name, "probe, uncalibrated")
     for q, _, free in case.points:
@@ -631,9 +619,6 @@ def test_where_a_beam_meets_a_plane_and_how_the_spot_moves(cases, arm_name, kind
         assert np.abs(onto @ by[:3] - expected).max() > 1  # control: without the turn of the beam
 
 
-# --- midpoints --------------------------------------------------------------------------------------
-
-
 def middle(beams: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Of the shortest segment between two lines: it is square to both, so that three lengths solve it."""
     (o1, u1), (o2, u2) = beams
@@ -694,9 +679,6 @@ def test_a_midpoint_known_by_hand():
     # Recorded at one shot alone, the lift moves the middle by half.
     for by in (by_q1, by_q2):
         np.testing.assert_allclose(np.array(by)[:, 1], [0, 0, 0.5], atol=1e-12)
-
-
-# --- names ------------------------------------------------------------------------------------------
 
 
 def test_every_input_and_output_is_named(case):

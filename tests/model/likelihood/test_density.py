@@ -52,9 +52,6 @@ def recordings(made, count, seed=7):
     return joints, problem.spots + rng.normal(scale=0.1, size=(count, *problem.spots.shape))
 
 
-# --- values -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scale", ["known", "separate"])
 @pytest.mark.parametrize("tool", TOOLS)
 def test_the_log_likelihood_against_multivariate_normals(arms, tool, scale):
@@ -174,9 +171,6 @@ def test_the_square_of_every_shot(made):
     np.testing.assert_allclose(Density(made.problem, joints, spots).quads(made.x), expected, rtol=1e-8)
 
 
-# --- what is not finite -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, 1e308, -1e308])
 def test_no_value_is_ever_nan(arms, scale, bad):
@@ -260,9 +254,6 @@ def test_fewer_data_sets_than_rows_are_refused(made):
     for ask in (density.log_likelihood, density.slopes):
         with pytest.raises(ValueError, match="turns has"):
             ask(np.tile(made.x, (3, 1)))
-
-
-# --- slopes -----------------------------------------------------------------------------------------
 
 
 def test_the_value_of_the_slopes_is_the_log_posterior(each_scale):
@@ -395,9 +386,6 @@ def test_arms_with_a_prismatic_joint(arms, name):
     )
 
 
-# --- shots left out ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("tool", ["open laser", "probe"])
 def test_a_shot_of_no_weight_is_a_shot_less(arms, scale, tool):
@@ -447,9 +435,6 @@ def test_each_data_set_may_have_weights_of_its_own(made):
         density.log_likelihood(np.tile(made.x, (3, 1)), of),
         density.log_likelihood(np.tile(made.x, (count, 1)))[of],
     )
-
-
-# --- rows and data sets -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rows", ROWS)

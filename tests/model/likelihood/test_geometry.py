@@ -104,9 +104,6 @@ def case(request, arms, arm_name):
     return Case(arms(arm_name), request.param)
 
 
-# --- the residual and its Jacobian ------------------------------------------------------------------
-
-
 def test_the_arms_cover_every_kind_of_parameter(arms):
     axes = {axis for name in DESIGNED for _, axis in arms(name).names}
     assert axes == {"a", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"}
@@ -147,9 +144,6 @@ def test_a_plain_model_without_one_of_its_terms_is_another(case, dropped):
     assert worst > 1e3 * BOUND
 
 
-# --- likelihood, both ways of the kernels -----------------------------------------------------------
-
-
 def variances(case):
     joints = np.where(case.robot.display == 1, 0.02, np.radians(0.01)) * np.linspace(1, 2, case.n)
     return np.append(joints**2, 0.05**2)
@@ -188,9 +182,6 @@ def test_what_is_recorded_is_that_of_the_symbols(case):
     for row, other in zip(case.own.geometry.recorded(case.robot, joints), joints, strict=True):
         np.testing.assert_allclose(row, np.array(symbols(other)).ravel(), rtol=0, atol=1e-12)
     assert case.own.geometry.recorded(case.robot, joints[:0]).shape == (0, row.size)
-
-
-# --- nominal ----------------------------------------------------------------------------------------
 
 
 def test_at_zero_the_geometry_is_nominal(case):

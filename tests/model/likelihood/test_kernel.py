@@ -63,8 +63,6 @@ def never_compile(*_):
     raise AssertionError("compiled again")
 
 
-# --- numbers ----------------------------------------------------------------------------------------
-
 PATHS = [pytest.param(True, id="compiled", marks=needs_compiler), pytest.param(False, id="plain")]
 
 
@@ -157,9 +155,6 @@ def test_what_is_not_finite_stays_so(compile):
     assert np.isnan(total[0])
 
 
-# --- what does not change over the shots ------------------------------------------------------------
-
-
 def bent():
     """(w (2,), s (3,), v (1,)) -> (): of w and v alone it takes the sine and the root."""
     w, s, v = ca.SX.sym("w", 2), ca.SX.sym("s", 3), ca.SX.sym("v", 1)
@@ -246,9 +241,6 @@ def test_no_walkers_and_no_shots(compile):
     assert nobody.shape == (0, 3)
 
 
-# --- shapes -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("compile", PATHS)
 @pytest.mark.parametrize(
     ("shapes", "message"),
@@ -283,9 +275,6 @@ def test_an_output_that_is_not_dense_is_refused(compile):
 def test_casadi_itself_would_map_silently():
     """Why the shapes are looked at: six values for three are two calls to CasADi, and no error."""
     assert small()(np.ones(2), np.ones((3, 2)))[0].shape == (1, 2)
-
-
-# --- the cache --------------------------------------------------------------------------------------
 
 
 def libraries(folder):
@@ -426,9 +415,6 @@ def test_two_processes_may_race_and_give_the_same_name(empty_cache):
     assert libraries(empty_cache) == [name]  # this process finds what the others built
 
 
-# --- without a compiler -----------------------------------------------------------------------------
-
-
 def warned(function):
     """The kernel, and what was warned about."""
     with warnings.catch_warnings(record=True) as caught:
@@ -551,8 +537,6 @@ def test_a_compiler_that_hangs_is_ended_with_its_children(
     monkeypatch.setattr(subprocess, "Popen", never_compile)
     assert not warned(small("other"))[0].compiled
 
-
-# --- whose the cache is -----------------------------------------------------------------------------
 
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")
 

@@ -57,9 +57,6 @@ def postures(n, count=4):
     return np.random.default_rng(3).uniform(-2, 2, (count, n))
 
 
-# --- the rows of Denavit and Hartenberg -------------------------------------------------------------
-
-
 def change(rows, row, column, step):
     return [
         tuple(value + step * (k == column) for k, value in enumerate(values)) if i == row else values
@@ -119,9 +116,6 @@ def test_the_link_of_the_built_in_panda(tmp_path):
     np.testing.assert_allclose(result, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
 
 
-# --- prismatic joints -------------------------------------------------------------------------------
-
-
 def mixed(kinds, rows):
     fixed, end = dh_chain(
         [DHRow(a, *np.radians([al]), d, *np.radians([th])) for a, al, d, th in rows], "standard"
@@ -141,9 +135,6 @@ def test_links_beside_a_prismatic_joint():
         3: ("a", "alpha", "d"),
         4: ("a", "alpha", "d"),
     }
-
-
-# --- any frames -------------------------------------------------------------------------------------
 
 
 def reframed(robot, rng, along):
@@ -233,9 +224,6 @@ def test_a_urdf_with_axes_askew(tmp_path):
         expected = chain.frames(q, {of: {axis: value}})[-1].real[:3]
         shown = value if axis in ("a", "d") else np.degrees(value)
         np.testing.assert_allclose(flange(robot, geometry, {f"{of}.{axis}": shown}, q), expected, atol=1e-9)
-
-
-# --- a twist that goes through zero -----------------------------------------------------------------
 
 
 def test_beta_is_continuous_where_a_twist_goes_through_zero(tmp_path):

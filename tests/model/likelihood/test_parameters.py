@@ -39,9 +39,6 @@ def held(parameters):
     return [item.name for item in parameters.items if item.held]
 
 
-# --- names and order --------------------------------------------------------------------------------
-
-
 def test_offsets_then_targets_then_the_tool(irb1600):
     parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"))
     offsets = tuple(f"delta{i}" for i in range(1, 7))
@@ -63,8 +60,6 @@ def test_targets_stand_in_the_order_of_the_shots(irb1600):
     assert parameters.names[6:] == ("z.x", "z.y", "z.z", "a.x", "a.y", "a.z")
     np.testing.assert_array_equal(parameters.prior_mean[6:], [7, 8, 9, 1, 2, 3])
 
-
-# --- blocks -----------------------------------------------------------------------------------------
 
 SEPARATE = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05, "scale": "separate"}
 
@@ -140,9 +135,6 @@ def test_values_of_some_go_into_the_vector_of_all(irb1600):
     np.testing.assert_array_equal(x, [*range(13), -1, -1])
 
 
-# --- units ------------------------------------------------------------------------------------------
-
-
 def test_units_of_what_people_read(scara):
     parameters = build(scara, {**LASER, "calibrated": False})
     units = {item.name: item.unit for item in parameters.items}
@@ -197,9 +189,6 @@ def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb
     np.testing.assert_array_equal(parameters.prior_std[6:], 200)
 
 
-# --- held -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("tool", "expected"),
     [
@@ -246,8 +235,6 @@ def test_a_held_name_that_is_none_of_them(irb1600, refused, name):
     assert error.allowed == "delta1, delta2, delta3, delta4, delta5, delta6, psd.x, psd.y, psd.z"
     assert "held" in error.remedy
 
-
-# --- noise factors ----------------------------------------------------------------------------------
 
 SEPARATE = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05, "scale": "separate"}
 
@@ -305,9 +292,6 @@ def test_what_people_read_of_a_noise_factor(irb1600):
     # E f^2 = e^2, with the variance e^8 - e^4 of f^2.
     second = np.sqrt((np.exp(8) - np.exp(4)) / len(draws))
     assert abs((draws**2).mean() - (mean**2 + std**2)) < 5 * second
-
-
-# --- the stated noise -------------------------------------------------------------------------------
 
 
 def noise_header(**noise):

@@ -27,9 +27,6 @@ def made(request, arms):
     return Made(arms["irb1600"], header(TOOLS[request.param], distances=DISTANCE))
 
 
-# --- shapes and sources -----------------------------------------------------------------------------
-
-
 def test_shapes_and_places(made):
     problem = made.problem
     n, k, d = 6, len(problem.tool.free_axes), problem.tool.residual_size
@@ -118,9 +115,6 @@ def test_some_of_the_shots(made):
     alone = problem.select(np.array([1, 4, 6, 7])).whiten(made.x)
     np.testing.assert_array_equal(alone.jacobian[:-1, 6:9], 0)
     assert np.abs(alone.jacobian[-1, 6:9]).max() > 0  # only the distance sees target a
-
-
-# --- misses, whitened and not -----------------------------------------------------------------------
 
 
 def test_misses_and_jacobians_shot_by_shot(made):
@@ -247,9 +241,6 @@ def test_each_shot_may_have_parameters_of_its_own(made):
     assert np.abs(residual - problem.linearise(made.x)[0]).max() > 0.1
 
 
-# --- distances --------------------------------------------------------------------------------------
-
-
 def test_a_distance_moves_both_its_targets(made):
     problem = made.problem
     row = problem.whiten(made.x).jacobian[-1] / problem.parameters.prior_std
@@ -278,9 +269,6 @@ def test_distances_of_many_parameter_vectors(made):
         np.testing.assert_allclose(by_x, by_complex_steps(made.distances, x), rtol=0, atol=1e-12)
     none = Made(made.arm, header(tool_of(made.problem))).problem
     assert [part.shape for part in none.distance_rows(walkers)] == [(3, 0), (3, 0, len(made.x))]
-
-
-# --- beams and targets ------------------------------------------------------------------------------
 
 
 def test_beams_in_the_base_frame(made):

@@ -25,9 +25,6 @@ def at(tool, unknowns=()):
     return np.array(p).ravel(), np.array(u).ravel(), np.array(basis)
 
 
-# --- from a header ----------------------------------------------------------------------------------
-
-
 def test_a_laser_from_a_header():
     tool = Tool.from_header(
         header(
@@ -67,9 +64,6 @@ def test_the_tip_of_an_uncalibrated_probe_is_the_unknown_itself():
     tool = Tool.from_header(header(kind="probe", point_mm=[3, 0, 65], calibrated=False))
     tip = ca.evalf(tool.tip(ca.SX([1.0, 2.0, 3.0])))
     np.testing.assert_array_equal(np.array(ca.DM(tip)).ravel(), [1, 2, 3])
-
-
-# --- directions of tilts and shifts -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -119,9 +113,6 @@ def test_askew_beams_take_the_axis_that_they_are_nearest_to(direction, axis):
         expected = unit(np.eye(3)[first] - u[first] * u)
         np.testing.assert_allclose(basis[:, 0], expected, atol=1e-14)
         assert basis[second, 1] > 0.5
-
-
-# --- regular where the paper is not -----------------------------------------------------------------
 
 
 def stacked(line, unknowns, points):
