@@ -218,35 +218,24 @@ def test_what_blames_the_data_has_to_be_clearly_likelier_than_links(cost: float,
     assert [found.cause for found in _explanations(base, [links, outlying], 1.0)] == causes
 
 
-SAMPLES = {
-    "units": {"amount": 57.3},
-    "twist": {"joints": (6,)},
-    "measurements": {"measurements": (3, 5)},
-    "geometry": {},
-}
-SAID = {
-    "units": "with the joint angles read as radians",
-    "twist": "with the sign of the twist from J6 to the flange reversed in the robot file",
-    "measurements": "without measurements 3 and 5",
-    "geometry": "with link geometry estimated",
-}
-
-
-@pytest.mark.parametrize("cause", SAMPLES)
-def test_sentences(cause) -> None:
-    own = {"joints": (), "targets": (), "measurements": (), "amount": 0.0} | SAMPLES[cause]
-    found = Explanation(
-        cause=cause,
-        **own,
-        factor=1.1,
-        before=1333.2,
-        farthest=1,
-        farthest_before=2,
-        freed=0,
-        p_value=0,
-        agrees=True,
-    )
-    assert explanation_sentence(found) == f"{SAID[cause]}: 1.1 times the noise instead of 1,333"
+@pytest.mark.parametrize(
+    ("cause", "stated", "words"),
+    [
+        ("units", {"amount": 57.3}, "with the joint angles read as radians"),
+        (
+            "twist",
+            {"joints": (6,)},
+            "with the sign of the twist from J6 to the flange reversed in the robot file",
+        ),
+        ("measurements", {"measurements": (3, 5)}, "without measurements 3 and 5"),
+        ("geometry", {}, "with link geometry estimated"),
+    ],
+)
+def test_sentences(cause, stated, words) -> None:
+    own = {"joints": (), "targets": (), "measurements": (), "amount": 0.0, "factor": 1.1, "before": 1333.2}
+    fitted = {"farthest": 1, "farthest_before": 2, "freed": 0, "p_value": 0, "agrees": True}
+    found = Explanation(cause=cause, **(own | fitted | stated))
+    assert explanation_sentence(found) == f"{words}: 1.1 times the noise instead of 1,333"
 
 
 def of_another_arm(seed: int, factor: float = 1.0) -> Solution:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_problem, varied_postures
+from cells import TABLE_2, good_plan, placed_plan, simulated_problem
 from scipy import optimize, stats
 
 from zerobeam.analysis.diagnostics import hold_out as module
@@ -35,16 +35,9 @@ THREE_PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), 
 LEVEL = 1e-3
 
 
-def three_placements(shots, robot=None, **noise):
+def three_placements(shots, **noise):
     """So many shots of each target, by name."""
-    targets = {name: {"guess_mm": list(THREE_PLACES[name])} for name in shots}
-    own = header(target=None, targets=targets, noise=noise)
-    postures = [
-        varied_postures(header(target=THREE_PLACES[name]), irb1600(), THREE_PLACES[name], count, 5 + i)
-        for i, (name, count) in enumerate(shots.items())
-    ]
-    names = [name for name, count in shots.items() for _ in range(count)]
-    return plan_of(own, np.concatenate(postures), names, robot)
+    return placed_plan(THREE_PLACES, shots, noise=noise)
 
 
 TWO, THREE = {"psd": 10, "left": 6}, {"psd": 7, "left": 6, "right": 5}
@@ -206,32 +199,18 @@ PLACES = {
 SHOTS = {"left_a": 5, "left_b": 5, "right_a": 6, "right_b": 4, "psd": 7}
 
 
-def untied(places: dict[str, tuple[float, float, float]], shots: dict[str, int]) -> Problem:
-    """Without distances."""
-    return placed(places, shots, tied=False)
-
-
-def placed(
-    places: dict[str, tuple[float, float, float]], shots: dict[str, int], tied: bool = True, **noise: object
-) -> Problem:
-    targets = {name: {"guess_mm": list(place)} for name, place in places.items()}
+def placed(shots: dict[str, int] = SHOTS, tied: bool = True, **noise: object) -> Problem:
     distances = [
         {"between": [f"{side}_a", f"{side}_b"], "mm": 50.0, "sigma_mm": 0.05}
         for side in ("left", "right")
-        if tied and f"{side}_a" in places
+        if tied and f"{side}_a" in shots
     ]
-    own = header(target=None, targets=targets, distances=distances, noise=noise)
-    postures = [
-        varied_postures(header(target=place), irb1600(), place, shots[name], 5 + i)
-        for i, (name, place) in enumerate(places.items())
-    ]
-    names = [name for name in places for _ in range(shots[name])]
-    return simulated_problem(plan_of(own, np.concatenate(postures), names), TABLE_2, 3)[1]
+    return simulated_problem(placed_plan(PLACES, shots, distances=distances, noise=noise), TABLE_2, 3)[1]
 
 
 @pytest.fixture(scope="module", params=["known", "estimated"])
 def solution(request: pytest.FixtureRequest) -> Solution:
-    return solve(placed(PLACES, SHOTS, scale=request.param), starts=0)
+    return solve(placed(scale=request.param), starts=0)
 
 
 def group(name: str, *targets: str) -> Placement:
@@ -330,8 +309,7 @@ def test_equal_groups_have_the_plain_jackknife() -> None:
 
 def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
     """Two measurements each at two places: 8 numbers for 6 coordinates and 5 offsets without the third."""
-    places = {name: PLACES[name] for name in ("psd", "left_a", "right_a")}
-    own = solve(untied(places, {"psd": 14, "left_a": 2, "right_a": 2}), starts=0)
+    own = solve(placed({"psd": 14, "left_a": 2, "right_a": 2}, tied=False), starts=0)
     assert all(own[f"delta{i}"].status == "identified" for i in range(2, 7))
     found = jackknife(own, fits_without(own))
     for row in found.offsets:
@@ -342,7 +320,7 @@ def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
 
 
 def test_two_placements_have_no_jackknife_and_one_nothing() -> None:
-    two = solve(placed({k: PLACES[k] for k in ("left_a", "left_b", "psd")}, SHOTS), starts=0)
+    two = solve(placed({name: SHOTS[name] for name in ("left_a", "left_b", "psd")}), starts=0)
     found = placement_result(two, effective(two.fit))
     assert found.names == ("left", "psd")
     assert found.leave_one_out is not None
@@ -405,7 +383,7 @@ def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
 
 
 def test_weight_two_is_the_measurement_twice() -> None:
-    problem = placed(PLACES, SHOTS)
+    problem = placed()
     twice = problem.select(np.append(np.arange(problem.shots), [2, 12]))
     weights = np.ones(problem.shots)
     weights[[2, 12]] = 2.0

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, irb1600, plan_of, random_robot
+from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, plan_of, random_robot
 
 from zerobeam.analysis.estimation.coordinates import FlangeCoordinates
 from zerobeam.model.likelihood.density import Density
@@ -169,7 +169,6 @@ def test_seen_from_its_first_shot_the_target_stays():
         observed(problem.joints[0], x[:6], x[6:9]),
         atol=1e-9,
     )
-    assert irb1600().n == 6
 
 
 def test_held_parameters_stay_at_their_prior_mean():

@@ -246,18 +246,6 @@ def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     assert min(row.std for row in answer.parameters) > 0
 
 
-@pytest.mark.parametrize("loss", LOSSES)
-def test_what_cannot_be_told_has_no_number(loss):
-    """Joint 1 freed turns with the target: the robust fit has a value of it, which must not be told."""
-    _, run = simulated(good_plan(10, held=[]), TABLE_2, seed=2)
-    answer = {row.name: row for row in analyse(run, ess=400, robust=loss).result.robust.parameters}
-    row = answer["delta1"]
-    assert (row.estimate, row.std, row.interval95) == (None, None, None)
-    for name in ("delta4", "delta5"):
-        assert answer[name].std > 0
-        assert answer[name].interval95[0] < answer[name].estimate < answer[name].interval95[1]
-
-
 def test_the_answer_names_the_outlier_by_its_number_in_the_file():
     _, run = simulated(good_plan(12, tool=OPEN_LASER), TABLE_2, seed=3)
     shots = list(run.shots)

@@ -5,11 +5,19 @@ import json
 
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
+from cells import (
+    TABLE_2,
+    good_plan,
+    header,
+    irb1600,
+    placed_plan,
+    plan_of,
+    run_of,
+    simulated,
+)
 from scipy import stats
 
 from zerobeam.analysis import analyse as module
-from zerobeam.analysis import ladder
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics import outliers
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -40,16 +48,7 @@ def weak():
 @pytest.fixture(scope="module")
 def two_targets():
     places = {"a": (900.0, 0.0, 0.0), "b": (800.0, 300.0, 100.0)}
-    made_header = header(
-        target=None, targets={name: {"guess_mm": list(position)} for name, position in places.items()}
-    )
-    postures = [
-        varied_postures(header(target=position), irb1600(), position, 8, 5 + i)
-        for i, position in enumerate(places.values())
-    ]
-    return simulated(plan_of(made_header, np.concatenate(postures), ["a"] * 8 + ["b"] * 8), TABLE_2, seed=3)[
-        1
-    ]
+    return simulated(placed_plan(places, {"a": 8, "b": 8}), TABLE_2, seed=3)[1]
 
 
 def test_weak_parameters_are_told_by_all_three_ways(weak):
@@ -156,22 +155,6 @@ def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
     assert {row.status for row in result.parameters if row.group == "offset"} == {"held", "unidentifiable"}
     assert result.intervals == ()
     assert {row.std for row in result.robust.parameters} == {None}
-
-
-def test_without_a_fit_there_is_nothing(monkeypatch):
-    _, run = simulated(good_plan(10), TABLE_2, seed=2)
-    real = ladder.fit_likelihood
-    monkeypatch.setattr(
-        ladder,
-        "fit_likelihood",
-        lambda *args, **kwargs: dataclasses.replace(
-            real(*args, **kwargs), converged=False, reason="cut short"
-        ),
-    )
-    results = analyse(run, robust="huber")
-    result, draws = results.result, results.draws
-    assert draws is None
-    assert (result.intervals, result.robust) == ((), None)
 
 
 def test_a_robust_fit_is_there_when_asked_for():

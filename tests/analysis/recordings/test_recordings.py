@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import TABLE_2, header, irb1600, plan_of, simulated_problem, varied_postures
+from cells import TABLE_2, placed_plan, simulated_problem
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
@@ -42,12 +42,7 @@ LEVEL = 1e-3
 def solution() -> Solution:
     """A probe in three places, twenty measurements each."""
     tool = {"kind": "probe", "calibrated": True, "point_mm": [40.0, 0, 150]}
-    targets = {name: {"guess_mm": list(place)} for name, place in PLACES.items()}
-    own, alone = header(tool, target=None, targets=targets), header(tool, target=None)
-    postures = [
-        varied_postures(alone, irb1600(), place, EACH, seed) for seed, place in enumerate(PLACES.values())
-    ]
-    plan = plan_of(own, np.vstack(postures), [name for name in PLACES for _ in range(EACH)])
+    plan = placed_plan(PLACES, dict.fromkeys(PLACES, EACH), tool, first_seed=0)
     _, problem = simulated_problem(plan, TABLE_2, 1)
     return judge(fit_likelihood(problem, starts=0))
 

@@ -235,10 +235,8 @@ def test_p_values_are_uniform_with_known_and_with_estimated_noise() -> None:
     assert np.sum(np.array(wrong) < 0.01) > stats.binom.ppf(0.999, count, 0.01)
 
 
-def chi2_of(
-    plan: Plan, sets: int, of: int = 3, *, told: Callable[..., Any] | None = None
-) -> tuple[float, int]:
-    """The sum over `sets` comparisons of simulated runs of their chi-squared, and its degrees of freedom."""
+def chi2_of(plan: Plan, sets: int, told: Callable[..., Any]) -> tuple[float, int]:
+    """The sum of chi-squared over `sets` comparisons of three simulated runs, and its degrees of freedom."""
     truth = Truth.with_values(plan, TABLE_2)
     of, display = 3, truth.problem.robot.display
     read = simulated_readings(truth.problem, np.tile(truth.x, (sets * of, 1)), np.random.default_rng(0))
@@ -267,7 +265,7 @@ def by_chance(chi2: float, dof: int) -> bool:
 
 
 def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
-    chi2, dof = chi2_of(good_plan(10), 3, told=without_its_prior)
+    chi2, dof = chi2_of(good_plan(10), 3, without_its_prior)
     assert by_chance(chi2, dof)
     # As if the headers stated two thirds of the noise.
     assert not by_chance(chi2 * 1.5**2, dof)
@@ -277,7 +275,7 @@ def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
 @pytest.mark.parametrize("changes", [{}, {"joint_deg": 0.1}, {"prior": {"offset_deg": 0.16}}])
 def test_runs_scatter_as_predicted_whatever_the_prior(changes: Json) -> None:
     """Identified, weak, and nearly known before: the prior has no part in what is compared."""
-    assert by_chance(*chi2_of(good_plan(7, **changes), 40, told=without_its_prior))
+    assert by_chance(*chi2_of(good_plan(7, **changes), 40, without_its_prior))
 
 
 def by_the_mode(run: Run) -> Repeat:
@@ -287,7 +285,7 @@ def by_the_mode(run: Run) -> Repeat:
 
 @pytest.mark.long
 def test_estimates_with_the_prior_in_them_would_agree_falsely() -> None:
-    chi2, dof = chi2_of(good_plan(7, prior={"offset_deg": 0.16}), 120, told=by_the_mode)
+    chi2, dof = chi2_of(good_plan(7, prior={"offset_deg": 0.16}), 120, by_the_mode)
     assert chi2 < stats.chi2.ppf(0.001, dof)
 
 

@@ -263,13 +263,6 @@ def test_a_recording_that_was_not_on_the_disk_is_brought_there_when_it_is_resume
     assert synced == [path.stat().st_ino, path.parent.stat().st_ino]
 
 
-def test_the_same_shot_is_not_recorded_again(path: Path, whole: bytes, refused: Refused) -> None:
-    path.write_bytes(whole)
-    with RunJournal.resumed(path, HEADER) as journal:
-        assert "recorded already" in refused(journal.append, SHOTS[1]).what
-    assert path.read_bytes() == whole
-
-
 @pytest.mark.parametrize(
     ("changes", "key", "result", "allowed"),
     [

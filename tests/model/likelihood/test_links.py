@@ -102,20 +102,6 @@ def test_a_link_between_nearly_parallel_axes_has_beta_in_place_of_d(tmp_path, co
         assert values[number] == ("a", "alpha", "beta" if abs(twist) < 5 else "d")
 
 
-def test_the_link_of_the_built_in_panda(tmp_path):
-    """Craig's convention: the 82.5 mm of row 4 are the link between axes 3 and 4."""
-    panda = load_robot("panda", tmp_path)
-    geometry = Geometry.of_links(panda, 0.3, 0.1)
-    q = np.radians([10, -20, 30, -80, 50, 60, 70])
-    joints = list(panda.joints)
-    longer = joints[3].fixed @ shift(x=1.0).real
-    at = Joint("j4", "revolute", longer, joints[3].axis, -3, 3)
-    # The twist of row 4 is about the same x axis, so that the order of the two does not matter.
-    other = Robot("panda", (*joints[:3], at, *joints[4:]), panda.flange)
-    result = flange(panda, geometry, {"link3.a": 1.0}, q)
-    np.testing.assert_allclose(result, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
-
-
 def mixed(kinds, rows):
     fixed, end = dh_chain(
         [DHRow(a, *np.radians([al]), d, *np.radians([th])) for a, al, d, th in rows], "standard"
