@@ -161,12 +161,7 @@ def test_the_gradient_vanishes(good):
     gradient = Density(problem).slopes(fit.x[None]).gradient[0]
     assert np.abs(gradient * fit.std).max() < 1e-6
     assert fit.gradient < 1e-6
-
-
-def test_one_basin_on_a_good_run(good):
-    _, _, fit = good
     assert fit.other_basins == 0
-    assert fit.converged
     assert "gradient" in fit.reason
 
 
