@@ -23,7 +23,6 @@ from zerobeam.analysis.estimation.fit import (
     start_at,
     unbiased_weight,
 )
-from zerobeam.analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.experiments.studies.coverage import drawn
 from zerobeam.model.likelihood.density import Density
@@ -113,38 +112,6 @@ def test_with_spot_noise_alone_it_is_plain_least_squares():
         **TIGHT,
     )
     np.testing.assert_allclose((result.x - fit.z) / fit.std, 0, atol=1e-6)
-
-
-def test_the_weighted_step_by_scipy(good):
-    """Weights kept at one place: levenberg_marquardt and scipy on the same whitened misses and priors."""
-    _, problem, fit = good
-    parameters, factor = problem.parameters, fit.whitened.factor
-
-    def residual(z):
-        x = parameters.prior_mean.copy()
-        x[parameters.free] += z * parameters.prior_std[parameters.free]
-        white = problem.whiten(x, factor)
-        return (
-            np.append(white.residual, z),
-            np.vstack([white.jacobian[:, parameters.free], np.eye(len(z))]),
-        )
-
-    def rows(z, _):
-        return tuple(part[None] for part in residual(z[0]))
-
-    start = fit.z + 3 * fit.std
-    result = levenberg_marquardt(least_squares(rows), start[None])
-    second = optimize.least_squares(
-        lambda z: residual(z)[0],
-        start,
-        jac=lambda z: residual(z)[1],
-        x_scale="jac",
-        **TIGHT,
-    )
-    std = np.sqrt(np.diag(np.linalg.inv(result.curvature[0])))
-    assert result.converged[0]
-    np.testing.assert_allclose((result.x[0] - second.x) / std, 0, atol=1e-6)
-    assert np.abs((result.x[0] - start) / std).max() > 1
 
 
 def test_the_covariance_is_that_of_the_plain_posterior(good):

@@ -41,11 +41,7 @@ def test_shapes_and_places(made):
     np.testing.assert_array_equal(parts.targets, [[6, 7, 8], [9, 10, 11]])
     np.testing.assert_array_equal(parts.tool, np.arange(12, 12 + k))
     many = problem.split(np.zeros((5, 4, 12 + k)))
-    assert [part.shape for part in (many.arm, many.targets, many.tool)] == [
-        (5, 4, 6),
-        (5, 4, 2, 3),
-        (5, 4, k),
-    ]
+    assert (many.arm.shape, many.targets.shape, many.tool.shape) == ((5, 4, 6), (5, 4, 2, 3), (5, 4, k))
     assert problem.columns.shape == (8, n + 3 + k)
     np.testing.assert_array_equal(problem.columns[1], [*range(6), 9, 10, 11, *range(12, 12 + k)])
 
