@@ -244,10 +244,6 @@ def test_the_reach_of_the_stretched_arms_is_as_published() -> None:
     assert panda.fk(np.zeros(7))[:3, 3] == pytest.approx([88, 0, 333 + 316 + 384 - 107])
 
 
-def test_offsets_keep_the_vendor() -> None:
-    assert load_robot("irb1600").with_offsets(np.zeros(6)).vendor == "abb"
-
-
 def test_a_vendor_is_optional_and_one_of_a_list(tmp_path: Path) -> None:
     text = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
     mine = tmp_path / "mine.yaml"

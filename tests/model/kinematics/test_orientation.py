@@ -16,7 +16,7 @@ def rotations() -> list[np.ndarray]:
         about("x", a) @ about("y", b) @ about("z", c)
         for a in (0, 90, 180)
         for b in (0, 90, -90)
-        for c in (0, 90, 180)
+        for c in (0, 90)
     ]
     return [*random, *right]
 

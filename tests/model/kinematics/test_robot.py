@@ -214,6 +214,14 @@ def test_what_is_recorded_of_a_turn(own):
         np.testing.assert_array_equal(recorded[..., 2 * i + 1], second)
 
 
+def test_an_arm_with_offsets_is_the_arm_at_the_sum(own):
+    rng = np.random.default_rng(6)
+    q, delta = own.random(rng), rng.uniform(-0.5, 0.5, own.robot.n) * np.where(own.robot.display == 1, 100, 1)
+    moved = own.robot.with_offsets(delta)
+    np.testing.assert_allclose(moved.fk(q, "rad"), own.pose(q + delta).real, rtol=0, atol=1e-9)
+    assert moved.vendor == own.robot.vendor
+
+
 def test_turns_with_offsets_are_the_turns_of_the_sum(own):
     """The sum of two angles, against the turn of the summed angle: rounding alone."""
     robot, n = own.robot, own.robot.n

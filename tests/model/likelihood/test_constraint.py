@@ -106,8 +106,8 @@ class Case:
     def split(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return free[: self.n], free[self.n : self.n + 3], free[self.n + 3 :]
 
-    def plain(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray, **changes: np.ndarray) -> np.ndarray:
-        return miss(self.arm.pose, self.tool, q, spot, free, **changes)
+    def plain(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+        return miss(self.arm.pose, self.tool, q, spot, free)
 
     def miss(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
         return self.call("linear", q, spot, *self.split(free))[0]
