@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import math
 
 import numpy as np
 import pytest
@@ -27,9 +26,6 @@ def good():
     truth, run = simulated(plan, TABLE_2, seed=2)
     found = analyse(run, ess=400)
     return plan, truth, run, found.result, found.draws
-
-
-# --- a good run --------------------
 
 
 def test_a_good_run_passes(good):
@@ -97,21 +93,6 @@ def test_what_it_was_made_from(good):
     assert inputs.header["noise"]["spot_mm"] == 0.05
 
 
-def test_the_same_seed_gives_the_same_result(good):
-    _, _, run, result, _ = good
-
-    def without_clock(answer):
-        return dataclasses.replace(answer, posterior=dataclasses.replace(answer.posterior, seconds=0.0))
-
-    again = analyse(run, ess=400).result
-    assert without_clock(again) == without_clock(result)
-    other = analyse(run, ess=400, seed=1).result
-    assert other.posterior.parameters != result.posterior.parameters
-    assert [row.estimate for row in other.parameters] == pytest.approx(
-        [row.estimate for row in result.parameters], abs=1e-7
-    )
-
-
 def test_progress_is_told_in_order(good):
     _, _, run, *_ = good
     told = []
@@ -122,9 +103,6 @@ def test_progress_is_told_in_order(good):
         shares = [share for own, share in told if own == stage]
         assert shares == sorted(shares)
         assert (shares[0], shares[-1]) == (0.0, 1.0)
-
-
-# --- what must not matter --------------------
 
 
 def test_the_order_of_shots_and_the_target_s_name_do_not_matter(good):
@@ -147,9 +125,6 @@ def test_the_order_of_shots_and_the_target_s_name_do_not_matter(good):
         assert cooks[shot.shot] == pytest.approx(shot.cooks, rel=1e-3)
 
 
-# --- the decisive test --------------------
-
-
 def test_the_x_pattern_claims_nothing_of_delta2():
     """(That no output of it does, nor of a freed gauge or of too few measurements: `test_decisive`.)"""
     plan = pattern_plan("x", joint_deg=0.01)
@@ -162,11 +137,6 @@ def test_the_x_pattern_claims_nothing_of_delta2():
     assert "vary joint 1" in null["remedy"]
     assert "delta2" not in found.draws.names
     assert "delta2" in [prior.name for prior in found.draws.prior_only]
-    # Negative control: from the same residuals a truncated pseudo-inverse claims a std below the tolerance.
-    problem = Problem.from_plan(plan)
-    jacobian = problem.whiten(problem.nominal()).jacobian[:, problem.parameters.free]
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10, hermitian=True)
-    assert 5.0 * math.sqrt(inverse[0, 0]) < 0.1
 
 
 def test_nothing_is_sampled_where_no_parameter_is_identifiable(monkeypatch):
@@ -187,9 +157,6 @@ def test_nothing_is_sampled_where_no_parameter_is_identifiable(monkeypatch):
     assert not any("posterior" in note for note in answer["notes"])
     with pytest.raises(AssertionError):
         analyse(run)
-
-
-# --- what is told about the fit ---
 
 
 def test_understated_noise_is_a_lack_of_fit():
@@ -244,9 +211,10 @@ def test_a_fit_that_does_not_converge_reports_nothing(good, monkeypatch):
         return dataclasses.replace(real(problem, **kwargs), converged=False, reason="made to fail")
 
     monkeypatch.setattr("zerobeam.analysis.ladder.fit_likelihood", failing)
-    found = analyse(run, ess=400)
+    found = analyse(run, ess=400, robust="huber")
     result, draws = found.result, found.draws
     assert draws is None
+    assert (result.intervals, result.robust) == ((), None)
     assert result.verdict != "pass"
     assert not result.posterior.converged
     assert notes(result)[0].startswith("The fit did not converge: made to fail")
@@ -270,9 +238,6 @@ def test_distances_beside_what_the_fit_makes_of_them():
     assert (row.between, row.mm, row.sigma_mm) == (("a", "b"), 50.0, 0.1)
     assert 0 < row.std < 0.1
     assert row.estimate == pytest.approx(50.0, abs=4 * row.std)
-
-
-# --- bad input ---
 
 
 def test_one_shot_and_a_target_seen_once_are_refused(refused):

@@ -89,14 +89,12 @@ def kinds(solution: Solution) -> set[str]:
 
 
 def only(solution: Solution, kind: type[Criterion]) -> Any:
-    assert solution.misfit is not None
     (found,) = [own for own in solution.misfit.criteria if isinstance(own, kind)]
     return found
 
 
 def test_a_misfit_takes_the_status_of_all_that_would_be_known() -> None:
     wrong = solved(sockets(longer(irb1600(), 2, 6.0)), TABLE_2)
-    assert wrong.misfit is not None
     assert wrong.verdict == "misfit"
     assert {row.status for row in wrong.parameters} == {"held", "unvalidated"}
     row = wrong["delta3"]
@@ -112,9 +110,6 @@ def test_what_the_data_cannot_tell_stays_unidentifiable_in_a_misfit() -> None:
     assert wrong.verdict == "misfit"
     assert wrong["delta6"].status == "unidentifiable"
     assert wrong["delta6"].estimate is None
-
-
-# ── chi-squared ───────────────────────────────────────────────────────────────────────────────
 
 
 def test_chi_squared_against_the_stated_noise() -> None:
@@ -135,9 +130,6 @@ def test_it_says_which_geometry_does_not_describe_the_arm() -> None:
         own = dataclasses.replace(run, header=run.header.model_copy(update={"geometry": stated}))
         found = only(solve(Problem.from_run(own), starts=0), LackOfFit)
         assert f"the {word} geometry does not describe this arm" in criterion_sentence(found)
-
-
-# ── the noise factor ──────────────────────────────────────────────────────────────────────────
 
 
 @pytest.mark.parametrize(("true", "beyond"), [(10.0, True), (2.0, False), (0.5, False), (0.1, True)])
@@ -190,9 +182,6 @@ def test_separate_factors_are_judged_one_by_one(true: float) -> None:
         assert only(solution, ImplausibleNoise).of == "joint"
 
 
-# ── priors ────────────────────────────────────────────────────────────────────────────────────
-
-
 def test_an_offset_beyond_four_prior_stds() -> None:
     plan = good_plan(12)
     far = solved(plan, {**TABLE_2, "delta4": 25.0})
@@ -201,9 +190,6 @@ def test_an_offset_beyond_four_prior_stds() -> None:
     assert solved(plan, {**TABLE_2, "delta4": 18.0}).misfit is None
     wide = dataclasses.replace(plan, header=header(prior={"offset_deg": 10.0}))
     assert solved(wide, {**TABLE_2, "delta4": 25.0}).misfit is None
-
-
-# ── placements ────────────────────────────────────────────────────────────────────────────────
 
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
@@ -255,9 +241,6 @@ def test_by_nominal_geometry_fewer_independent_measurements_disagree_as_much() -
     assert only(again, PlacementsDisagree).factor == pytest.approx(found.factor, rel=0.05)
 
 
-# ── the model is right ────────────────────────────────────────────────────────────────────────
-
-
 def false_alarms(count: int, scales: Sequence[str]) -> list[str]:
     told = []
     for scale in scales:
@@ -278,9 +261,6 @@ def test_the_right_model_is_no_misfit_in_many_runs() -> None:
     assert len(false_alarms(200, ("known", "estimated", "separate"))) <= stats.binom.ppf(0.999, 1200, 0.003)
 
 
-# ── what holds an answer ──────────────────────────────────────────────────────────────────────
-
-
 def test_a_misfit_has_a_criterion() -> None:
     with pytest.raises(UnsoundResult):
         Misfit(())
@@ -292,7 +272,6 @@ def test_a_run_under_way_says_it_too() -> None:
     state = so_far(Problem.from_run(run))
     assert state.verdict == "misfit"
     assert not state.consistent
-    assert state.misfit is not None
     assert state.findings[: len(state.misfit.criteria)] == state.misfit.criteria
     assert {row.status for row in state.offsets} == {"held", "unvalidated"}
     assert so_far(Problem.from_run(simulated(sockets(irb1600()), TABLE_2, 1)[1])).verdict == "pass"

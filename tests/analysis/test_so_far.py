@@ -127,11 +127,8 @@ def test_more_shots_never_tell_less() -> None:
     for before, after in pairwise(told):
         for name, std in before.offset_std.items():
             later = after.offset_std[name]
-            assert std is not None
-            assert later is not None
             assert later <= 1.02 * std
     assert told[-1].worst is not None
-    assert told[0].worst is not None
     assert told[-1].worst < told[0].worst / 10
 
 
@@ -151,11 +148,8 @@ def test_the_same_shots_tell_the_same() -> None:
     so_far(simulated_problem(pattern_plan("x"))[1])
     again = so_far(simulated_problem(good_plan(7), TABLE_2)[1])
     assert first.x.tobytes() == again.x.tobytes()
-    assert (first.offset_std, statuses(first), first.p_value) == (
-        again.offset_std,
-        statuses(again),
-        again.p_value,
-    )
+    assert (first.offset_std, first.p_value) == (again.offset_std, again.p_value)
+    assert statuses(first) == statuses(again)
 
 
 def test_targets_seen_once_and_twice() -> None:
@@ -175,7 +169,6 @@ def test_what_is_not_consistent() -> None:
     loud = so_far(replace(problem, noise=noise))
     assert not loud.consistent
     assert loud.displaced is None
-    assert loud.p_value is not None
     assert loud.p_value < 1e-3
     # What a target that moved by 3 mm in z after the sixth shot does to the spots.
     n = problem.robot.n
@@ -185,5 +178,4 @@ def test_what_is_not_consistent() -> None:
         problem.moved(problem.joints, problem.spots - np.where(later, 3.0 * by_own[:, :, n + 2], 0.0))
     )
     assert not moved.consistent
-    assert moved.displaced is not None
     assert moved.displaced.at == ("psd", 5, 6)

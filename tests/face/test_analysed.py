@@ -7,12 +7,12 @@ import json
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from pages import Page
 
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
@@ -46,30 +46,6 @@ def unconverged(good: zb.Analysed) -> zb.Analysed:
         limits="warn",
     )
     return zb.analyse(run, ess=100)
-
-
-class Tags(HTMLParser):
-    """The tags and attributes of a piece of HTML, and whether every one is closed."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[tuple[str, dict[str, str | None]]] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.seen.append((tag, dict(attrs)))
-        if tag not in {"img", "input", "meta", "link", "br"}:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.seen.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-
-# --- rows, tables, covariance -----------------------------------------------------------------------
 
 
 def test_it_is_a_solution_with_rows_by_name(good: zb.Analysed) -> None:
@@ -112,9 +88,6 @@ def test_an_optional_library_that_is_missing_is_said_so(good, missing, monkeypat
         good.offsets.to_frame() if missing == "pandas" else good.posterior
 
 
-# --- text and cards ---------------------------------------------------------------------------------
-
-
 def test_it_says_in_short_what_it_is(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
     assert repr(good).startswith("Solution of good.jsonl")
     for sol in (good, x_pattern):
@@ -129,9 +102,9 @@ def test_it_says_in_short_what_it_is(good: zb.Analysed, x_pattern: zb.Analysed) 
 
 def test_its_card_is_whole_and_has_no_script(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
     for sol in (good, x_pattern):
-        tags = Tags(sol._repr_html_())
-        assert tags.open == []
-        assert {tag for tag, _ in tags.seen}.isdisjoint({"script", "link", "img", "iframe"})
+        assert {tag for tag, _ in Page(sol._repr_html_()).tags}.isdisjoint(
+            {"script", "link", "img", "iframe"}
+        )
         assert "://" not in re.sub(r'xmlns="[^"]+"', "", sol._repr_html_())
     assert "not determined by these data" in x_pattern._repr_html_()
 
@@ -149,10 +122,7 @@ def test_hostile_names_stay_names(good: zb.Analysed) -> None:
     sol = zb.analyse(run, ess=100)
     for shown in (sol._repr_html_(), sol.plot.residuals()._repr_html_(), sol.plot.scene()._repr_html_()):
         assert HOSTILE not in shown
-    assert {tag for tag, _ in Tags(sol._repr_html_()).seen}.isdisjoint({"script"})
-
-
-# --- figures ----------------------------------------------------------------------------------------
+    assert {tag for tag, _ in Page(sol._repr_html_()).tags}.isdisjoint({"script"})
 
 
 @pytest.mark.parametrize("name", ["offsets", "residuals", "posterior"])
@@ -160,7 +130,7 @@ def test_a_figure_shows_and_saves_itself(good: zb.Analysed, name: str, tmp_path:
     figure = getattr(good.plot, name)()
     assert isinstance(figure, Figure)
     assert ElementTree.fromstring(figure._repr_svg_()).tag.endswith("svg")
-    ((_, attributes),) = (one for one in Tags(figure._repr_html_()).seen if one[0] == "img")
+    ((_, attributes),) = (one for one in Page(figure._repr_html_()).tags if one[0] == "img")
     assert attributes["alt"] == figure.alt
     kind, data = attributes["src"].split(",")
     assert kind == "data:image/svg+xml;base64"
@@ -177,17 +147,12 @@ def test_a_figure_shows_and_saves_itself(good: zb.Analysed, name: str, tmp_path:
 
 def test_the_scene_is_a_page_in_a_frame(good: zb.Analysed, tmp_path: Path) -> None:
     scene = good.plot.scene()
-    ((tag, attributes),) = Tags(scene._repr_html_()).seen
+    ((tag, attributes),) = Page(scene._repr_html_()).tags
     assert (tag, attributes["sandbox"]) == ("iframe", "allow-scripts")
     assert attributes["srcdoc"] == scene.page
-    page = Tags(scene.page)
-    assert page.open == []
-    assert [tag for tag, _ in page.seen].count("canvas") == 1
+    assert [tag for tag, _ in Page(scene.page).tags].count("canvas") == 1
     assert "default-src 'none'" in scene.page
     assert scene.save(tmp_path / "scene.html").read_text(encoding="utf-8") == scene.page
-
-
-# --- the posterior ----------------------------------------------------------------------------------
 
 
 def test_the_posterior_is_that_of_the_file(good: zb.Analysed, tmp_path: Path) -> None:
@@ -219,9 +184,6 @@ def test_without_a_fit_there_is_nothing_to_show(unconverged: zb.Analysed) -> Non
     ):
         with pytest.raises(zb.BadInput, match=r"no (draws|posterior|scene)"):
             ask()
-
-
-# --- what it passes on ------------------------------------------------------------------------------
 
 
 def test_its_json_is_that_of_the_report(good: zb.Analysed, tmp_path: Path) -> None:

@@ -123,6 +123,25 @@ def good_plan(
     return plan_of(own, varied_postures(own, irb1600(), place, count, seed))
 
 
+def placed_plan(
+    places: dict[str, Sequence[float]],
+    counts: dict[str, int],
+    tool: dict[str, Any] = LASER,
+    *,
+    first_seed: int = 5,
+    **changes: Any,
+) -> Plan:
+    """So many varied postures (`counts`) at each of several targets, by name, at `places` (3,) mm."""
+    targets = {name: {"guess_mm": list(places[name])} for name in counts}
+    alone = header(tool, target=None)
+    postures = [
+        varied_postures(alone, irb1600(), places[name], count, first_seed + i)
+        for i, (name, count) in enumerate(counts.items())
+    ]
+    names = [name for name, count in counts.items() for _ in range(count)]
+    return plan_of(header(tool, target=None, targets=targets, **changes), np.concatenate(postures), names)
+
+
 def pattern_plan(which: Pattern, aside: float = 0.0, shots: int = 7, **changes: Any) -> Plan:
     """The paper's X- or Y-Pattern with the target `aside` mm from the base's x axis."""
     own = header(target=(900.0, aside, 0.0), **changes)

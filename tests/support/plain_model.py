@@ -220,18 +220,10 @@ def beam(tool: Tool, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return p, u
 
 
-def miss(
-    pose: Pose,
-    tool: Tool,
-    q: np.ndarray,
-    spot: np.ndarray,
-    free: np.ndarray,
-    *,
-    basis: np.ndarray | None = None,
-) -> np.ndarray:
+def miss(pose: Pose, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
     """m (..., d) of section 1: y = R'(P - t); B'(y - p) - s of a beam, y - p of a probe.
 
-    `free` is delta, target, tool in one vector; `basis` takes the place of B(u).
+    `free` is delta, target, tool in one vector.
     """
     n = q.shape[-1]
     delta, target, unknowns = free[..., :n], free[..., n : n + 3], free[..., n + 3 :]
@@ -240,7 +232,7 @@ def miss(
     if tool.kind == "probe":
         return y - (unknowns if unknowns.shape[-1] else tool.point)
     p, u = beam(tool, unknowns)
-    return _rows_times(across(tool.direction, u) if basis is None else basis, y - p) - spot
+    return _rows_times(across(tool.direction, u), y - p) - spot
 
 
 def _rows_times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -145,7 +145,6 @@ def test_a_verdict_may_be_no_better_than_the_statuses() -> None:
 def test_draws_of_an_unidentifiable_parameter_must_be_marked_as_the_priors() -> None:
     result = x_pattern()
     rows = result.posterior.parameters
-    assert rows is not None
     lying = tuple(replace(row, source="data") for row in rows)
     posterior = replace(result.posterior, parameters=lying)
     with pytest.raises(UnsoundResult, match=r"delta2, psd\.x, psd\.z .* a posterior from the data of it"):
@@ -169,7 +168,6 @@ def test_a_fit_that_is_not_available_has_no_numbers() -> None:
 def test_a_target_that_the_data_do_not_tell_has_no_place_in_the_scene() -> None:
     def shown(at: tuple[float, float, float] | None) -> Result:
         scene = x_pattern().scene
-        assert scene is not None
         return replace(x_pattern(), scene=replace(scene, targets=(SceneTarget("psd", at, None),)))
 
     assert to_json(shown(None))["scene"]["targets"][0]["at_mm"] is None

@@ -53,9 +53,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     factor = corrected.problem.factors(x, own)
     noise = (factor @ rng.normal(size=(*residual.shape, 1)))[..., 0]
     # A spot reading moves the residual one for one: what makes it noise, and nothing else.
-    made = replace(corrected.problem, spots=corrected.problem.spots)
-    shifted, _ = made.linearise(x)
-    spots = spots_for(made, x, noise - shifted)
+    spots = spots_for(corrected.problem, x, noise - residual)
     joints = corrected.problem.joints[rows]
     targets = [run_targets(run)[row] for row in rows]
     return AcceptancePrediction(solution, run.header, joints, targets, spots[rows], ENTERED), solution

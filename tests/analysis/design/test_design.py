@@ -46,9 +46,6 @@ def line(slope_matters, count=41):
     return places, Candidates(roots, np.array([not slope_matters, True]))
 
 
-# Known answers
-
-
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_shots_that_each_tell_one_offset_are_shared_out_evenly(criterion):
     roots = 50.0 * np.eye(4)[:, None, :]
@@ -85,9 +82,6 @@ def test_different_readings_of_the_slope_are_those_furthest_out():
     chosen = design(candidates, 6, "A", seed=0)
     assert sorted(np.abs(places[chosen.rows])) == pytest.approx([0.9, 0.9, 0.95, 0.95, 1, 1])
     assert 0.85 < chosen.efficiency < 1
-
-
-# Against brute force
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
@@ -174,9 +168,6 @@ def test_gains_are_slopes(criterion):
         assert -(ends[0] - ends[1]) / (2 * step) == pytest.approx(gain[i], rel=1e-5)
 
 
-# Updates
-
-
 @pytest.mark.parametrize("rows", [1, 2, 3])
 @pytest.mark.parametrize("nuisance", [0, 3])
 @pytest.mark.parametrize("criterion", CRITERIA)
@@ -224,9 +215,6 @@ def test_nuisance_is_eliminated_as_by_schur():
     assert variance(offset_covariance(candidates, information), "A") > 1.01 * variance(known, "A")
 
 
-# As a whole
-
-
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_the_seed_fixes_the_choice(criterion):
     candidates = random_candidates(10, count=200)
@@ -264,62 +252,45 @@ def test_a_gauge_is_no_singular_case():
     assert chosen.efficiency == pytest.approx(1.0, rel=1e-2)
 
 
-# Exchanges of two
-
-
-OFFSETS = np.array([True, True, True, False, False])
-
-
-def roots_of(seed, count=30):
-    rng = np.random.default_rng(seed)
-    return 3.0 * rng.normal(size=(count, 2, 5)) * rng.uniform(0.2, 2, (count, 1, 1))
-
-
-def information(roots, rows):
-    chosen = roots[list(rows)].reshape(-1, 5)
-    return np.eye(5) + chosen.T @ chosen
-
-
-def largest_variance(roots, rows):
-    return np.linalg.eigvalsh(np.linalg.inv(information(roots, rows))[:3, :3])[-1]
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_no_exchange_of_two_improves_the_choice(seed):
-    roots = roots_of(seed)
-    value, rows = exchange_pairs(roots, OFFSETS, np.arange(5), np.random.default_rng(seed))
+    candidates = random_candidates(seed, count=30)
+    rng = np.random.default_rng(seed)
+    value, rows = exchange_pairs(candidates.roots, candidates.offsets, np.arange(5), rng)
     assert len(set(rows.tolist())) == 5
-    assert value == pytest.approx(largest_variance(roots, rows))
+    assert value == pytest.approx(value_of(candidates, rows, "E"))
     for places in combinations(range(5), 2):
         kept = np.delete(rows, places)
         free = np.setdiff1d(np.arange(30), kept)
-        others = [largest_variance(roots, [*kept, *pair]) for pair in combinations(free, 2)]
+        others = [value_of(candidates, [*kept, *pair], "E") for pair in combinations(free, 2)]
         assert min(others) >= value * (1 - 1e-7)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_best_of_all_pairs_is_found(seed):
-    roots = roots_of(seed)
-    start = information(roots, [0, 1])
-    cuts, least = _cuts(information(roots, [0, 1, 2, 3]), OFFSETS, 3)
-    found, value = _best_pair(roots[4:], OFFSETS, start, cuts, least)
-    best, pair = min((largest_variance(roots, [0, 1, *pair]), pair) for pair in combinations(range(4, 30), 2))
+    candidates = random_candidates(seed, count=30)
+    rest, offsets = candidates.roots[4:], candidates.offsets
+    start = candidates.information(np.arange(2))
+    cuts, least = _cuts(candidates.information(np.arange(4)), offsets, 3)
+    found, value = _best_pair(rest, offsets, start, cuts, least)
+    best, pair = min(
+        (value_of(candidates, [0, 1, *pair], "E"), pair) for pair in combinations(range(4, 30), 2)
+    )
     assert best < 1 / least
     assert 1 / value == pytest.approx(best)
     assert tuple(sorted(found + 4)) == pair
     # Above the best there is none.
-    assert _best_pair(roots[4:], OFFSETS, start, cuts, value) == (None, value)
+    assert _best_pair(rest, offsets, start, cuts, value) == (None, value)
 
 
 def test_a_cut_bounds_every_design_and_is_tight_at_its_own():
-    roots = roots_of(7)
-    rng = np.random.default_rng(0)
-    own = information(roots, range(4))
-    cuts, least = _cuts(own, OFFSETS, 3)
+    candidates, rng = random_candidates(7, count=30), np.random.default_rng(0)
+    own = candidates.information(np.arange(4))
+    cuts, least = _cuts(own, candidates.offsets, 3)
     assert (cuts[0] @ own @ cuts[0]) == pytest.approx(least)
     bounds, true = [], []
     for _ in range(200):
-        other = information(roots, rng.choice(30, 4, replace=False))
+        other = candidates.information(rng.choice(30, 4, replace=False))
         bounds.append(np.einsum("cf,fg,cg->c", cuts, other, cuts).min())
         true.append(1 / np.linalg.eigvalsh(np.linalg.inv(other)[:3, :3])[-1])
     assert (np.array(true) <= np.array(bounds) * (1 + 1e-12)).all()
@@ -328,7 +299,7 @@ def test_a_cut_bounds_every_design_and_is_tight_at_its_own():
 
 
 def test_one_shot_has_no_pair():
-    roots = roots_of(8)
-    value, rows = exchange_pairs(roots, OFFSETS, np.array([3]), np.random.default_rng(0))
+    candidates, rng = random_candidates(8, count=30), np.random.default_rng(0)
+    value, rows = exchange_pairs(candidates.roots, candidates.offsets, np.array([3]), rng)
     assert rows.tolist() == [3]
-    assert value == pytest.approx(largest_variance(roots, [3]))
+    assert value == pytest.approx(value_of(candidates, [3], "E"))

@@ -59,9 +59,6 @@ def levels(answer):
     ]
 
 
-# --- the tool point and its Jacobian ----------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["irb1600", "modified", "scara", "gantry", "bent"])
 def test_position_and_jacobian_against_the_plain_model(name, tmp_path):
     own = arm(name, tmp_path)
@@ -91,9 +88,6 @@ def test_postures_fill_the_limits_evenly():
     counts, *_ = np.histogram2d(postures[:, 0], postures[:, 1], bins=5, range=[(-1, 1), (0, 300)])
     # 40 a cell; drawn by chance one of the 25 cells would be off by 12.
     assert np.abs(counts - 40).max() <= 6
-
-
-# --- known answers ----------------------------------------------------------------------------------
 
 
 def planar(prismatic=False):
@@ -167,9 +161,6 @@ def test_arms_with_slides(kinds):
     covariance[n - 1, n - 1] *= 100
     assert accuracy(by_hand(robot, PROBE, delta, covariance)) != answer
     assert min(levels(answer)) > 0
-
-
-# --- gauges, and what the data do not tell ----------------------------------------------------------
 
 
 def test_no_part_of_the_gauge_of_joint_1_enters():
@@ -261,9 +252,6 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     assert (answer.point_mm, tcp_words(answer)) == (tuple(ASIDE), "the stated point of the tool")
 
 
-# --- maps -------------------------------------------------------------------------------------------
-
-
 def test_maps_hold_every_posture_and_their_worst_is_the_workspaces():
     answer = answered(good_plan(8))
     vertical, horizontal = answer.maps
@@ -320,9 +308,6 @@ def test_the_vertical_map_is_about_the_axis_of_joint_1(tmp_path):
     assert [found.axes for found in first.maps] == [("distance from axis 1", "height"), ("x", "y")]
     slide = accuracy(by_hand(arm("gantry", tmp_path).robot, PROBE, np.zeros(4), np.eye(4) * 1e-6))
     assert slide.maps[0].axes[0] == "distance from the base's z axis"
-
-
-# --- does it hold? ----------------------------------------------------------------------------------
 
 
 def random_postures(problem, count, seed):

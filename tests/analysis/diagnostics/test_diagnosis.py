@@ -166,7 +166,6 @@ def test_a_robot_with_its_twists_as_joints_is_the_robot() -> None:
     for robot in (irb1600(), random_robot("rrrprr", 2)):
         problem = replace(Problem.from_plan(good_plan(4)), robot=robot)
         wide = widened(problem)
-        assert wide is not None
         q = np.random.default_rng(0).uniform(-1, 1, (5, robot.n))
         np.testing.assert_allclose(wide.problem.robot.fk(wide.of(q), "rad"), robot.fk(q, "rad"), atol=1e-9)
 
@@ -174,7 +173,6 @@ def test_a_robot_with_its_twists_as_joints_is_the_robot() -> None:
 def test_a_reversed_twist_is_the_robot_file_with_the_other_sign(tmp_path) -> None:
     problem = Problem.from_run(demo("good"))
     wide = widened(problem)
-    assert wide is not None
     q = np.random.default_rng(1).uniform(-1, 1, (5, 6))
     found = {change.joints: change.recorded for change in wide.changes(q)}
     assert set(found) == {(1, 2), (3, 4), (4, 5), (5, 6)}
@@ -220,35 +218,24 @@ def test_what_blames_the_data_has_to_be_clearly_likelier_than_links(cost: float,
     assert [found.cause for found in _explanations(base, [links, outlying], 1.0)] == causes
 
 
-SAMPLES = {
-    "units": {"amount": 57.3},
-    "twist": {"joints": (6,)},
-    "measurements": {"measurements": (3, 5)},
-    "geometry": {},
-}
-SAID = {
-    "units": "with the joint angles read as radians",
-    "twist": "with the sign of the twist from J6 to the flange reversed in the robot file",
-    "measurements": "without measurements 3 and 5",
-    "geometry": "with link geometry estimated",
-}
-
-
-@pytest.mark.parametrize("cause", SAMPLES)
-def test_sentences(cause) -> None:
-    own = {"joints": (), "targets": (), "measurements": (), "amount": 0.0} | SAMPLES[cause]
-    found = Explanation(
-        cause=cause,
-        **own,
-        factor=1.1,
-        before=1333.2,
-        farthest=1,
-        farthest_before=2,
-        freed=0,
-        p_value=0,
-        agrees=True,
-    )
-    assert explanation_sentence(found) == f"{SAID[cause]}: 1.1 times the noise instead of 1,333"
+@pytest.mark.parametrize(
+    ("cause", "stated", "words"),
+    [
+        ("units", {"amount": 57.3}, "with the joint angles read as radians"),
+        (
+            "twist",
+            {"joints": (6,)},
+            "with the sign of the twist from J6 to the flange reversed in the robot file",
+        ),
+        ("measurements", {"measurements": (3, 5)}, "without measurements 3 and 5"),
+        ("geometry", {}, "with link geometry estimated"),
+    ],
+)
+def test_sentences(cause, stated, words) -> None:
+    own = {"joints": (), "targets": (), "measurements": (), "amount": 0.0, "factor": 1.1, "before": 1333.2}
+    fitted = {"farthest": 1, "farthest_before": 2, "freed": 0, "p_value": 0, "agrees": True}
+    found = Explanation(cause=cause, **(own | fitted | stated))
+    assert explanation_sentence(found) == f"{words}: 1.1 times the noise instead of 1,333"
 
 
 def of_another_arm(seed: int, factor: float = 1.0) -> Solution:
@@ -294,7 +281,6 @@ def test_the_effective_parameters_follow_from_the_tolerances() -> None:
     solution = of_another_arm(3)
     problem = solution.problem
     left = with_links_freed(problem, solution.fit.x)
-    assert left is not None
     whole, x = with_links(problem, solution.fit.x)
     traces = []
     for own, at in ((problem, solution.fit.x), (whole, x)):
@@ -309,6 +295,5 @@ def test_twists_are_tried_of_an_arm_with_geometry_too(tmp_path) -> None:
     problem = Problem.from_run(corruption.spoilt(tmp_path))
     whole = problem.with_geometry(Geometry.of_links(problem.robot, 0.3, 0.1))
     wide = widened(whole)
-    assert wide is not None
     assert not wide.problem.geometry
     assert any(corruption.named_by(found) for found in diagnose(of(whole)))

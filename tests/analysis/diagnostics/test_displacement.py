@@ -27,7 +27,6 @@ def bumped(plan: Plan, shift: Sequence[float], after: int, seed: int = 0) -> tup
     both = plan.header.model_copy(update={"targets": {"psd": place, "moved": place}})
     count = len(plan.postures)
     two = plan_of(both, plan.postures, ["psd"] * after + ["moved"] * (count - after))
-    assert place.guess_mm is not None
     stands = {f"moved.{a}": v + s for a, v, s in zip("xyz", place.guess_mm, shift, strict=True)}
     _, run = simulated(two, {**TABLE_2, **stands}, seed)
     one = [shot.model_copy(update={"target": "psd"}) for shot in run.shots]
@@ -36,7 +35,6 @@ def bumped(plan: Plan, shift: Sequence[float], after: int, seed: int = 0) -> tup
 
 def found_in(problem: Problem) -> Displacement:
     found = displacement(fit_likelihood(problem, starts=0))
-    assert found is not None
     return found
 
 
@@ -65,7 +63,6 @@ def test_p_values_of_runs_without_a_displacement(scale: str) -> None:
         _, gram, slope, floor = _displaced(own, left)
         single.append(left.p_value(left.explained(gram, slope, floor), 4))
         found = displacement(own)
-        assert found is not None
         whole.append(found.p_value)
     assert stats.kstest(single, "uniform").pvalue > 1e-3
     assert (np.array(whole) < 0.05).sum() <= stats.binom.ppf(0.999, runs, 0.05)
@@ -90,7 +87,6 @@ def test_only_change_points_that_can_be_tested_are_counted() -> None:
         moved = left.explained(*_displaced(one, left)[1:])
         best = int(np.argmax(moved.score))
         found = displacement(one)
-        assert found is not None
         assert found.p_value == pytest.approx(min(1.0, tested * left.p_value(moved, best)))
 
 
@@ -99,7 +95,6 @@ def test_against_a_fit_with_another_target_name() -> None:
     one, two = bumped(good_plan(12, joint_deg=0.005), (0.6, -0.6, 0.5), 5)
     fit, other = fit_likelihood(one, starts=0), fit_likelihood(two, starts=0)
     found = displacement(fit)
-    assert found is not None
     assert found.at == ("psd", 4, 5)
     assert found.elsewhere == ()
     drop = (fit.whitened.residual**2).sum() - (other.whitened.residual**2).sum()
@@ -124,8 +119,6 @@ def test_size_and_change_point(size: float) -> None:
         found = found_in(bumped(plan, shift, after, seed)[0])
         assert found.significant
         assert found.at == ("psd", after - 1, after)
-        assert found.size_mm is not None
-        assert found.size_std_mm is not None
         # 4 stds, and the second order: offsets of a degree turn the shift by less than 3 %.
         assert abs(found.size_mm - size) < 4 * found.size_std_mm + 0.03 * size
 
@@ -247,8 +240,6 @@ def test_a_wrong_guess_is_no_displacement() -> None:
     fits = [fit_likelihood(problem, starts=0) for problem in (right, wrong)]
     assert np.abs(fits[1].x - fits[0].x)[target].max() > 0.3
     one, other = (displacement(fit) for fit in fits)
-    assert one is not None
-    assert other is not None
     assert other.at == one.at
     assert other.p_value == pytest.approx(one.p_value, rel=0.5)
     np.testing.assert_allclose(np.array(other.shift_mm), np.array(one.shift_mm), atol=0.02)
@@ -256,8 +247,6 @@ def test_a_wrong_guess_is_no_displacement() -> None:
 
 def test_the_sentence() -> None:
     found = found_in(bumped(good_plan(12, joint_deg=0.002), (0.6, -0.6, 0.5), 5)[0])
-    assert found.size_mm is not None
-    assert found.size_std_mm is not None
     assert displacement_sentence(replace(found, p_value=2e-5, elsewhere=())) == (
         f"Target psd seems to have moved by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm between"
         " measurements 4 and 5 (p = 2e-05). Discard the measurements before or after, or give them"

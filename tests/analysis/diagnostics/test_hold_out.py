@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_problem, varied_postures
+from cells import TABLE_2, good_plan, placed_plan, simulated_problem
 from scipy import optimize, stats
 
 from zerobeam.analysis.diagnostics import hold_out as module
@@ -35,16 +35,9 @@ THREE_PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), 
 LEVEL = 1e-3
 
 
-def three_placements(shots, robot=None, **noise):
+def three_placements(shots, **noise):
     """So many shots of each target, by name."""
-    targets = {name: {"guess_mm": list(THREE_PLACES[name])} for name in shots}
-    own = header(target=None, targets=targets, noise=noise)
-    postures = [
-        varied_postures(header(target=THREE_PLACES[name]), irb1600(), THREE_PLACES[name], count, 5 + i)
-        for i, (name, count) in enumerate(shots.items())
-    ]
-    names = [name for name, count in shots.items() for _ in range(count)]
-    return plan_of(own, np.concatenate(postures), names, robot)
+    return placed_plan(THREE_PLACES, shots, noise=noise)
 
 
 TWO, THREE = {"psd": 10, "left": 6}, {"psd": 7, "left": 6, "right": 5}
@@ -62,9 +55,6 @@ def recorded(shots, stated, count):
 def p_values(shots, stated, count, names=("left",)):
     told = [hold_out(problem, names) for problem in recorded(shots, stated, count)]
     return np.array([held.p_value for held in told])
-
-
-# --- the check against the noise --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -95,9 +85,6 @@ def test_what_the_fit_leaves_open_is_in_the_check():
     shots = {"psd": 5, "left": 12}
     p = p_values(shots, three_placements(shots), 60)
     assert stats.kstest(p, "uniform").pvalue > LEVEL
-
-
-# --- what is told -----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -202,9 +189,6 @@ def test_with_separate_noise_factors():
     assert open_noise.dof == known.dof
 
 
-# --- each placement left out -----------------------------------------------------------------------------
-
-
 PLACES = {
     "left_a": (800.0, 300.0, 100.0),
     "left_b": (800.0, 350.0, 100.0),
@@ -215,35 +199,18 @@ PLACES = {
 SHOTS = {"left_a": 5, "left_b": 5, "right_a": 6, "right_b": 4, "psd": 7}
 
 
-def untied(places: dict[str, tuple[float, float, float]], shots: dict[str, int]) -> Problem:
-    """Without distances."""
-    return placed(places, shots, tied=False)
-
-
-def placed(
-    places: dict[str, tuple[float, float, float]], shots: dict[str, int], tied: bool = True, **noise: object
-) -> Problem:
-    targets = {name: {"guess_mm": list(place)} for name, place in places.items()}
+def placed(shots: dict[str, int] = SHOTS, tied: bool = True, **noise: object) -> Problem:
     distances = [
         {"between": [f"{side}_a", f"{side}_b"], "mm": 50.0, "sigma_mm": 0.05}
         for side in ("left", "right")
-        if tied and f"{side}_a" in places
+        if tied and f"{side}_a" in shots
     ]
-    own = header(target=None, targets=targets, distances=distances, noise=noise)
-    postures = [
-        varied_postures(header(target=place), irb1600(), place, shots[name], 5 + i)
-        for i, (name, place) in enumerate(places.items())
-    ]
-    names = [name for name in places for _ in range(shots[name])]
-    return simulated_problem(plan_of(own, np.concatenate(postures), names), TABLE_2, 3)[1]
+    return simulated_problem(placed_plan(PLACES, shots, distances=distances, noise=noise), TABLE_2, 3)[1]
 
 
 @pytest.fixture(scope="module", params=["known", "estimated"])
 def solution(request: pytest.FixtureRequest) -> Solution:
-    return solve(placed(PLACES, SHOTS, scale=request.param), starts=0)
-
-
-# --- which placement a name means -----------------------------------------------------------------
+    return solve(placed(scale=request.param), starts=0)
 
 
 def group(name: str, *targets: str) -> Placement:
@@ -288,13 +255,9 @@ def test_part_of_a_placement_takes_all_of_it(solution: Solution) -> None:
         hold_out(solution.problem, ["*_a", "psd"])
 
 
-# --- against full fits ------------------------------------------------------------------------------
-
-
 def test_each_row_is_the_hold_out_of_the_placement(solution: Solution) -> None:
     """The hold-out fits from zero offsets, to the last digit."""
     found = leave_one_out(solution, fits_without(solution))
-    assert found is not None
     assert [row.placements for row in found.rows] == [("left",), ("right",), ("psd",)]
     for row in found.rows:
         alone = hold_out(solution.problem, row.placements)
@@ -318,7 +281,6 @@ def test_the_rms_to_expect_is_that_of_many_runs() -> None:
 
 def test_the_jackknife_by_full_fits_and_by_the_plain_formula(solution: Solution) -> None:
     found = jackknife(solution, fits_without(solution))
-    assert found is not None
     assert (found.placements, found.dof) == (("left", "right", "psd"), 2)
     fits = [
         fit_likelihood(solution.problem.without_targets(p.targets), starts=0)
@@ -328,7 +290,6 @@ def test_the_jackknife_by_full_fits_and_by_the_plain_formula(solution: Solution)
     for i, row in enumerate(found.offsets, start=1):
         by_fits = np.degrees([fit.x[i] for fit in fits])
         stated = solution[row.name].u
-        assert stated is not None
         assert row.estimates == pytest.approx(by_fits, abs=0.1 * stated)
         counts = np.array([10, 10, 7])
         whole = float(np.degrees(solution.fit.x[i]))
@@ -357,16 +318,11 @@ def test_equal_groups_have_the_plain_jackknife() -> None:
     assert abs(np.mean(plain) * counts.sum() - 1) > 0.15
 
 
-# --- what is not there ---------------------------------------------------------------------------------
-
-
 def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
     """Two measurements each at two places: 8 numbers for 6 coordinates and 5 offsets without the third."""
-    places = {name: PLACES[name] for name in ("psd", "left_a", "right_a")}
-    own = solve(untied(places, {"psd": 14, "left_a": 2, "right_a": 2}), starts=0)
+    own = solve(placed({"psd": 14, "left_a": 2, "right_a": 2}, tied=False), starts=0)
     assert all(own[f"delta{i}"].status == "identified" for i in range(2, 7))
     found = jackknife(own, fits_without(own))
-    assert found is not None
     for row in found.offsets:
         assert row.needs == ("psd",)
         assert [value is None for value in row.estimates] == [True, False, False]
@@ -375,7 +331,7 @@ def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
 
 
 def test_two_placements_have_no_jackknife_and_one_nothing() -> None:
-    two = solve(placed({k: PLACES[k] for k in ("left_a", "left_b", "psd")}, SHOTS), starts=0)
+    two = solve(placed({name: SHOTS[name] for name in ("left_a", "left_b", "psd")}), starts=0)
     found = placement_result(two, effective(two.fit))
     assert found.names == ("left", "psd")
     assert found.leave_one_out is not None
@@ -398,9 +354,6 @@ def test_the_factor_is_of_chi_squared() -> None:
     assert replace(row, chi2=None).factor is None
 
 
-# --- a rival of a moved target -------------------------------------------------------------------------
-
-
 def test_a_rival_that_explains_the_misses_leaves_no_moved_target() -> None:
     """Synthetic columns: one is the very effect of the displacement."""
     _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
@@ -412,18 +365,14 @@ def test_a_rival_that_explains_the_misses_leaves_no_moved_target() -> None:
     moved = replace(fit)
     vars(moved)["whitened"] = fit.whitened._replace(residual=fit.whitened.residual + shift.reshape(-1))
     plain = displacement(moved)
-    assert plain is not None
     assert plain.significant
     assert plain.at.before_shot in (7, 8)
     rival = displacement(moved, 3 * shift.reshape(-1, 1))
-    assert rival is not None
     assert not rival.significant
     # A rival that is stated to be small, and one of another kind, do not take it.
     small = displacement(moved, 1e-3 * shift.reshape(-1, 1))
-    assert small is not None
     assert small.significant
     other = displacement(moved, np.random.default_rng(0).normal(size=(28, 1)))
-    assert other is not None
     assert other.significant
 
 
@@ -432,7 +381,6 @@ def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
     _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
     fit = fit_likelihood(problem, starts=0)
     columns = link_columns(problem, fit.x)
-    assert columns is not None
     rng, runs, plain, rival = np.random.default_rng(3), 200, 0, 0
     for _ in range(runs):
         own = replace(fit)
@@ -445,11 +393,8 @@ def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
     assert plain > stats.binom.ppf(0.999, runs, 0.01)
 
 
-# --- weights ------------------------------------------------------------------------------------------
-
-
 def test_weight_two_is_the_measurement_twice() -> None:
-    problem = placed(PLACES, SHOTS)
+    problem = placed()
     twice = problem.select(np.append(np.arange(problem.shots), [2, 12]))
     weights = np.ones(problem.shots)
     weights[[2, 12]] = 2.0

@@ -34,7 +34,6 @@ def fitted(problem: Problem) -> Solution:
 
 def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> RunScene:
     found = scene(fitted(simulated_problem(plan, values, seed)[1]))
-    assert found is not None
     return found
 
 
@@ -50,15 +49,12 @@ def test_arm_beams_and_target_are_those_of_the_fit() -> None:
     truth, problem = simulated_problem(good_plan(), TABLE_2, 3)
     solution = fitted(problem)
     fit, found = solution.fit, scene(solution)
-    assert found is not None
     origin, direction = problem.beams(fit.x)
     (target,) = found.targets
     assert target.at_mm is not None
-    assert target.covariance_mm2 is not None
     for i, shot in enumerate(found.shots):
         (points,) = problem.functions.kernel("skeleton")(problem.joints[i : i + 1], fit.x[: problem.robot.n])
         np.testing.assert_allclose(shot.links, [*points[0].T, origin[i]], atol=1e-9)
-        assert shot.beam_to is not None
         assert shot.ahead
         along = np.subtract(shot.beam_to, origin[i])
         np.testing.assert_allclose(np.cross(along, direction[i]), 0, atol=1e-9)
@@ -82,7 +78,6 @@ def test_the_ellipsoid_holds_the_place_as_often_as_it_says(count: int) -> None:
     for seed in range(count):
         truth, problem = simulated_problem(plan, TABLE_2, seed)
         found = scene(fitted(problem))
-        assert found is not None
         (target,) = found.targets
         assert target.at_mm is not None
         off = target.at_mm - truth.x[6:9]
@@ -104,7 +99,6 @@ def test_what_the_data_leave_open_is_drawn_at_its_prior_and_has_no_place() -> No
     assert solution.status[1] == "unidentifiable"
     assert abs(np.degrees(fit.x[1])) > 0.01  # the mode has a value, which is nobody's business
     found = scene(solution)
-    assert found is not None
     (target,) = found.targets
     assert target.at_mm is target.covariance_mm2 is None
     at_zero = fit.x[: problem.robot.n].copy()
@@ -161,6 +155,5 @@ def test_a_laser_that_points_away_is_told_and_its_beam_shown() -> None:
     behind[6:9] = origin[0] - 500 * direction[0]
     turned = dataclasses.replace(solution, fit=dataclasses.replace(fit, x=behind))
     found = scene(turned)
-    assert found is not None
     assert not found.shots[0].ahead
     np.testing.assert_allclose(found.shots[0].beam_to, origin[0] + 500 * direction[0])

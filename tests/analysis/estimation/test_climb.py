@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, plan_of, random_robot
+from cells import good_plan, header, plan_of
+from fit_problems import fit_problems
 
 from zerobeam.analysis.estimation.climb import Climb, compiled_climb
 from zerobeam.analysis.estimation.coordinates import flange_coordinates
@@ -13,25 +14,10 @@ from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
-TARGETS = {"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [800, 100, 200], "sigma_mm": 500.0}}
 
 
-def problems():
-    good = good_plan(8)
-    robot = random_robot("rprrr", 4)
-    joints = np.random.default_rng(3).uniform(-1, 1, (6, 5)) * np.where(robot.display > 1, 1.0, 100.0)
-    slide = header(OPEN_PROBE, noise={"joint_mm": 0.02})
-    two, held = header(OPEN_LASER, targets=TARGETS), header(targets=TARGETS, held=["delta1", "delta4", "a.y"])
-    return {
-        "laser": Problem.from_plan(good),
-        "two targets, open laser": Problem.from_plan(plan_of(two, good.postures, ["a", "b"] * 4)),
-        "b not measured yet": Problem.from_plan(plan_of(two, good.postures, ["a", "b"] * 4)).select(
-            np.arange(0, 8, 2)
-        ),
-        "a held": Problem.from_plan(plan_of(held, good.postures, ["a", "b"] * 4)),
-        "prismatic, open probe": Problem.build(slide, robot, joints, ["psd"] * 6),
-        "links": Problem.from_plan(plan_of(header(geometry={}), good.postures)),
-    }
+PROBLEMS = fit_problems()
+PLAIN = [case for case in PROBLEMS if case not in ("separate noise", "all targets held")]
 
 
 def climbs(problem, sets, rows=5, seed=1):
@@ -49,10 +35,10 @@ def climbs(problem, sets, rows=5, seed=1):
 
 
 @needs_compiler
-@pytest.mark.parametrize("case", problems())
+@pytest.mark.parametrize("case", PLAIN)
 @pytest.mark.parametrize("sets", [1, 4])
 def test_the_same_slopes(case, sets):
-    one, two, x = climbs(problems()[case], sets)
+    one, two, x = climbs(PROBLEMS[case], sets)
     v = one.coordinates.from_parameters(x, one.of)
     every = np.arange(len(v))
     result, expected = one._compiled.slopes(v, one.of), two._model(v, every)
@@ -67,9 +53,9 @@ def test_the_same_slopes(case, sets):
 
 
 @needs_compiler
-@pytest.mark.parametrize("case", problems())
+@pytest.mark.parametrize("case", PLAIN)
 def test_the_same_way_up(case):
-    one, two, x = climbs(problems()[case], 4)
+    one, two, x = climbs(PROBLEMS[case], 4)
     v = one.coordinates.from_parameters(x, one.of)
     v[1] = np.nan
     inputs = v.copy()
@@ -88,7 +74,7 @@ def test_the_same_way_up(case):
 
 @needs_compiler
 def test_too_few_steps_are_said():
-    one, two, x = climbs(problems()["two targets, open laser"], 1)
+    one, two, x = climbs(PROBLEMS["two targets, open laser"], 1)
     v = one.coordinates.from_parameters(x, one.of)
     result, expected = one.up(v, 1), two.up(v, 1)
     assert result.reason == expected.reason == ["no convergence in 1 iterations"] * 5
@@ -107,16 +93,16 @@ def test_what_is_not_plain_climbs_in_python(scale):
 
 
 def test_without_compiled_kernels_it_climbs_in_python():
-    density = Density(problems()["laser"])
+    density = Density(PROBLEMS["laser"])
     assert compiled_climb(density, flange_coordinates(density), compile=False) is None
 
 
 @needs_compiler
-@pytest.mark.parametrize("case", [case for case in problems() if case != "prismatic, open probe"])
+@pytest.mark.parametrize("case", [case for case in PLAIN if case != "prismatic, open probe"])
 @pytest.mark.parametrize("steps", [200, 1])
 def test_the_same_top(case, steps):
     """Newton's steps from the mode, and after a climb of one step: there some rows end in Python."""
-    one, two, x = climbs(problems()[case], 4, rows=20)
+    one, two, x = climbs(PROBLEMS[case], 4, rows=20)
     v = one.coordinates.from_parameters(x, one.of)
     v[1] = np.nan
     result = two.up(v, steps)

@@ -67,11 +67,8 @@ def by_scipy(problem, start, moving):
             lambda z: rows(z)[0],
             z,
             jac=lambda z: rows(z)[1],
-            method="lm",
             x_scale="jac",
-            xtol=1e-15,
-            ftol=1e-15,
-            gtol=1e-15,
+            **{"method": "lm", "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15},
         )
         x = x.copy()
         x[moving] = parameters.prior_mean[moving] + result.x * parameters.prior_std[moving]

@@ -1,8 +1,13 @@
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
+from cells import (
+    TABLE_2,
+    good_plan,
+    placed_plan,
+    run_of,
+    simulated,
+)
 from made_problem import many_runs
-from pydantic import ValidationError
 from scipy import optimize, stats
 
 from zerobeam.analysis.analyse import analyse
@@ -13,7 +18,6 @@ from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.result_json import to_json
 
 TRUE = np.log([1.5, 0.7])
-NEAR, FAR = (900.0, 0.0, 0.0), (4000.0, 0.0, 500.0)
 WRIST = [0.0002] * 3 + [0.02] * 3  # deg: only the wrist errs, so that short beams are good ones
 SPOT = 0.8
 RUNS = 40
@@ -21,13 +25,8 @@ RUNS = 40
 
 def two_lengths(joint_deg, spot_mm, **changes):
     """Forty shots, at a near and at a far target: beams of 0.4 to 5 m."""
-    targets = {"near": {"guess_mm": list(NEAR)}, "far": {"guess_mm": list(FAR)}}
-    made_header = header(target=None, targets=targets, joint_deg=joint_deg, spot_mm=spot_mm, **changes)
-    postures = [
-        varied_postures(header(target=position), irb1600(), position, 20, 5 + i)
-        for i, position in enumerate((NEAR, FAR))
-    ]
-    return plan_of(made_header, np.concatenate(postures), ("near",) * 20 + ("far",) * 20)
+    places = {"near": (900.0, 0.0, 0.0), "far": (4000.0, 0.0, 500.0)}
+    return placed_plan(places, dict.fromkeys(places, 20), joint_deg=joint_deg, spot_mm=spot_mm, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -162,9 +161,6 @@ def test_noise_is_not_blamed_for_offsets():
         assert np.degrees(np.abs(fit.x - truth.x)[1:6]).max() < 2
 
 
-# --- what cannot be told ----------------------------------------------------------------------------
-
-
 def numbers_of(value, name):
     """All numbers of a JSON tree that stand with what is called `name`."""
     if isinstance(value, dict):
@@ -209,9 +205,3 @@ def test_a_plan_that_tells_both_tells_both():
     for name in ("noise.joint", "noise.spot"):
         assert rows[name].status in ("identified", "weak")
         assert rows[name].interval95[0] < 1.0 < rows[name].interval95[1]
-
-
-def test_no_spot_noise_has_no_factor():
-    with pytest.raises(ValidationError, match="no spot noise of which a factor could be estimated"):
-        header(spot_mm=0.0, noise={"scale": "separate"})
-    assert header(spot_mm=0.0).noise.scale == "known"

@@ -53,9 +53,6 @@ def pushed(request, calm):
     return request.param, truth, problem, fit, fit_robust(problem, fit, request.param)
 
 
-# --- the loss ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("loss", LOSSES)
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_weights_are_the_slope_of_the_loss_over_the_length(loss, d):
@@ -71,9 +68,6 @@ def test_the_weights_are_the_slope_of_the_loss_over_the_length(loss, d):
 def test_a_miss_of_no_length_has_a_weight():
     assert _weights(np.zeros(1), 2, "huber", BEND)[0] == 1.0
     assert _weights(np.zeros(1), 2, "student", STUDENT_NU)[0] == (STUDENT_NU + 2) / STUDENT_NU
-
-
-# --- the estimates ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -138,9 +132,6 @@ def test_student_lets_go_of_what_is_far_and_huber_does_not(calm):
     assert moves["student"] == pytest.approx(0.5, abs=0.05)
 
 
-# --- an estimated scale -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("loss", LOSSES)
 def test_the_scale_by_the_median_hardly_feels_one_outlier(loss):
     """One of twelve misses moves to the far end: the median of chi-squared of 2 goes at most from rank 6.5 to
@@ -177,9 +168,6 @@ def test_clean_runs_have_no_outliers(loss):
     assert alarms <= most
     # Negative control: the median as it is, with a limit that takes the scale for known.
     assert naive > most
-
-
-# --- the sandwich -----------------------------------------------------------------------------------
 
 
 def heavy_tailed(shots, count, seed):
@@ -246,9 +234,6 @@ def test_a_shot_that_decides_something_alone_leaves_no_uncertainty(loss):
     assert fit_robust(values, fit_likelihood(values, starts=0), loss).covariance is not None
 
 
-# --- in the answer ----------------------------------------------------------------------------------
-
-
 def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     _, run = simulated(good_plan(4), TABLE_2, seed=3)
     answer = analyse(run, ess=400, robust="huber").result.robust
@@ -259,18 +244,6 @@ def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     answer = analyse(run, ess=400, robust="huber").result.robust
     assert "no uncertainty" not in robust_message(answer)
     assert min(row.std for row in answer.parameters) > 0
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-def test_what_cannot_be_told_has_no_number(loss):
-    """Joint 1 freed turns with the target: the robust fit has a value of it, which must not be told."""
-    _, run = simulated(good_plan(10, held=[]), TABLE_2, seed=2)
-    answer = {row.name: row for row in analyse(run, ess=400, robust=loss).result.robust.parameters}
-    row = answer["delta1"]
-    assert (row.estimate, row.std, row.interval95) == (None, None, None)
-    for name in ("delta4", "delta5"):
-        assert answer[name].std > 0
-        assert answer[name].interval95[0] < answer[name].estimate < answer[name].interval95[1]
 
 
 def test_the_answer_names_the_outlier_by_its_number_in_the_file():

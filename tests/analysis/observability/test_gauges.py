@@ -164,9 +164,6 @@ def test_no_gauge_is_called_known_and_nothing_known_a_gauge_at_length(kind: Kind
     assume(compare(kind))
 
 
-# --- with geometry -----------------------------------------------------------------------------------
-
-
 def freed(kind: Kind) -> tuple[Cell, Problem] | None:
     """The cell of a kind, and its problem with geometry: gravity and harmonics of every other seed."""
     arm = random_cell(kind)
@@ -223,7 +220,6 @@ def compare_with_geometry(kind: Kind) -> bool:
     if special(arm, problem):
         return True
     nominal = near_by(arm, problem, None)
-    assert nominal is not None
     every = (*found, gauges_of(nominal, problem))
     may_be = np.any([own for answers in every for _, own in answers.values()], axis=0)
     # What the data add to a tolerance may be too faint to be stated: less than 1e-8 of its own information.
@@ -278,9 +274,6 @@ def test_the_x_pattern_stays_degenerate() -> None:
     assert identify(problem, problem.nominal()).status[1] != "unidentifiable"
 
 
-# --- the judge is judged -------------------------------------------------------------------------------
-
-
 def test_the_judge_finds_what_is_known() -> None:
     """Negative controls: gauges that follow from the paper, and an arm that has none."""
     common = {"seed": 4, "joints": 6, "prismatic": False, "laser": True, "calibrated": True, "on_axis": False}
@@ -291,10 +284,8 @@ def test_the_judge_finds_what_is_known() -> None:
     }
     for (constant, freed), (size, least) in expected.items():
         arm = random_cell(Kind(**common, constant=constant, shots=8, freed=freed))
-        assert arm is not None
         problem = problem_of(arm)
         point = near_by(arm, problem, 1)
-        assert point is not None
         found = null_space(point[:, problem.parameters.free])
         names = np.array(problem.parameters.names)[problem.parameters.free]
         assert found[0] == size
@@ -316,9 +307,7 @@ def test_the_judge_finds_what_is_known() -> None:
 def test_the_judge_and_the_package_have_the_same_model(kind: Kind, deviating: bool | None) -> None:
     """Jacobians agree to rounding where the measurements hit, also of links that deviate."""
     made = (random_cell(kind), None) if deviating is None else freed(kind)
-    assert made is not None
     arm, problem = made
-    assert arm is not None
     problem = problem or problem_of(arm)
     x = problem.nominal()
     if deviating:
@@ -349,7 +338,6 @@ def test_null_spaces_by_hand() -> None:
 def test_next_to_nothing_is_a_hundredth_of_the_prior() -> None:
     """Negative control: two columns that differ by a `share`, all of them a million noise stds or less."""
     arm = random_cell(Kind(4, 6, False, True, True, False, 0, 8, False))
-    assert arm is not None
     problem = problem_of(arm)
     size = int(problem.parameters.free.sum())
     for share, expected in ((1e-7, 0), (0.9e-8, 1), (1e-14, 1), (0.0, 1)):

@@ -59,9 +59,6 @@ def direction_of(identified, name, kind=None):
     return found[0]
 
 
-# --- what is known -----------------------------------------------------------------------------------
-
-
 def test_a_good_plan_passes():
     problem, identified = judged(good_plan())
     rows = by_name(problem, identified)
@@ -160,9 +157,6 @@ def test_predicted_stds_of_other_plans_at_length(case):
     assert within_chi_square_bounds(errors)
 
 
-# --- what cannot be known -------------------------------------------------------------------------------
-
-
 def test_x_pattern_straight_ahead():
     problem, identified = judged(pattern_plan("x"))
     status, data_std = by_name(problem, identified)["delta2"]
@@ -241,17 +235,6 @@ def test_x_pattern_as_it_is_recorded():
     assert claimed < 0.2
 
 
-def test_the_pseudo_inverse_claims_what_nobody_can_know():
-    """Negative control for the rule above all others: pinv gives the unknown joint a tiny std."""
-    problem, identified = judged(pattern_plan("x"))
-    jacobian = problem.whiten(problem.nominal()).jacobian[:, problem.parameters.free]
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
-    claimed = np.degrees(np.sqrt(np.diag(inverse))[:5] * problem.parameters.prior_std[1])
-    assert claimed[0] < 0.1
-    assert claimed[0] == claimed.min()
-    assert np.isinf(identified.data_std[1])
-
-
 def test_two_joints_constant():
     """Both turns share the target, and still each is told on its own."""
     plan = good_plan()
@@ -327,6 +310,7 @@ def test_beam_near_the_last_axis():
 @pytest.mark.parametrize("shots", [2, 3])
 def test_too_few_shots(shots):
     plan = good_plan()
+    assert too_few_measurements(Problem.from_plan(plan_of(plan.header, plan.postures[:4])), 8) is None
     problem, identified = judged(plan_of(plan.header, plan.postures[:shots]))
     rows = by_name(problem, identified)
     assert all(rows[f"delta{i}"] == ("unidentifiable", np.inf) for i in range(2, 7))
@@ -335,6 +319,8 @@ def test_too_few_shots(shots):
     start = f"too few measurements: {shots} give {2 * shots} numbers"
     assert all(reason(d.cause).startswith(start) for d in exact)
     assert all("at least 4 measurements" in remedy(d.cause) for d in exact)
+    probe = Problem.from_plan(good_plan(3, 5, OPEN_PROBE))
+    assert "at least 4 measurements" in remedy(too_few_measurements(probe, 11).cause)
 
 
 def test_too_few_shots_of_an_open_laser():
@@ -398,9 +384,6 @@ def test_more_noise_less_data():
     np.testing.assert_allclose(weighted.data_std[1:], 2 * std, rtol=1e-6)
 
 
-# --- what must not matter ---------------------------------------------------------------------------------
-
-
 def plans():
     return {"good": good_plan(), "x": pattern_plan("x"), "x aside": pattern_plan("x", 400.0)}
 
@@ -417,23 +400,6 @@ def same_verdict(first, second, lengths=1.0):
 
 
 CASES = list(plans())
-
-
-def in_another_order(plan):
-    return plan_of(plan.header, plan.postures[np.random.default_rng(4).permutation(len(plan.postures))])
-
-
-def with_another_name(plan):
-    guess = plan.header.targets["psd"].guess_mm
-    own = header(targets={"z9": {"guess_mm": list(guess)}})
-    return plan_of(own, plan.postures, ["z9"] * len(plan.postures))
-
-
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("other", [in_another_order, with_another_name])
-def test_the_order_of_shots_and_names_of_targets_do_not_matter(other, case):
-    plan = plans()[case]
-    same_verdict(judged(plan), judged(other(plan)))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -497,9 +463,6 @@ def test_another_target_is_another_plan():
     assert not np.allclose(judged(plan)[1].data_std[1:], judged(other)[1].data_std[1:], rtol=1e-4)
 
 
-# --- observability indices ----------------------------------------------------------------------------------
-
-
 def test_observability_of_singular_values_by_hand():
     indices = observability(np.array([8.0, 2.0, 1.0, 4.0]), shots=16)
     assert indices["O1"] == pytest.approx(64**0.25 / 4)
@@ -511,9 +474,6 @@ def test_observability_of_singular_values_by_hand():
 
 def test_observability_of_a_singular_matrix_is_zero():
     assert observability(np.array([3.0, 0.0]), 4) == dict.fromkeys(["O1", "O2", "O3", "O4", "O5"], 0.0)
-
-
-# --- verdicts and reasons -----------------------------------------------------------------------------------
 
 
 def test_pass_weak_degenerate():
@@ -542,14 +502,9 @@ def test_pass_weak_degenerate():
     assert "delta2 is identified" not in sentence
 
 
-def test_targets_and_held_ones_do_not_count():
-    plan = good_plan()
-    own = header(targets={"a": {}, "b": {}})
-    problem, identified = judged(plan_of(own, plan.postures, ["a"] * 9 + ["b"]))
-    assert "unidentifiable" in identified.status
-    assert verdict(problem, identified) == "pass"
+def test_offsets_that_are_held_do_not_count():
     every = [f"delta{i}" for i in range(1, 7)]
-    problem, identified = judged(plan_of(header(held=every), plan.postures))
+    problem, identified = judged(plan_of(header(held=every), good_plan().postures))
     assert verdict(problem, identified) == "pass"
     assert sentence_of(problem, identified) == "No offset is estimated: all are held."
 
@@ -572,9 +527,6 @@ def test_without_a_direction_of_its_own_it_is_the_noise():
     assert found.cause == NotResolvable()
     assert found.combination == {"delta2": 1.0}
     assert np.isfinite(identified.data_std[1])
-
-
-# --- mechanisms ---------------------------------------------------------------------------------------------
 
 
 def explained(plan):
@@ -649,17 +601,6 @@ def slide_plan():
 
 def two_targets():
     return plan_of(header(targets={"a": {}, "b": {}}), good_plan().postures, ["a", "b"] * 5)
-
-
-def test_too_few_shots_counts():
-    plan = good_plan()
-    few = Problem.from_plan(plan_of(plan.header, plan.postures[:3]))
-    found = too_few_measurements(few, 8)
-    assert reason(found.cause) == "too few measurements: 3 give 6 numbers for 8 unknowns"
-    assert remedy(found.cause).startswith("record at least 4 measurements")
-    assert too_few_measurements(Problem.from_plan(plan_of(plan.header, plan.postures[:4])), 8) is None
-    probe = good_plan(3, 5, OPEN_PROBE)
-    assert "at least 4 measurements" in remedy(too_few_measurements(Problem.from_plan(probe), 11).cause)
 
 
 def test_the_range_of_the_joints_before_is_that_of_the_one_that_moves_most() -> None:

@@ -60,13 +60,10 @@ def test_over_where_the_target_may_stand() -> None:
     assert check(stated(None)).over_target is None
     answers = {sigma: check(stated(sigma)) for sigma in (0.01, 100.0)}
     for answer in answers.values():
-        assert answer.over_target is not None
         assert answer.over_target.draws > 10
         assert 0 < answer.over_target.hit <= 1
         assert set(answer.over_target.worst_std) == {f"delta{i}" for i in range(2, 7)}
     near, far = answers[0.01], answers[100.0]
-    assert near.over_target is not None
-    assert far.over_target is not None
     assert near.over_target.hit == 1.0
     for row in near.parameters:
         if row.group == "offset" and not row.held:
@@ -82,7 +79,6 @@ def test_targets_out_of_reach_are_told() -> None:
     problem = Problem.from_plan(good_plan())
     spread = np.where(problem.parameters.group("target"), 1e-9, 0.0)
     whole = over_target(problem, problem.nominal(), spread)
-    assert whole is not None
     assert whole.hit == 1.0
     assert over_target(problem, problem.nominal(), np.zeros(len(spread))) is None
 
@@ -90,7 +86,6 @@ def test_targets_out_of_reach_are_told() -> None:
 def changed(plan: Plan, answer: Check) -> Plan:
     """The plan with the advice carried out, from the postures as they are aimed."""
     advice = answer.advice
-    assert advice is not None
     problem = Problem.from_plan(plan)
     joints = aim(problem, problem.nominal(), servo_joints(problem)).problem.joints
     new = joints[advice.posture].copy()
@@ -103,7 +98,6 @@ def changed(plan: Plan, answer: Check) -> Plan:
 def test_the_advice_does_what_it_says(case: str) -> None:
     plan = {"x": pattern_plan("x"), "x aside": pattern_plan("x", 400.0), "y": pattern_plan("y")}[case]
     before = check(plan)
-    assert before.advice is not None
     assert before.advice.worst_std_before == pytest.approx(before.curve[-1].worst_std, rel=1e-6)
     if case.startswith("x"):
         assert before.advice.joint == 1

@@ -5,11 +5,19 @@ import json
 
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
+from cells import (
+    TABLE_2,
+    good_plan,
+    header,
+    irb1600,
+    placed_plan,
+    plan_of,
+    run_of,
+    simulated,
+)
 from scipy import stats
 
 from zerobeam.analysis import analyse as module
-from zerobeam.analysis import ladder
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics import outliers
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -40,19 +48,7 @@ def weak():
 @pytest.fixture(scope="module")
 def two_targets():
     places = {"a": (900.0, 0.0, 0.0), "b": (800.0, 300.0, 100.0)}
-    made_header = header(
-        target=None, targets={name: {"guess_mm": list(position)} for name, position in places.items()}
-    )
-    postures = [
-        varied_postures(header(target=position), irb1600(), position, 8, 5 + i)
-        for i, position in enumerate(places.values())
-    ]
-    return simulated(plan_of(made_header, np.concatenate(postures), ["a"] * 8 + ["b"] * 8), TABLE_2, seed=3)[
-        1
-    ]
-
-
-# --- intervals --------------------------------------------------------------------------------------
+    return simulated(placed_plan(places, {"a": 8, "b": 8}), TABLE_2, seed=3)[1]
 
 
 def test_weak_parameters_are_told_by_all_three_ways(weak):
@@ -161,25 +157,6 @@ def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
     assert {row.std for row in result.robust.parameters} == {None}
 
 
-def test_without_a_fit_there_is_nothing(monkeypatch):
-    _, run = simulated(good_plan(10), TABLE_2, seed=2)
-    real = ladder.fit_likelihood
-    monkeypatch.setattr(
-        ladder,
-        "fit_likelihood",
-        lambda *args, **kwargs: dataclasses.replace(
-            real(*args, **kwargs), converged=False, reason="cut short"
-        ),
-    )
-    results = analyse(run, robust="huber")
-    result, draws = results.result, results.draws
-    assert draws is None
-    assert (result.intervals, result.robust) == ((), None)
-
-
-# --- robust -----------------------------------------------------------------------------------------
-
-
 def test_a_robust_fit_is_there_when_asked_for():
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
     assert analyse(run, ess=400).result.robust is None
@@ -214,9 +191,6 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
     assert any("did not converge" in note for note in notes(result))
 
 
-# --- held out ---------------------------------------------------------------------------------------
-
-
 def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
     calm = analyse(two_targets, ess=400).result
     answer = analyse(two_targets, ess=400, held_out=["b"]).result
@@ -249,9 +223,6 @@ def test_a_name_that_is_not_there_is_said_before_the_long_part(two_targets, refu
     assert error.found == "c"
     assert str(two_targets.path) in str(error)
     assert set(message) <= {"fit"}
-
-
-# --- the same answer twice --------------------------------------------------------------------------
 
 
 def test_one_seed_gives_the_same_file_twice(two_targets):

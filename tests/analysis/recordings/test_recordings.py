@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import TABLE_2, header, irb1600, plan_of, simulated_problem, varied_postures
+from cells import TABLE_2, placed_plan, simulated_problem
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
@@ -42,12 +42,7 @@ LEVEL = 1e-3
 def solution() -> Solution:
     """A probe in three places, twenty measurements each."""
     tool = {"kind": "probe", "calibrated": True, "point_mm": [40.0, 0, 150]}
-    targets = {name: {"guess_mm": list(place)} for name, place in PLACES.items()}
-    own, alone = header(tool, target=None, targets=targets), header(tool, target=None)
-    postures = [
-        varied_postures(alone, irb1600(), place, EACH, seed) for seed, place in enumerate(PLACES.values())
-    ]
-    plan = plan_of(own, np.vstack(postures), [name for name in PLACES for _ in range(EACH)])
+    plan = placed_plan(PLACES, dict.fromkeys(PLACES, EACH), tool, first_seed=0)
     _, problem = simulated_problem(plan, TABLE_2, 1)
     return judge(fit_likelihood(problem, starts=0))
 
@@ -121,7 +116,6 @@ def test_the_number_is_smaller_only_where_there_is_a_correlation(solution: Solut
     none = effective(of_errors(solution, errors(np.random.default_rng(1), 0.0)).fit)
     assert (none.divisor, none.number) == (1.0, 60.0)
     there = effective(of_errors(solution, errors(np.random.default_rng(1), 0.5)).fit)
-    assert there.kappa is not None
     assert there.divisor == there.kappa > 1.5
     assert there.number == pytest.approx(60 / there.kappa)
     assert [(row.first_shot, row.last_shot, row.shots) for row in there.recordings] == [
@@ -163,9 +157,6 @@ def test_the_saddle_point_against_simulation(weights: list[float]) -> None:
     rng, count = np.random.default_rng(4), 200_000
     share = (rng.chisquare(1, size=(count, len(weights))) @ np.array(weights) > 0).mean()
     assert _above_zero(np.array(weights)) == pytest.approx(share, abs=0.02)
-
-
-# --- long recordings --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, -0.9])
@@ -213,9 +204,6 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
     assert again.p_value < 1e-2
 
 
-# --- steps --------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("rho", [0.0, 0.4])
 def test_steps_are_not_found_where_there_are_none(solution: Solution, rho: float) -> None:
     """Correlated recordings must not raise the false alarms."""
@@ -247,14 +235,10 @@ def test_a_step_is_the_same_if_the_rest_is_as_well(solution: Solution) -> None:
     assert all_steps(one.fit) == all_steps(one.fit)
 
 
-# --- links within their tolerance ------------------------------------------------------------------
-
-
 def test_the_columns_of_link_errors_against_an_arm_that_has_them(solution: Solution) -> None:
     """By differences of the nominal model of an arm whose links are moved by one parameter."""
     problem, fit = solution.problem, solution.fit
     columns = link_columns(problem, fit.x)
-    assert columns is not None
     geometry = Geometry.of_links(problem.robot, 0.3, 0.1)
     expected = []
     for k, (of, axis) in enumerate(geometry.names):
@@ -279,7 +263,6 @@ def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> N
     """Errors of links alone: correlated without the rival wherever postures are, small with it."""
     fit = solution.fit
     columns = link_columns(solution.problem, fit.x)
-    assert columns is not None
     rng = np.random.default_rng(8)
     e = errors(rng, 0.0) + 10 * (columns @ rng.normal(size=columns.shape[1])).reshape(-1, 3)
     found = of_errors(solution, e)

@@ -64,9 +64,6 @@ def unpredicted(values: np.ndarray, at: np.ndarray) -> RunSample:
     return RunSample(values, None, False, None, at, np.zeros((*values.shape, 0)))
 
 
-# ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
-
-
 def test_table_2_gives_the_means_and_stds_of_the_paper_to_its_digits(tmp_path: Path) -> None:
     answer = compare([table_file(tmp_path)])
     assert [row["name"] for row in answer["offsets"]] == list(OFFSETS)
@@ -130,9 +127,6 @@ def test_a_table_that_is_not_one_is_refused(text: str, said: str, tmp_path: Path
         compare([path])
 
 
-# ── tests against second ways to the same number ──────────────────────────────────────────────
-
-
 def test_the_common_mean_is_that_of_stacked_least_squares() -> None:
     rng = np.random.default_rng(1)
     covariances = np.array([COVARIANCE * rng.uniform(0.3, 3) for _ in range(4)])
@@ -154,7 +148,6 @@ def test_the_interval_of_the_ratio_is_that_of_a_variance(noise_dof: int | None) 
     """A scatter s^2 of d degrees of freedom over the predicted: s^2 / F(d, noise) holds the true ratio."""
     own = sample(drawn(4, seed=2), noise_dof=noise_dof)
     found = consistency(own)
-    assert found is not None
     law = stats.chi2(9, scale=1 / 9) if noise_dof is None else stats.f(9, noise_dof)
     assert found.ratio == pytest.approx(np.sqrt(own.common.chi2 / 9))
     assert found.ratio_interval95 == pytest.approx(found.ratio / np.sqrt(law.ppf([0.975, 0.025])))
@@ -181,12 +174,10 @@ def test_the_mean_by_the_scatter_has_what_the_arm_adds_to_all_runs() -> None:
     """Student's t of the scatter, and a normal deviation common to all runs: more runs do not lower it."""
     values, by_geometry = drawn(5, seed=6), np.tile([[0.1, 0.0], [0.05, 0.05], [0.0, 0.02]], (5, 1, 1))
     found = mean_of(sample(values, by_geometry=by_geometry), 1, False)
-    assert found is not None
     scatter = stats.t.ppf(0.975, 4) * values[:, 1].std(ddof=1) / np.sqrt(5)
     half = np.hypot(scatter, 1.959964 * np.hypot(0.05, 0.05))
     assert found.interval95 == pytest.approx((values[:, 1].mean() - half, values[:, 1].mean() + half))
     predicted = mean_of(sample(values, by_geometry=by_geometry), 1, True)
-    assert predicted is not None
     assert predicted.by == "prediction"
     common = sample(values, by_geometry=by_geometry).common
     half = 1.959964 * np.sqrt(common.covariance[1, 1])
@@ -199,14 +190,12 @@ def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
     others = own.without(1).common
     off = values[1] - others.mean
     told = against_others(own, 1)
-    assert told is not None
     assert told.chi2 == pytest.approx(off @ np.linalg.solve(COVARIANCE + others.covariance, off))
     assert told.dof == 3
     # Without a prediction: Student's t against the scatter of the others, offset by offset.
     alone = against_others(unpredicted(values[:, :1], own.at), 1)
     rest = np.delete(values[:, 0], 1)
     t = abs(values[1, 0] - rest.mean()) / (rest.std(ddof=1) * np.sqrt(1 + 1 / 3))
-    assert alone is not None
     assert alone.p_value == pytest.approx(2 * stats.t.sf(t, 2))
     # Two others have a scatter too.
     three = against_others(unpredicted(values[:3, :1], own.at[:3]), 1)
@@ -219,7 +208,6 @@ def test_drift_is_that_of_a_regression() -> None:
     at, values = np.array([0.0, 1.0, 5.0, 7.0]), np.array([0.1, 0.3, 0.2, 0.6])
     told = drift(unpredicted(values[:, None], at))
     line = stats.linregress(at, values)
-    assert told is not None
     assert told.slope == pytest.approx(line.slope)
     assert told.p_value == pytest.approx(line.pvalue)
     half = stats.t.ppf(0.975, 2) * line.stderr
@@ -240,11 +228,9 @@ def test_p_values_are_uniform_with_known_and_with_estimated_noise() -> None:
         values = drawn(3, seed=1000 + k)
         scales = np.sqrt(rng.chisquare(6, size=3) / 6)
         own = consistency(sample(values))
-        assert own is not None
         known.append(own.p_value)
         told = [repeat(value, noise_scale=s, noise_dof=6) for value, s in zip(values, scales, strict=True)]
         whole = consistency(sample_of(told, np.arange(3.0), 3))
-        assert whole is not None
         assert whole.noise_dof == 18
         estimated.append(whole.p_value)
         wrong.append(stats.chi2.sf(whole.chi2, whole.dof))
@@ -254,13 +240,8 @@ def test_p_values_are_uniform_with_known_and_with_estimated_noise() -> None:
     assert np.sum(np.array(wrong) < 0.01) > stats.binom.ppf(0.999, count, 0.01)
 
 
-# ── simulated runs ────────────────────────────────────────────────────────────────────────────
-
-
-def chi2_of(
-    plan: Plan, sets: int, of: int = 3, *, told: Callable[..., Any] | None = None
-) -> tuple[float, int]:
-    """The sum over `sets` comparisons of simulated runs of their chi-squared, and its degrees of freedom."""
+def chi2_of(plan: Plan, sets: int, told: Callable[..., Any]) -> tuple[float, int]:
+    """The sum of chi-squared over `sets` comparisons of three simulated runs, and its degrees of freedom."""
     truth = Truth.with_values(plan, TABLE_2)
     of, display = 3, truth.problem.robot.display
     read = simulated_readings(truth.problem, np.tile(truth.x, (sets * of, 1)), np.random.default_rng(0))
@@ -289,7 +270,7 @@ def by_chance(chi2: float, dof: int) -> bool:
 
 
 def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
-    chi2, dof = chi2_of(good_plan(10), 3, told=without_its_prior)
+    chi2, dof = chi2_of(good_plan(10), 3, without_its_prior)
     assert by_chance(chi2, dof)
     # As if the headers stated two thirds of the noise.
     assert not by_chance(chi2 * 1.5**2, dof)
@@ -299,7 +280,7 @@ def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
 @pytest.mark.parametrize("changes", [{}, {"joint_deg": 0.1}, {"prior": {"offset_deg": 0.16}}])
 def test_runs_scatter_as_predicted_whatever_the_prior(changes: Json) -> None:
     """Identified, weak, and nearly known before: the prior has no part in what is compared."""
-    assert by_chance(*chi2_of(good_plan(7, **changes), 40, told=without_its_prior))
+    assert by_chance(*chi2_of(good_plan(7, **changes), 40, without_its_prior))
 
 
 def by_the_mode(run: Run) -> Repeat:
@@ -309,7 +290,7 @@ def by_the_mode(run: Run) -> Repeat:
 
 @pytest.mark.long
 def test_estimates_with_the_prior_in_them_would_agree_falsely() -> None:
-    chi2, dof = chi2_of(good_plan(7, prior={"offset_deg": 0.16}), 120, told=by_the_mode)
+    chi2, dof = chi2_of(good_plan(7, prior={"offset_deg": 0.16}), 120, by_the_mode)
     assert chi2 < stats.chi2.ppf(0.001, dof)
 
 
@@ -434,9 +415,6 @@ def test_a_run_without_a_fit_has_no_part() -> None:
     assert "nothing is compared" in alone["headline"]
 
 
-# ── results ───────────────────────────────────────────────────────────────────────────────────
-
-
 def result_file(folder: Path, name: str, values: np.ndarray, **changes: Any) -> Path:
     """As much of a result.json as `compare` reads; `changes` are of its first offset."""
     rows: list[Json] = [{"name": "delta1", "held": True, "status": "held", "estimate": 0.0}]
@@ -499,9 +477,6 @@ def test_a_result_that_is_not_whole_is_refused(change: Json, tmp_path: Path) -> 
         bad.write_text('{"schema": "zerobeam/result/1"}')
     with pytest.raises(BadInput, match=r"bad\.json: this is not a whole result"):
         compare([good, bad])
-
-
-# ── what may not be compared ──────────────────────────────────────────────────────────────────
 
 
 def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:

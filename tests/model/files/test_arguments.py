@@ -43,9 +43,6 @@ def refused(**changes) -> zb.BadInput:
     return caught.value
 
 
-# --- what it makes ----------------------------------------------------------------------------------
-
-
 def test_it_is_the_run_of_a_file_that_says_the_same(tmp_path):
     spots = np.array([[0.1, -0.2], [0, 0.05], [0.3, 0.4]])
     run = made(
@@ -107,37 +104,11 @@ def test_joints_beyond_their_limits_are_warnings_where_that_is_asked_for():
     assert "joint 1 is outside its limits" in warning
 
 
-def test_it_is_analysed_as_a_file_is(tmp_path):
-    demo = read_run(Path(zb.__file__).parent / "experiments" / "demos" / "good.jsonl")
-    header = demo.header
-    run = zb.Run.from_arrays(
-        robot="irb1600",
-        tool=zb.Laser(point_mm=header.tool.point_mm, direction=header.tool.direction),
-        joints=[shot.joints_deg for shot in demo.shots],
-        noise=zb.Noise(joint_deg=header.noise.joint_deg, spot_mm=header.noise.spot_mm),
-        targets=[shot.target for shot in demo.shots],
-        spots_mm=demo.spots,
-        target_priors={
-            name: content.model_dump(exclude_unset=True, exclude_none=True)
-            for name, content in header.targets.items()
-        },
-    )
-    mine, its = zb.analyse(run, ess=400).result, zb.analyse(demo, ess=400).result
-    assert mine.parameters == its.parameters
-    assert mine.inputs.run == "arrays"
-    assert mine.inputs.sha256 == run.sha256
-    zb.write_report(tmp_path / "out", mine, None)
-    assert (tmp_path / "out" / "result.json").exists()
-
-
 def test_what_is_wrong_only_for_the_analysis_names_the_run():
     with pytest.raises(zb.BadInput, match=r"^arrays: held names a parameter that is not there"):
         zb.analyse(made(held=["nope"]))
     with pytest.raises(zb.BadInput, match=r"^arrays: one measurement cannot"):
         zb.analyse(made(joints=POSTURES[:1]))
-
-
-# --- what it refuses --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -196,9 +167,6 @@ def test_a_value_is_checked_where_it_is_made(kind, values, argument):
         kind(**values)
     assert caught.value.argument == argument
     assert caught.value.found is not None
-
-
-# --- plans -------------------------------------------------------------------------------------------
 
 
 def made_plan(**changes):

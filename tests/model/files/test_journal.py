@@ -71,9 +71,6 @@ def robot_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "load_robot", lambda *_, **__: robot)
 
 
-# --- one shot after the other -----------------------------------------------------------------------
-
-
 def test_every_shot_is_on_the_disk_before_the_next(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[int] = []
     really = os.fsync
@@ -163,9 +160,6 @@ def test_a_journal_takes_only_what_can_be_read_again(path: Path, refused: Refuse
         journal.append(SHOTS[1])
 
 
-# --- a write that fails -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("failure", "message"),
     [(OSError(errno.ENOSPC, "No space left on device"), RigFault), (KeyboardInterrupt(), KeyboardInterrupt)],
@@ -209,9 +203,6 @@ def test_a_line_that_does_not_fit_on_the_disk_leaves_nothing_behind(path: Path) 
             finally:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         assert path.read_bytes() == before
-
-
-# --- resumed ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("robot_at_hand")
@@ -270,13 +261,6 @@ def test_a_recording_that_was_not_on_the_disk_is_brought_there_when_it_is_resume
     RunJournal.resumed(path, HEADER).close()
     assert path.read_bytes() == whole
     assert synced == [path.stat().st_ino, path.parent.stat().st_ino]
-
-
-def test_the_same_shot_is_not_recorded_again(path: Path, whole: bytes, refused: Refused) -> None:
-    path.write_bytes(whole)
-    with RunJournal.resumed(path, HEADER) as journal:
-        assert "recorded already" in refused(journal.append, SHOTS[1]).what
-    assert path.read_bytes() == whole
 
 
 @pytest.mark.parametrize(
@@ -344,9 +328,6 @@ def test_there_must_be_a_file_to_go_on_with(tmp_path: Path, path: Path, refused:
     assert list(tmp_path.iterdir()) == []
 
 
-# --- one process at a time --------------------------------------------------------------------------
-
-
 def test_a_file_that_is_recorded_to_is_refused_until_it_is_closed(path: Path, refused: Refused) -> None:
     with RunJournal(path, HEADER) as journal:
         journal.append(SHOTS[0])
@@ -363,8 +344,6 @@ def test_a_file_that_was_refused_is_not_kept_from_others(path: Path, whole: byte
     refused(RunJournal.resumed, path, Header.model_validate({**CONTENT, "limits": "warn"}))
     RunJournal.resumed(path, HEADER).close()
 
-
-# --- killed -----------------------------------------------------------------------------------------
 
 RECORDING = f"""
 import json, os, sys, time

@@ -1,13 +1,11 @@
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.orientation import roll_pitch_yaw
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
-from zerobeam.model.kinematics.robot import Robot
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">
@@ -49,16 +47,6 @@ def urdf(folder: Path, text: str = ARM) -> Path:
     return path
 
 
-def pose(robot: Robot, q: list[float]) -> np.ndarray:
-    """Flange pose (4, 4) at internal joint positions (rad, mm)."""
-    theta = ca.SX.sym("theta", robot.n)
-    function = ca.Function("pose", [theta], list(robot.flange_pose(theta)), ["theta"], ["R", "t"])
-    rotation, translation = function(np.array(q, dtype=float))
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = np.array(rotation), np.array(translation).ravel()
-    return result
-
-
 def test_a_chain_in_millimetres_with_limits_and_speeds(tmp_path):
     robot = read_urdf(urdf(tmp_path), "base", "hand")
     assert robot.name == "arm"
@@ -73,17 +61,17 @@ def test_a_chain_in_millimetres_with_limits_and_speeds(tmp_path):
 def test_a_chain_by_hand(tmp_path):
     robot = read_urdf(urdf(tmp_path), "base", "hand")
     # The base turns everything by 90 degrees, the slide goes out along it, the hand sits 100 mm on.
-    at_zero = pose(robot, [0, 250, 0])
+    at_zero = robot.fk([0, 250, 0], "rad")
     np.testing.assert_allclose(at_zero[:3, 3], [0, 350, 400], atol=1e-9)
-    np.testing.assert_allclose(pose(robot, [-np.pi / 2, 250, 0])[:3, 3], [350, 0, 400], atol=1e-9)
+    np.testing.assert_allclose(robot.fk([-np.pi / 2, 250, 0], "rad")[:3, 3], [350, 0, 400], atol=1e-9)
     # URDF's default axis is x.
-    np.testing.assert_allclose(pose(robot, [-np.pi / 2, 0, np.pi / 2])[:3, 1], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(robot.fk([-np.pi / 2, 0, np.pi / 2], "rad")[:3, 1], [0, 0, 1], atol=1e-12)
 
 
 def test_fixed_joints_before_and_after_the_moving_ones_count(tmp_path):
     with pytest.warns(DoubtfulRobot, match="beyond any real arm"):
         from_world = read_urdf(urdf(tmp_path), "world", "hand")
-    np.testing.assert_allclose(pose(from_world, [0, 0, 0])[:3, 3], [9000, 9100, 9400], atol=1e-9)
+    np.testing.assert_allclose(from_world.fk([0, 0, 0], "rad")[:3, 3], [9000, 9100, 9400], atol=1e-9)
 
 
 def test_roll_pitch_yaw_turn_about_fixed_axes():
@@ -179,10 +167,10 @@ def test_panda_against_the_maker_s_rows(shared_data):
         expected = expected @ link @ turn
     hand = roll_pitch_yaw(0, 0, -np.pi / 4)
     hand[2, 3] = 107 + 103.4
-    np.testing.assert_allclose(pose(robot, q), expected @ hand, atol=1e-6)
+    np.testing.assert_allclose(robot.fk(q, "rad"), expected @ hand, atol=1e-6)
 
 
 def test_the_other_recorded_arms_have_chains(shared_data):
     kuka = read_urdf(shared_data / "mukca/urdf/iiwa14.urdf", "base_link", "tool0")
-    np.testing.assert_allclose(pose(kuka, [0] * 7)[:3, 3], [0, 0, 1306], atol=1e-6)
+    np.testing.assert_allclose(kuka.fk([0] * 7, "rad")[:3, 3], [0, 0, 1306], atol=1e-6)
     assert read_urdf(shared_data / "mukca/urdf/gen3lite.urdf", "kinova_base_link", "end_effector_link").n == 6

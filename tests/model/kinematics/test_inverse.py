@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.inverse import Solver, is_singular, reach
+from zerobeam.model.kinematics.inverse import Solver, is_singular, longest_reach, reach
 
 
 @pytest.mark.parametrize(("name", "most"), [("irb120", 8), ("ur5e", 8), ("gen3_lite", 16)])
@@ -56,3 +56,13 @@ def test_singularities() -> None:
     robot = load_robot("irb120")
     assert is_singular(robot, np.radians([10.0, 20, 10, 15, 0.0, 40]))
     assert not is_singular(robot, np.radians([10.0, 20, 10, 15, 40.0, 40]))
+
+
+def test_the_reach_of_a_stretched_arm() -> None:
+    # Axis 1 to 2, upper arm, forearm with its offset, and the flange in line with the stretched wrist.
+    wrist, flange = np.hypot(35, 420), 80
+    found = longest_reach(load_robot("kr6_r900"))
+    assert found == pytest.approx(25 + 455 + wrist + flange, abs=1.0)
+    assert found < 25 + 455 + wrist + flange + 1e-9
+    # Of the paper's arm the last frame is the centre of the wrist.
+    assert longest_reach(load_robot("irb1600")) == pytest.approx(150 + 700 + 600, abs=0.5)

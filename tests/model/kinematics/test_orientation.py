@@ -28,27 +28,20 @@ def rotations() -> list[np.ndarray]:
 
 def test_every_form_gives_the_rotation_back() -> None:
     for turn in rotations():
-        forms_give_back(turn)
-
-
-def forms_give_back(turn: np.ndarray) -> None:
-    result = orientation(turn)
-    w, x, y, z = result.quaternion
-    assert w >= 0
-    a, b, c = result.abc
-    roll, pitch, yaw = result.roll_pitch_yaw
-    rx, ry, rz = result.xyz
-    forms = [
-        Rotation.from_quat([x, y, z, w]).as_matrix(),
-        about("z", a) @ about("y", b) @ about("x", c),
-        about("z", yaw) @ about("y", pitch) @ about("x", roll),
-        Rotation.from_rotvec(result.rotation_vector).as_matrix(),
-        about("x", rx) @ about("y", ry) @ about("z", rz),
-    ]
-    for form in forms:
-        np.testing.assert_allclose(form, turn, rtol=0, atol=1e-12)
-    assert np.linalg.norm(result.rotation_vector) <= np.pi + 1e-12
-    np.testing.assert_allclose(roll_pitch_yaw(*angles_of(turn))[:3, :3], turn, rtol=0, atol=1e-12)
+        result = orientation(turn)
+        w, x, y, z = result.quaternion
+        assert w >= 0
+        forms = [
+            Rotation.from_quat([x, y, z, w]).as_matrix(),
+            Rotation.from_euler("ZYX", result.abc, degrees=True).as_matrix(),
+            Rotation.from_euler("xyz", result.roll_pitch_yaw, degrees=True).as_matrix(),
+            Rotation.from_rotvec(result.rotation_vector).as_matrix(),
+            Rotation.from_euler("XYZ", result.xyz, degrees=True).as_matrix(),
+            roll_pitch_yaw(*angles_of(turn))[:3, :3],
+        ]
+        for form in forms:
+            np.testing.assert_allclose(form, turn, rtol=0, atol=1e-12)
+        assert np.linalg.norm(result.rotation_vector) <= np.pi + 1e-12
 
 
 def test_a_tool_that_points_forward_is_what_pendants_show() -> None:

@@ -73,7 +73,6 @@ def test_order_names_unit_and_counting_of_a_pendant(tmp_path: Path) -> None:
     assert pendant.read(pendant.shown(joints)) == pytest.approx(joints)
     assert [reading["name"] for reading in pendant.readings(joints)] == ["U", "S", "L"]
     assert pendant.counted(joints).tolist() == [10, 20, 30]
-    assert pendant.sentence is not None
     for word in ("from the ground", "U, S, L", "pulses"):
         assert word in pendant.sentence
     assert robot.conventions.below_base == 330

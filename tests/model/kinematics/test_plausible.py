@@ -12,33 +12,18 @@ from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, doubts, l
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
 
 # Each change of a UR5e, and what must be said of it.
+LENGTHS = ("-392.2", "-425", "162.5", "133.3", "99.7", "99.6")
 CHANGES = {
     "all lengths in metres": (
-        {
-            "-392.2": "-0.3922",
-            "-425": "-0.425",
-            "162.5": "0.1625",
-            "133.3": "0.1333",
-            "99.7": "0.0997",
-            "99.6": "0.0996",
-        },
+        {length: f"{float(length) / 1000:g}" for length in LENGTHS},
         "lengths look like metres: the largest is a_mm of joint 2: -0.425",
     ),
     "one length in metres": ({"-392.2": "-0.3922"}, "a_mm of joint 3: -0.3922 looks like metres: -392.2 mm"),
-    "a twist in radians": (
-        {"alpha_deg: 90": "alpha_deg: 1.5708"},
-        "1.5708 looks like radians: 90.0002 degrees",
-    ),
+    "a twist in radians": ({"alpha_deg: 90": "alpha_deg: 1.5708"}, "1.5708 looks like radians: 90.0002 deg"),
     "a twist of 3.14": ({"alpha_deg: -90": "alpha_deg: 3.14"}, "3.14 looks like radians"),
     "limits in radians": ({"360": "6.28319"}, "all limits are within"),
-    "speeds in radians": (
-        {"speed_deg_s: 180": "speed_deg_s: 3.14"},
-        "fastest joint makes 3.14 degrees a second",
-    ),
-    "a twist that is mistyped": (
-        {"alpha_deg: -90": "alpha_deg: -99"},
-        "alpha_deg of joint 5: -99 is near -90",
-    ),
+    "speeds in radians": ({"speed_deg_s: 180": "speed_deg_s: 3.14"}, "makes 3.14 degrees a second"),
+    "a twist that is mistyped": ({"alpha_deg: -90": "alpha_deg: -99"}, "joint 5: -99 is near -90"),
     "a twist with few decimals": ({"alpha_deg: -90": "alpha_deg: -89.95"}, "-89.95 is near -90"),
     "micrometres": ({"-392.2": "-392200"}, "beyond any real arm"),
 }

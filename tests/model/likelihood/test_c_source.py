@@ -32,8 +32,6 @@ def both_ways(function, **options):
     return made
 
 
-# --- operations -------------------------------------------------------------------------------------
-
 TWO = {"ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide}
 ONE = {
     "NEG": np.negative,
@@ -131,9 +129,6 @@ def test_what_is_not_known_is_refused(value):
         grid_source(function, ())
 
 
-# --- hoisting ---------------------------------------------------------------------------------------
-
-
 def hoistable():
     a, b = ca.SX.sym("a", 1), ca.SX.sym("b", 1)
     return ca.Function("hoist", [a, b], [ca.sqrt(a) * b + ca.exp(b)], ["a", "b"], ["v"])
@@ -166,9 +161,6 @@ def test_the_same_function_gives_the_same_source():
     assert grid_source(hoistable(), ("a",)) == grid_source(hoistable(), ("a",))
     assert grid_source(hoistable(), ("a", "b")) == grid_source(hoistable(), ("b", "a"))
     assert grid_source(hoistable(), ("a",)) != grid_source(hoistable(), ())
-
-
-# --- the functions of a shot ------------------------------------------------------------------------
 
 
 def shot_functions(name, folder, log_det="none"):
@@ -250,17 +242,6 @@ def test_sums_over_shots_by_both_paths(tmp_path, name, which):
 
 
 @needs_compiler
-def test_hoisted_or_not_the_slopes_are_the_same(tmp_path):
-    functions = shot_functions("irb1600", tmp_path, "relative")
-    inputs = weighted_inputs(functions, 9)
-    hoisted = functions.kernel("slopes", compile=True)
-    plain = Kernel(functions.function("slopes"), compile=True, gram=True)
-    assert (len(hoisted._hoisted), len(plain._hoisted)) == (4, 0)
-    for one, two in zip(hoisted.sums(inputs(), 9, SHOTS), plain.sums(inputs(), 9, SHOTS), strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
-@needs_compiler
 @pytest.mark.parametrize("name", DESIGNED)
 def test_rows_by_both_paths(tmp_path, name):
     functions = shot_functions(name, tmp_path)
@@ -279,31 +260,3 @@ def test_rows_by_both_paths(tmp_path, name):
                 alone = compiled(*(each[row : row + 1] for each in inputs))
                 for part, other in zip(results, alone, strict=True):
                     np.testing.assert_array_equal(part[row], other[0])
-
-
-@needs_compiler
-def test_one_shot_of_many_walkers_and_many_shots_of_one(tmp_path):
-    """The two ends of a grid: a sum of one is the value, and a sum over shots the values' sum."""
-    functions = shot_functions("irb1600", tmp_path, "whole")
-    made = functions.kernel("terms", compile=True)
-    rng = np.random.default_rng(3)
-    q, spot, delta, target, tool = draws(functions, rng, 6)
-    turns, ones = functions.robot.recorded_turns(q), np.ones(1)
-    variances = np.append(np.full(6, 3e-8), 2.5e-3)
-    each = made(turns, spot, ones, delta[0], target[0], tool[0], variances, variances)
-    summed = made.sums(
-        [
-            per_inner(turns, 6),
-            per_inner(spot, 6),
-            constant(ones, 6),
-            per_outer(delta[:1], 6),
-            per_outer(target[:1], 6),
-            per_outer(tool[:1], 6),
-            constant(variances, 6),
-            constant(variances, 6),
-        ],
-        1,
-        6,
-    )
-    for value, total in zip(each, summed, strict=True):
-        assert total[0] == pytest.approx(value.sum(), rel=1e-13)

@@ -11,11 +11,9 @@ from plain_model import (
     beam,
     by_complex_step,
     by_complex_steps,
-    by_differences,
     covariance,
     miss,
     terms,
-    turn,
     unit,
 )
 
@@ -35,8 +33,6 @@ DIRECTION = {
 }
 TOOLS = ("laser", "laser, uncalibrated", "probe", "probe, uncalibrated")
 POINTS = 2  # random points for each arm and tool
-
-BOUND = 1e-6  # mm per rad, mm per mm: far above what complex steps leave, 1e-9
 
 
 class Case:
@@ -78,8 +74,8 @@ class Case:
         free = np.concatenate([self.offsets(rng), target, self.unknowns(rng)])
         return self.arm.random(rng), spot, free
 
-    def hits(self, near: float = 2.0) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """The same points with each target within `near` mm of the beam, some 900 mm away, or of the tip."""
+    def hits(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """The same points with each target within 2 mm of the beam, some 900 mm away, or of the tip."""
         rng = np.random.default_rng(5)
         result = []
         for q, spot, free in self.points:
@@ -89,7 +85,7 @@ class Case:
                 p, u = beam(self.tool, unknowns)
                 y = p + rng.uniform(600, 1200) * u
             flange = self.arm.pose(q + delta).real
-            target = flange[:3, 3] + flange[:3, :3] @ (y + rng.uniform(-near, near, 3))
+            target = flange[:3, 3] + flange[:3, :3] @ (y + rng.uniform(-2, 2, 3))
             result.append((q, spot, np.concatenate([delta, target, unknowns])))
         return result
 
@@ -110,8 +106,8 @@ class Case:
     def split(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return free[: self.n], free[self.n : self.n + 3], free[self.n + 3 :]
 
-    def plain(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray, **changes: np.ndarray) -> np.ndarray:
-        return miss(self.arm.pose, self.tool, q, spot, free, **changes)
+    def plain(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+        return miss(self.arm.pose, self.tool, q, spot, free)
 
     def miss(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
         return self.call("linear", q, spot, *self.split(free))[0]
@@ -179,15 +175,6 @@ def case(request, cases, arm_name):
     return cases(arm_name, request.param)
 
 
-# --- the miss and its Jacobian ----------------------------------------------------------------------
-
-
-def test_the_arms_and_tools_cover_what_they_are_meant_to():
-    """Nothing below is shown for a kind of joint or a beam axis that no case has."""
-    assert {int(np.argmax(np.abs(d))) for d in DIRECTION.values()} == {0, 1, 2}
-    assert any(min(d) < -0.9 for d in DIRECTION.values())
-
-
 def test_the_miss_against_plain_numpy(case):
     for q, spot, free in case.points:
         expected = case.plain(q, spot, free)
@@ -196,50 +183,13 @@ def test_the_miss_against_plain_numpy(case):
 
 
 def test_the_jacobian_against_complex_steps_of_the_plain_model(case):
-    """No step error here: only the roundings of some 5000 mm."""
+    """No step error: only the roundings of some 5000 mm. Every column matters at one point or another."""
+    largest = 0.0
     for q, spot, free in case.points:
         expected = by_complex_steps(lambda z, q=q, s=spot: case.plain(q, s, z), free)
         np.testing.assert_allclose(case.jacobian(q, spot, free), expected, rtol=0, atol=1e-9)
-
-
-def test_the_jacobian_by_offsets_is_the_one_by_recorded_joints(case):
-    for q, spot, free in case.points:
-        by_joints = by_complex_steps(lambda z, s=spot, f=free: case.plain(z, s, f), q)
-        np.testing.assert_allclose(case.jacobian(q, spot, free)[:, : case.n], by_joints, rtol=0, atol=1e-9)
-
-
-def test_a_jacobian_without_one_of_its_columns_is_caught(case):
-    """Negative control: every column matters by 100,000 bounds, at the worst of the points."""
-    columns = [np.abs(case.jacobian(q, spot, free)).max(axis=0) for q, spot, free in case.points]
-    assert (np.max(columns, axis=0) > 1e5 * BOUND).all()
-
-
-@pytest.mark.parametrize("part", ["turn of the flange", "shift of the flange", "tilt of the basis"])
-def test_a_jacobian_without_one_of_its_terms_is_caught(cases, arm_name, part):
-    """Negative control: the product rule of y = R'(P - t), and of B(u)'(y - p), with one factor held."""
-    case = cases(arm_name, "laser, uncalibrated")
-    for q, spot, free in case.points:
-        delta, _, unknowns = case.split(free)
-        here = case.arm.pose(q + delta).real
-        basis = across(case.tool.direction, beam(case.tool, unknowns)[1])
-
-        def lacking(z, q=q, spot=spot, here=here, basis=basis):
-            def pose(theta):
-                flange = case.arm.pose(theta)
-                if part == "turn of the flange":
-                    flange[:3, :3] = here[:3, :3]
-                elif part == "shift of the flange":
-                    flange[:3, 3] = here[:3, 3]
-                return flange
-
-            return miss(pose, case.tool, q, spot, z, basis=basis if part.startswith("tilt") else None)
-
-        np.testing.assert_allclose(lacking(free).real, case.miss(q, spot, free), atol=1e-9)  # the same value
-        difference = np.abs(case.jacobian(q, spot, free) - by_complex_step(lacking, free))
-        assert difference.max() > 1e5 * BOUND
-
-
-# --- the Gaussian terms -----------------------------------------------------------------------------
+        largest = np.maximum(largest, np.abs(expected).max(axis=0))
+    assert (largest > 0.1).all()
 
 
 def test_the_plain_covariance_is_that_of_the_derivative_by_the_joints(case):
@@ -251,14 +201,6 @@ def test_the_plain_covariance_is_that_of_the_derivative_by_the_joints(case):
         np.testing.assert_allclose(case.covariance(q, spot, free), expected, rtol=1e-9, atol=1e-12)
 
 
-def test_the_terms_against_slogdet_and_solve(case):
-    for q, spot, free in case.hits():
-        s, m = case.covariance(q, spot, free), case.plain(q, spot, free).real
-        quad, logdet = (float(value[0]) for value in case.weighted("terms", q, spot, free))
-        assert logdet == pytest.approx(np.linalg.slogdet(s)[1], rel=1e-10, abs=1e-10)
-        assert quad == pytest.approx(m @ np.linalg.solve(s, m), rel=1e-9)
-
-
 LOG_DETS = pytest.mark.parametrize("log_det", ["none", "relative", "whole"])
 
 
@@ -268,8 +210,9 @@ def test_the_log_determinant_that_is_asked_for(case, log_det):
     variances = case.variances() * np.append(np.full(case.n, 4.0), 1.0)
     for q, spot, free in case.hits():
         quad, logdet = case.plain_terms(q, spot, np.append(free, [np.log(2), 0.0]), log_det)
-        result = case.weighted("terms", q, spot, free, log_det, variances=variances)
-        np.testing.assert_allclose(np.concatenate(result), [quad.real, logdet.real], rtol=1e-9, atol=1e-9)
+        for name in ("terms", "slopes"):
+            result = case.weighted(name, q, spot, free, log_det, variances=variances)[:2]
+            np.testing.assert_allclose(np.concatenate(result), [quad.real, logdet.real], rtol=1e-9, atol=1e-9)
         # At the noise that is stated, nothing is relative to it.
         (at_stated,) = case.weighted("terms", q, spot, free, log_det)[1]
         assert (abs(at_stated) < 1e-12) == (log_det != "whole")
@@ -291,18 +234,6 @@ def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
 
 
 @LOG_DETS
-def test_the_slopes_have_the_values_of_the_terms(case, log_det):
-    variances = 4 * case.variances()
-    for q, spot, free in case.hits():
-        for first, second in zip(
-            case.weighted("slopes", q, spot, free, log_det, 1.0, variances)[:2],
-            case.weighted("terms", q, spot, free, log_det, 1.0, variances),
-            strict=True,
-        ):
-            np.testing.assert_allclose(first, second, rtol=1e-12, atol=1e-12)
-
-
-@LOG_DETS
 def test_the_gradients_against_complex_steps_of_the_plain_terms(case, log_det):
     """No step error: what is left is the rounding of the miss, some 1e-11 mm, times J / sigma^2 = 2000 mm /
     (0.05 mm)^2, and as much of S. Where the log det is relative, by the noise factors as well, at others
@@ -320,18 +251,6 @@ def test_the_gradients_against_complex_steps_of_the_plain_terms(case, log_det):
             np.testing.assert_allclose(values, expected[:, -2:], rtol=1e-9, atol=1e-9)
             # Negative control: by the factors themselves they would be others.
             assert np.abs(values / np.exp(logs) - expected[:, -2:]).max() > 0.01
-
-
-def test_a_gradient_without_the_change_of_the_weights_is_caught(case):
-    """Negative control: with S held, as in Gauss-Newton, the gradient is another one."""
-    worst = np.zeros(2)
-    for q, spot, free in case.hits(near=0.2):
-        _, _, by_quad, by_logdet, *_ = case.weighted("slopes", q, spot, free)
-        whitened = np.linalg.solve(case.covariance(q, spot, free), case.miss(q, spot, free))
-        frozen = 2 * case.jacobian(q, spot, free).T @ whitened
-        changes = [np.abs(each - frozen).max() / 2 for each in (by_quad, by_quad + by_logdet)]
-        worst = np.maximum(worst, changes)
-    assert (worst > 0.1).all()
 
 
 def lower_of(flat: np.ndarray) -> np.ndarray:
@@ -407,9 +326,6 @@ def test_the_information_on_the_noise_is_the_covariance_of_its_score(cases, kind
         assert (np.abs(products.mean(axis=0) - wrong) > 5 * error).any()
 
 
-# --- gauges -----------------------------------------------------------------------------------------
-
-
 def moved(flange: np.ndarray, point: np.ndarray) -> np.ndarray:
     return flange[:3, 3] + flange[:3, :3] @ point
 
@@ -435,39 +351,6 @@ def test_moving_base_and_target_with_joint_1_changes_no_miss(case, amount):
         np.testing.assert_allclose(case.miss(q, spot, turned), case.miss(q, spot, free), rtol=0, atol=1e-9)
         wrong = np.concatenate([delta - step, moved(there, target), unknowns])
         assert np.abs(case.miss(q, spot, wrong) - case.miss(q, spot, free)).max() > 0.1
-
-
-def test_joint_1_of_irb1600_turns_about_the_base_axis(cases):
-    """So that the gauge above is the one of section 3.3, and not merely some motion."""
-    case = cases("irb1600", "laser")
-    there = motion(case, 0, np.full(6, 0.3), 0.4)
-    np.testing.assert_allclose(there[:3, :3], turn(np.array([0.0, 0, 1]), 0.4).real, atol=1e-12)
-    np.testing.assert_allclose(there[:3, 3], 0, atol=1e-9)
-
-
-def test_written_in_the_base_frame_the_same_gauge_hides(cases):
-    """Why the miss is kept in the flange frame: (P - o) x u turns along with the base."""
-    case = cases("irb1600", "laser")
-    q, spot, free = case.points[0]
-    delta, target, unknowns = case.split(free)
-
-    def crossed(delta, target):
-        origin, direction = case.call("beam", q, delta, unknowns)
-        return np.cross(target - origin, direction)
-
-    step = 0.1 * np.eye(6)[0]
-    turned = moved(motion(case, 0, q, 0.1), target)
-    here, there = crossed(delta, target), crossed(delta + step, turned)
-    assert np.linalg.norm(here) == pytest.approx(np.linalg.norm(there), abs=1e-6)
-    assert np.abs(here - there).max() > 1.0
-    # And its first derivative along the gauge is not zero, while that of the miss is.
-    along = np.concatenate([np.eye(6)[0], np.cross([0, 0, 1], target)])
-    rate = by_differences(
-        lambda a: crossed(delta + a * np.eye(6)[0], target + a * along[6:]), np.zeros(1), np.full(1, 1e-4)
-    )
-    assert np.abs(rate).max() > 1.0
-    jacobian = case.jacobian(q, spot, free)
-    np.testing.assert_allclose(jacobian @ along, 0, atol=1e-9)
 
 
 @pytest.mark.parametrize("constant", [1, 2, 3])
@@ -533,23 +416,6 @@ def test_the_last_joint_and_an_uncalibrated_tool_turn_together(cases, arm_name, 
         unturned = case.miss(q, spot, np.concatenate([delta + step, target, unknowns]))
         alone = max(alone, abs(np.linalg.norm(unturned) - here))
     assert alone > 0.1
-
-
-def test_a_beam_along_x_turned_about_the_last_axis_keeps_the_miss_itself(cases):
-    """Section 3.1: delta6 + phi against a tilt of -phi in the plane across the last axis."""
-    case = cases("irb1600", "laser, uncalibrated")
-    tool = Tool("laser", False, np.array([0, 0, 65.0]), case.tool.direction, 0.05, 10.0)  # on the last axis
-    linear = ShotFunctions(case.robot, tool).function("linear")
-    for q, spot, free in case.points:
-        delta, target, unknowns = case.split(free)
-        flat = np.array([0.05, 0.0, 0.0, unknowns[3]])
-        turned, step = flat - [0.1, 0, 0, 0], 0.1 * np.eye(6)[5]
-        here = dense(linear(q, spot, delta, target, flat)[0])
-        there = dense(linear(q, spot, delta + step, target, turned)[0])
-        np.testing.assert_allclose(there, here, rtol=0, atol=1e-9)
-
-
-# --- places and beams -------------------------------------------------------------------------------
 
 
 def test_seen_and_place_are_each_other_backwards(cases, arm_name):
@@ -631,9 +497,6 @@ def test_where_a_beam_meets_a_plane_and_how_the_spot_moves(cases, arm_name, kind
         assert np.abs(onto @ by[:3] - expected).max() > 1  # control: without the turn of the beam
 
 
-# --- midpoints --------------------------------------------------------------------------------------
-
-
 def middle(beams: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Of the shortest segment between two lines: it is square to both, so that three lengths solve it."""
     (o1, u1), (o2, u2) = beams
@@ -694,41 +557,6 @@ def test_a_midpoint_known_by_hand():
     # Recorded at one shot alone, the lift moves the middle by half.
     for by in (by_q1, by_q2):
         np.testing.assert_allclose(np.array(by)[:, 1], [0, 0, 0.5], atol=1e-12)
-
-
-# --- names ------------------------------------------------------------------------------------------
-
-
-def test_every_input_and_output_is_named(case):
-    shot = ["spot", "arm", "target", "tool"]
-    weighted = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
-    slopes = ["quad", "logdet", "quad_gradient", "logdet_gradient"]
-    slopes += ["noise_information", "root_weight", "root"]
-    named = {
-        "linear": (["q", *shot], ["m", "jacobian"]),
-        "terms": (weighted, ["quad", "logdet"]),
-        "slopes": (weighted, slopes),
-        "seen": (["q", "arm", "target"], ["y"]),
-        "sighted": (["q", "arm", "target"], ["y", "jacobian"]),
-        "place": (["q", "arm", "y"], ["target"]),
-        "placed": (["q", "arm", "y"], ["target", "jacobian"]),
-        "beam": (["q", "arm", "tool"], ["origin", "direction"]),
-        "skeleton": (["q", "arm"], ["points"]),
-        "axes": (["q", "arm"], ["axes"]),
-    }
-    if case.tool.kind == "laser":
-        hit = ["point", "length", "jacobian"]
-        named["hit"] = (["q", "arm", "tool", "centre", "normal"], hit)
-    for functions in case.by_log_det.values():
-        for name, (inputs, outputs) in named.items():
-            function = functions.function(name)
-            assert (function.name(), function.name_in(), function.name_out()) == (name, inputs, outputs)
-            for k in range(function.n_out()):
-                assert function.sparsity_out(k).is_dense(), name
-    size = len(case.steps())
-    for log_det, free in (("none", size), ("relative", size + 2), ("whole", size)):
-        sizes = [case.by_log_det[log_det].function("slopes").numel_out(k) for k in range(7)]
-        assert sizes == [1, 1, free, free, 3, 1, case.tool.residual_size * size]
 
 
 def test_a_function_and_a_kernel_are_made_once(cases):

@@ -14,7 +14,6 @@ from zerobeam.model.likelihood.tool import Tool
 
 TOOLS = ("free laser", "free probe")
 POINTS = 2
-BOUND = 1e-6  # of fourth-order differences, mm per rad or mm: see test_constraint
 STATED = {"up": [0.2, -0.3, 1.0], "gravity": True}
 
 
@@ -66,11 +65,6 @@ class Case:
     def plain(self, q, spot, free):
         return self.own.miss(self.tool, q, spot, free)
 
-    def steps(self):
-        offsets = np.where(self.robot.display == 1, 1.0, 1e-3)
-        tool = [1e-3, 1e-3, 1.0, 1.0] if self.tool.kind == "laser" else [1.0] * 3
-        return np.concatenate([offsets, np.where(self.own.lengths, 1.0, 1e-3), [1.0] * 3, tool])
-
 
 @pytest.fixture(scope="module")
 def arms(request, tmp_path_factory):
@@ -104,9 +98,6 @@ def case(request, arms, arm_name):
     return Case(arms(arm_name), request.param)
 
 
-# --- the residual and its Jacobian ------------------------------------------------------------------
-
-
 def test_the_arms_cover_every_kind_of_parameter(arms):
     axes = {axis for name in DESIGNED for _, axis in arms(name).names}
     assert axes == {"a", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"}
@@ -118,36 +109,13 @@ def test_the_residual_against_plain_numpy(case):
 
 
 def test_the_jacobian_against_complex_steps_of_the_plain_model(case):
-    """Exact but for the roundings of some 5000 mm."""
+    """Exact but for the roundings of some 5000 mm. Every column matters at one point or another."""
+    largest = 0.0
     for q, spot, free in case.points:
         expected = by_complex_steps(lambda z, q=q, s=spot: case.plain(q, s, z), free)
         np.testing.assert_allclose(case.linear(q, spot, free)[1], expected, rtol=0, atol=1e-8)
-
-
-def test_a_jacobian_without_one_of_its_columns_is_caught(case):
-    """Negative control: every column matters, at the worst of the points."""
-    worst = np.zeros(case.n + case.g)
-    for q, spot, free in case.points:
-        worst = np.maximum(worst, np.abs(case.linear(q, spot, free)[1]).max(axis=0)[: len(worst)])
-    assert (worst > 1e4 * BOUND).all(), worst
-
-
-@pytest.mark.parametrize("dropped", ["a", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"])
-def test_a_plain_model_without_one_of_its_terms_is_another(case, dropped):
-    """Negative control: with one kind of parameter left out, residuals and Jacobians differ."""
-    names = [axis for _, axis in case.own.names]
-    if dropped not in names:
-        pytest.skip("this arm has no such parameter")
-    worst = 0.0
-    for q, spot, free in case.points:
-        without = free.copy()
-        columns = np.flatnonzero([axis == dropped for axis in names]) + case.n
-        without[columns] = 0.0
-        worst = max(worst, np.abs(case.plain(q, spot, without) - case.linear(q, spot, free)[0]).max())
-    assert worst > 1e3 * BOUND
-
-
-# --- likelihood, both ways of the kernels -----------------------------------------------------------
+        largest = np.maximum(largest, np.abs(expected).max(axis=0))
+    assert (largest[: case.n + case.g] > 0.01).all()
 
 
 def variances(case):
@@ -188,9 +156,6 @@ def test_what_is_recorded_is_that_of_the_symbols(case):
     for row, other in zip(case.own.geometry.recorded(case.robot, joints), joints, strict=True):
         np.testing.assert_allclose(row, np.array(symbols(other)).ravel(), rtol=0, atol=1e-12)
     assert case.own.geometry.recorded(case.robot, joints[:0]).shape == (0, row.size)
-
-
-# --- nominal ----------------------------------------------------------------------------------------
 
 
 def test_at_zero_the_geometry_is_nominal(case):

@@ -63,8 +63,6 @@ def never_compile(*_):
     raise AssertionError("compiled again")
 
 
-# --- numbers ----------------------------------------------------------------------------------------
-
 PATHS = [pytest.param(True, id="compiled", marks=needs_compiler), pytest.param(False, id="plain")]
 
 
@@ -115,12 +113,8 @@ def test_sums_over_shots_for_many_walkers(compile):
     made = Kernel(function, compile=compile)
     rng = np.random.default_rng(1)
     walkers, shots, index = 4, 6, np.array([0, 2, 2, 1, 0, 2])
-    w, s, t, c = (
-        rng.normal(size=(walkers, 2)),
-        rng.normal(size=(shots, 3)),
-        rng.normal(size=(walkers, 3, 2)),
-        np.array([0.7]),
-    )
+    w, s, t = (rng.normal(size=size) for size in ((walkers, 2), (shots, 3), (walkers, 3, 2)))
+    c = np.array([0.7])
     inputs = [per_outer(w, shots), per_inner(s, shots), selected(t, index), constant(c, shots)]
     vector, scalar = made.sums(inputs, walkers, shots)
     assert vector.shape == (walkers, 3)
@@ -155,9 +149,6 @@ def test_an_input_of_no_size(compile):
 def test_what_is_not_finite_stays_so(compile):
     total, _ = Kernel(small(), compile=compile)(np.array([np.nan, 1]), np.ones(3))
     assert np.isnan(total[0])
-
-
-# --- what does not change over the shots ------------------------------------------------------------
 
 
 def bent():
@@ -246,9 +237,6 @@ def test_no_walkers_and_no_shots(compile):
     assert nobody.shape == (0, 3)
 
 
-# --- shapes -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("compile", PATHS)
 @pytest.mark.parametrize(
     ("shapes", "message"),
@@ -280,14 +268,6 @@ def test_an_output_that_is_not_dense_is_refused(compile):
         Kernel(ca.Function("diagonal", [a], [ca.diag(a)]), compile=compile)
 
 
-def test_casadi_itself_would_map_silently():
-    """Why the shapes are looked at: six values for three are two calls to CasADi, and no error."""
-    assert small()(np.ones(2), np.ones((3, 2)))[0].shape == (1, 2)
-
-
-# --- the cache --------------------------------------------------------------------------------------
-
-
 def libraries(folder):
     return sorted(path.name for path in folder.iterdir())
 
@@ -303,10 +283,6 @@ def test_the_cache_folder(monkeypatch, tmp_path):
         assert cache_folder().name == "zerobeam"
         assert cache_folder() != Path("zerobeam")
         assert cache_folder().is_absolute()
-
-
-def test_the_tests_do_not_write_into_the_users_cache(kernel_cache):
-    assert cache_folder() == kernel_cache
 
 
 @needs_compiler
@@ -424,9 +400,6 @@ def test_two_processes_may_race_and_give_the_same_name(empty_cache):
     assert kernel._whole(empty_cache / name)
     Kernel(small(), compile=True)
     assert libraries(empty_cache) == [name]  # this process finds what the others built
-
-
-# --- without a compiler -----------------------------------------------------------------------------
 
 
 def warned(function):
@@ -551,8 +524,6 @@ def test_a_compiler_that_hangs_is_ended_with_its_children(
     monkeypatch.setattr(subprocess, "Popen", never_compile)
     assert not warned(small("other"))[0].compiled
 
-
-# --- whose the cache is -----------------------------------------------------------------------------
 
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")
 

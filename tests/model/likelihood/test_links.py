@@ -57,9 +57,6 @@ def postures(n, count=4):
     return np.random.default_rng(3).uniform(-2, 2, (count, n))
 
 
-# --- the rows of Denavit and Hartenberg -------------------------------------------------------------
-
-
 def change(rows, row, column, step):
     return [
         tuple(value + step * (k == column) for k, value in enumerate(values)) if i == row else values
@@ -105,23 +102,6 @@ def test_a_link_between_nearly_parallel_axes_has_beta_in_place_of_d(tmp_path, co
         assert values[number] == ("a", "alpha", "beta" if abs(twist) < 5 else "d")
 
 
-def test_the_link_of_the_built_in_panda(tmp_path):
-    """Craig's convention: the 82.5 mm of row 4 are the link between axes 3 and 4."""
-    panda = load_robot("panda", tmp_path)
-    geometry = Geometry.of_links(panda, 0.3, 0.1)
-    q = np.radians([10, -20, 30, -80, 50, 60, 70])
-    joints = list(panda.joints)
-    longer = joints[3].fixed @ shift(x=1.0).real
-    at = Joint("j4", "revolute", longer, joints[3].axis, -3, 3)
-    # The twist of row 4 is about the same x axis, so that the order of the two does not matter.
-    other = Robot("panda", (*joints[:3], at, *joints[4:]), panda.flange)
-    result = flange(panda, geometry, {"link3.a": 1.0}, q)
-    np.testing.assert_allclose(result, other.fk(q, "rad")[:3], rtol=0, atol=1e-9)
-
-
-# --- prismatic joints -------------------------------------------------------------------------------
-
-
 def mixed(kinds, rows):
     fixed, end = dh_chain(
         [DHRow(a, *np.radians([al]), d, *np.radians([th])) for a, al, d, th in rows], "standard"
@@ -141,9 +121,6 @@ def test_links_beside_a_prismatic_joint():
         3: ("a", "alpha", "d"),
         4: ("a", "alpha", "d"),
     }
-
-
-# --- any frames -------------------------------------------------------------------------------------
 
 
 def reframed(robot, rng, along):
@@ -233,9 +210,6 @@ def test_a_urdf_with_axes_askew(tmp_path):
         expected = chain.frames(q, {of: {axis: value}})[-1].real[:3]
         shown = value if axis in ("a", "d") else np.degrees(value)
         np.testing.assert_allclose(flange(robot, geometry, {f"{of}.{axis}": shown}, q), expected, atol=1e-9)
-
-
-# --- a twist that goes through zero -----------------------------------------------------------------
 
 
 def test_beta_is_continuous_where_a_twist_goes_through_zero(tmp_path):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, SEEN, TOOLS, Made, header
-from plain_model import DESIGNED, arm, beam, by_complex_steps, by_differences
+from plain_model import DESIGNED, arm, by_complex_steps, by_differences
 
 from zerobeam.model.files.plan import read_plan, write_plan
 from zerobeam.model.files.robot_file import read_robot
@@ -27,9 +27,6 @@ def made(request, arms):
     return Made(arms["irb1600"], header(TOOLS[request.param], distances=DISTANCE))
 
 
-# --- shapes and sources -----------------------------------------------------------------------------
-
-
 def test_shapes_and_places(made):
     problem = made.problem
     n, k, d = 6, len(problem.tool.free_axes), problem.tool.residual_size
@@ -44,11 +41,7 @@ def test_shapes_and_places(made):
     np.testing.assert_array_equal(parts.targets, [[6, 7, 8], [9, 10, 11]])
     np.testing.assert_array_equal(parts.tool, np.arange(12, 12 + k))
     many = problem.split(np.zeros((5, 4, 12 + k)))
-    assert [part.shape for part in (many.arm, many.targets, many.tool)] == [
-        (5, 4, 6),
-        (5, 4, 2, 3),
-        (5, 4, k),
-    ]
+    assert (many.arm.shape, many.targets.shape, many.tool.shape) == ((5, 4, 6), (5, 4, 2, 3), (5, 4, k))
     assert problem.columns.shape == (8, n + 3 + k)
     np.testing.assert_array_equal(problem.columns[1], [*range(6), 9, 10, 11, *range(12, 12 + k)])
 
@@ -118,9 +111,6 @@ def test_some_of_the_shots(made):
     alone = problem.select(np.array([1, 4, 6, 7])).whiten(made.x)
     np.testing.assert_array_equal(alone.jacobian[:-1, 6:9], 0)
     assert np.abs(alone.jacobian[-1, 6:9]).max() > 0  # only the distance sees target a
-
-
-# --- misses, whitened and not -----------------------------------------------------------------------
 
 
 def test_misses_and_jacobians_shot_by_shot(made):
@@ -247,19 +237,6 @@ def test_each_shot_may_have_parameters_of_its_own(made):
     assert np.abs(residual - problem.linearise(made.x)[0]).max() > 0.1
 
 
-# --- distances --------------------------------------------------------------------------------------
-
-
-def test_a_distance_moves_both_its_targets(made):
-    problem = made.problem
-    row = problem.whiten(made.x).jacobian[-1] / problem.parameters.prior_std
-    a, b = problem.split(made.x).targets
-    along = (a - b) / np.linalg.norm(a - b) / 0.5
-    expected = np.zeros(len(row))
-    expected[6:9], expected[9:12] = along, -along
-    np.testing.assert_allclose(row, expected, atol=1e-12)
-
-
 def test_two_targets_in_one_place_have_no_direction_but_no_nan_either(made):
     x = made.x.copy()
     x[9:12] = x[6:9]
@@ -278,22 +255,6 @@ def test_distances_of_many_parameter_vectors(made):
         np.testing.assert_allclose(by_x, by_complex_steps(made.distances, x), rtol=0, atol=1e-12)
     none = Made(made.arm, header(tool_of(made.problem))).problem
     assert [part.shape for part in none.distance_rows(walkers)] == [(3, 0), (3, 0, len(made.x))]
-
-
-# --- beams and targets ------------------------------------------------------------------------------
-
-
-def test_beams_in_the_base_frame(made):
-    delta, unknowns = made.problem.split(made.x).arm, made.problem.split(made.x).tool
-    origin, direction = made.problem.beams(made.x)
-    for i, q in enumerate(made.problem.joints):
-        flange = made.arm.pose(q + delta).real
-        if made.problem.tool.kind == "laser":
-            p, u = beam(made.problem.tool, unknowns)
-        else:
-            p, u = (unknowns if len(unknowns) else made.problem.tool.point), np.zeros(3)
-        np.testing.assert_allclose(origin[i], flange[:3, 3] + flange[:3, :3] @ p, atol=1e-9)
-        np.testing.assert_allclose(direction[i], flange[:3, :3] @ u, atol=1e-12)
 
 
 MAST = """schema: zerobeam/robot/1
