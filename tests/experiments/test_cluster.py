@@ -205,9 +205,6 @@ def test_without_any_worker_it_does_not_wait_for_ever(within_this_process, monke
             answers(negative, [7])
 
 
-# --- with processes of their own --------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def plans():
     return studied_plans(5)[::3]  # the best, and one with a gauge

@@ -44,9 +44,6 @@ def added_up(own):
     return sum(own.removed.values()) + len(own.postures) == own.drawn
 
 
-# All constraints hold
-
-
 def test_as_many_as_asked_for_and_all_are_different():
     assert found().postures.shape == (300, 6)
     assert len(np.unique(found().postures.round(6), axis=0)) == 300
@@ -110,9 +107,6 @@ def test_any_side_will_do_where_none_is_stated():
     assert not any("face" in reason for reason, count in own.removed.items() if count)
 
 
-# What is told
-
-
 @pytest.mark.parametrize("tool", ["laser", "probe"])
 def test_the_counts_add_up(tool):
     own = found(tool)
@@ -166,9 +160,6 @@ def test_progress_is_told():
     assert seen[-1] == 1.0
 
 
-# Bad input
-
-
 def test_contradictory_limits_name_the_joint(refused):
     error = refused(candidates, header(), irb1600(), TARGET, 5, view=View(margin=np.radians(106)))
     # Joint 2 has the smallest range: -90 to 120 degrees.
@@ -193,9 +184,6 @@ def test_a_view_that_contradicts_itself(refused, changes, part):
 
 def test_no_candidates_asked_for(refused):
     assert "no candidates" in str(refused(candidates, header(), irb1600(), TARGET, 0))
-
-
-# Ranges
 
 
 def test_one_turn_nearest_to_zero_is_drawn_from():

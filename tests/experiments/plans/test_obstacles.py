@@ -37,9 +37,6 @@ def sampled_distance(a, b, c, d, count=200):
     return np.linalg.norm(first[:, None] - second[None], axis=2).min()
 
 
-# Geometry
-
-
 def test_distances_of_segments_equal_sampled_ones():
     rng = np.random.default_rng(0)
     a, b, c, d = rng.uniform(-1, 1, (4, 60, 3))
@@ -84,9 +81,6 @@ def test_boxes_are_met_as_sampling_says():
         grown = ((points >= low - 0.4) & (points <= high + 0.4)).all(axis=2).any(axis=0)
         assert not (found & ~grown).any()
         assert 50 < found.sum() < 950
-
-
-# The arm
 
 
 def test_the_links_are_as_thick_as_stated():
@@ -197,9 +191,6 @@ def test_a_box_in_the_arms_way():
     assert clearance(Obstacles(boxes=[beside])).hits_cell(np.radians([[90.0, 0, 0, 0, 0, 0]]))[0]
 
 
-# The beam
-
-
 def test_a_box_blocks_the_beam_but_not_the_one_with_the_target():
     table = Box(name="table", min_mm=(500, -500, 0), max_mm=(1500, 500, 101))
     wall = Box(name="wall", min_mm=(600, -50, 300), max_mm=(700, 50, 400))
@@ -211,9 +202,6 @@ def test_a_box_blocks_the_beam_but_not_the_one_with_the_target():
     # A table that ends below the target is in nobody's way, one above it is.
     lid = Box(name="lid", min_mm=(500, -500, 200), max_mm=(1500, 500, 210))
     assert clearance(Obstacles(boxes=[lid])).beam_blocked(origins, target).all()
-
-
-# Files
 
 
 def test_a_file_is_read(tmp_path):
@@ -244,9 +232,6 @@ def test_faults_in_a_file_have_a_line(tmp_path, refused, text, line, part):
     assert error.line == line
     assert part in str(error)
     assert "cell.yaml" in str(error)
-
-
-# Arms whose base frame is above the mounting face
 
 
 @pytest.mark.parametrize(

@@ -50,9 +50,6 @@ def checked_std(own, postures, names):
     return {name: parameters[name].std for name in names}
 
 
-# The plan keeps its promise
-
-
 def test_an_offset_that_no_shot_tells_does_not_swamp_the_criterion():
     """delta6 of a free probe tip is a gauge: its prior would be nearly all of the mean variance."""
     own_planner, own = planner(OPEN_PROBE, count=500)
@@ -136,9 +133,6 @@ def test_the_seed_fixes_the_plan():
     assert one.travel_s == two.travel_s
 
 
-# How many?
-
-
 @pytest.mark.long
 def test_more_shots_are_never_worse_and_the_first_that_will_do_is_taken():
     own_planner, own = planner(count=400)
@@ -200,9 +194,6 @@ def test_the_shares_of_the_variance_are_what_taking_the_noise_away_shows():
     assert 0.05 < spot < 0.95
 
 
-# Travel
-
-
 def test_the_order_is_the_shortest_of_all():
     robot = irb1600()
     rng = np.random.default_rng(3)
@@ -260,9 +251,6 @@ def test_without_stated_speeds_there_is_no_time():
 
 def test_one_shot_needs_no_travel():
     assert travel_order(irb1600(), np.zeros((1, 6))) == ([0], 0.0)
-
-
-# Bad input
 
 
 def test_too_few_candidates_say_what_removed_the_others(refused):

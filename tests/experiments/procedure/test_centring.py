@@ -31,9 +31,6 @@ def watch_plateau(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(centring, "_PATIENCE", 100)
 
 
-# Convergence
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_the_spot_is_brought_to_the_centre(seed: int) -> None:
     shot = start(7.0, seed)
@@ -126,9 +123,6 @@ def _until_refused(shot: Start) -> list[float]:
     return off
 
 
-# The arm
-
-
 def test_no_step_is_too_long_and_no_joint_leaves_its_limits() -> None:
     """The longest way of a joint is a step and the way down before it."""
     robot = plan().robot
@@ -170,9 +164,6 @@ def test_a_stand_that_is_centred_by_chance_is_still_come_to_from_below() -> None
     assert (shot.rig.link() > shot.rig.joints()).all()
     shot.centred()
     assert (shot.rig.link() < shot.rig.joints()).all()
-
-
-# Reasons
 
 
 ALONE = {"kind": "reflection", "shot": 2, "at_mm": [4.0, -3.0]}
@@ -233,9 +224,6 @@ def _end(shot: Start) -> RefusalReason | None:
     except MeasurementRefused as refused:
         return refused.reason
     return None
-
-
-# From how far off
 
 
 @pytest.mark.parametrize(

@@ -51,9 +51,6 @@ def spot_of(rig: Any, samples: int = 200) -> Any:
     return read_spot(rig, PSD, dark, samples)
 
 
-# The spot
-
-
 def test_the_ambient_light_is_taken_off() -> None:
     spot = spot_of(ScriptedRig())
     np.testing.assert_allclose(spot.position, [2.0, -3.0], atol=5 * 0.015 / np.sqrt(200))
@@ -96,9 +93,6 @@ def test_no_light_is_no_spot_and_no_error() -> None:
     assert abs(spot.light) < 1e-3
 
 
-# The link
-
-
 def test_lost_samples_are_left_out() -> None:
     rig = ScriptedRig()
     rig.lost = lambda samples: np.arange(samples) % 3 == 0
@@ -130,9 +124,6 @@ def test_too_much_light_is_a_reason() -> None:
     with pytest.raises(MeasurementRefused) as refused:
         spot_of(ScriptedRig(edge, 2.0))
     assert refused.value.reason == RefusalReason.SATURATED
-
-
-# The joints
 
 
 def test_joints_are_the_middle_of_what_is_read() -> None:

@@ -22,9 +22,6 @@ def turned(deg: float, **more: Any) -> Start:
     return start(60.0, 4, exact=True, psd={"placed": {"misturned_deg": [0, 0, deg]}}, **more)
 
 
-# The image Jacobian
-
-
 def seen_led(shot: Start, joints: np.ndarray) -> np.ndarray:
     """(2,) px of the LED to the left in a picture, the arm at `joints`."""
     shot.rig.move(joints)
@@ -69,9 +66,6 @@ def test_the_image_jacobian_is_exact() -> None:
         np.testing.assert_allclose((there[0] - there[1]) / (2 * step), exact[:, k], atol=1e-4)
 
 
-# What is seen
-
-
 def test_the_centre_is_placed_from_the_leds() -> None:
     """To a pixel's tenth across the sight; along it as far as 0.1 px of the LEDs' distance tell."""
     shot = start(50.0, exact=True)
@@ -106,9 +100,6 @@ def test_without_a_camera_a_turned_psd_is_taken_as_stated() -> None:
     search.run()
     between = np.degrees(np.arccos(search.frame()[:, 0] @ shot.rig.face()[:, 0]))
     assert between == pytest.approx(60.0, abs=1.0)
-
-
-# The beam brought onto the face
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -172,9 +163,6 @@ def test_a_reflection_in_the_picture_is_not_taken_for_the_spot(monkeypatch: pyte
     assert on_face(shot)
     # To the posture, by the markers, after the reflection, onto the face: who follows it goes on for long.
     assert len(shot.rig.moves) <= 2 + 2 + 1 + 2
-
-
-# Without pictures
 
 
 @pytest.mark.parametrize("black", [True, False])

@@ -179,9 +179,6 @@ def test_nothing_of_a_camera_is_guessed(tmp_path: Path, refused: Refused, key: s
     assert f"{key!r} is missing" in str(refused(read_sensors_file, sensors(tmp_path, camera=content)))
 
 
-# What is opened
-
-
 def test_the_sheets_are_what_the_file_says(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     (tmp_path / "pictures").mkdir()
@@ -270,9 +267,6 @@ def test_a_line_that_cannot_carry_the_samples_is_refused(tmp_path: Path, refused
     slow["serial"]["baud"] = 100_000
     with pytest.raises(RigFault, match="cannot be opened"):
         read_sensors(sensors(tmp_path, psds={"psd": slow}), good_plan(2))
-
-
-# The page
 
 
 def test_the_files_and_lines_of_the_page_are_what_is_read(tmp_path: Path) -> None:

@@ -56,9 +56,6 @@ def without_clock(answer):
     return {key: value for key, value in answer.items() if key != "seconds"}
 
 
-# --- the study --------------------------------------------------------------------------------------
-
-
 def test_the_intervals_hold_what_they_promise(two):
     """At a chance of 1 % over all levels and offsets of an estimator."""
     answer, _ = two
@@ -223,9 +220,6 @@ def test_the_fits_are_those_of_analyse(plans):
             np.testing.assert_allclose(fits.std[row], alone.std, rtol=1e-5)
 
 
-# --- ranks and their power --------------------------------------------------------------------------
-
-
 def ranks_of(plans, ratio, count, seed):
     """Ranks of truths among draws of the same normal; the draws' spread is `ratio` of the right one."""
     rng = np.random.default_rng(seed)
@@ -271,9 +265,6 @@ def test_ranks_beside_the_levels():
         assert cut == pytest.approx(round(cut))
         held = sum(round(cut) <= rank <= DRAWS - round(cut) for rank in range(DRAWS + 1))
         assert held / (DRAWS + 1) == pytest.approx(level)
-
-
-# --- simulated readings -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("tool", ["laser", "probe"])
@@ -353,9 +344,6 @@ def test_truths_come_from_the_priors(plans):
         assert stats.kstest(column, "norm").statistic < stats.kstwo.isf(1e-3 / 8, 300) + data.failed / 300
     repeated = drawn(problem, 300, np.random.default_rng(4))
     np.testing.assert_array_equal(repeated.joints, data.joints)
-
-
-# --- the posterior that users get -------------------------------------------------------------------
 
 
 @pytest.mark.long

@@ -109,9 +109,6 @@ def guided(rig: AbbRig) -> Matrix:
     return joints
 
 
-# What it does
-
-
 def test_far_moves_go_by_rapid_and_near_ones_by_egm(controller: SimulatedController, rig: AbbRig) -> None:
     there = controller.irc5
     begun(rig).move(np.full(6, 0.2))
@@ -194,9 +191,6 @@ def test_the_profile_keeps_to_speed_and_acceleration() -> None:
     assert np.abs(acceleration).max() <= abb_egm._ACCELERATION * 1.01
     assert max(velocity.max() / 15.0, np.abs(acceleration).max() / abb_egm._ACCELERATION) > 0.98
     assert duration(way * 100, speed) == pytest.approx(15 / 8 * 400 / 15)
-
-
-# What it asks, and refuses
 
 
 def test_it_asks_once_before_the_first_motion(controller: SimulatedController, plan: Plan) -> None:
@@ -304,9 +298,6 @@ def test_a_module_that_is_not_loaded_is_said(
     monkeypatch.setattr(RapidData, "__contains__", lambda data, name: False)
     with pytest.raises(RigFault, match=f"module {MODULE}: the controller does not have it: is it loaded"):
         begun(rig).move(np.full(6, 0.1))
-
-
-# What goes wrong on the way
 
 
 def on_its_way(controller: SimulatedController, deg: float, what: Callable[[], None]) -> None:
@@ -453,8 +444,6 @@ def test_it_stays_under_the_rate_limit(
         deque(rig.joints() for _ in range(25))
 
 
-# Whom it talks to
-
 _HEARD: list[tuple[str, Any]] | None = None
 
 
@@ -534,9 +523,6 @@ def test_a_web_server_that_is_no_controller_is_said() -> None:
             session.ask("looking", lambda rws: rws.get_operation_mode())
 
 
-# What it never tells
-
-
 def test_the_password_is_in_no_output(
     controller: SimulatedController,
     plan: Plan,
@@ -581,9 +567,6 @@ def test_a_secret_shows_itself_to_nobody() -> None:
             written(secret)
     with pytest.raises(TypeError, match="not written anywhere"):
         asdict(ControllerAccess("127.0.0.1", 80, NAME, secret))
-
-
-# Where the access comes from
 
 
 def test_what_is_stated_goes_before_the_environment() -> None:
@@ -680,9 +663,6 @@ def test_a_target_without_a_psd_is_bad_input(controller: SimulatedController, pl
     sensors.psds = {"another": sensors.psds["psd"]}
     with pytest.raises(BadInput, match="a target of the plan has no PSD"):
         AbbRig(plan, access(controller), sensors, Caution(lambda text: True))
-
-
-# The RAPID module
 
 
 def test_the_module_has_the_data_of_the_hand_shake() -> None:

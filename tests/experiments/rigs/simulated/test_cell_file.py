@@ -163,9 +163,6 @@ def test_a_fault_of_a_camera_needs_one(tmp_path: Path, refused: Callable[..., Ba
         assert kind in str(error)
 
 
-# Every key does something
-
-
 @cache
 def plan() -> Plan:
     return good_plan(3)
@@ -240,9 +237,6 @@ def test_every_fault_has_its_effect(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             assert outputs({"faults": [fault]}) != plain
             # Only in its shot.
             assert outputs({"faults": [{**fault, "shot": 2}]}) == plain
-
-
-# What only the plan can tell: the errors of the assembly know the file and the line too
 
 
 @pytest.mark.parametrize(

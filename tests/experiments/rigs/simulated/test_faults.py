@@ -331,9 +331,6 @@ def test_the_table_of_the_documentation_is_made_here(sessions: Sessions) -> None
     assert [made.split(" | ")[0] for made in rows[2:]] == [f"| {case.what}" for case in CASES]
 
 
-# The schedule alone
-
-
 def met(schedule: Faults, kind: type, times: int) -> list[bool]:
     return [schedule.met(kind) is not None for _ in range(times)]
 

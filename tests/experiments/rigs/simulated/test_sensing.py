@@ -56,9 +56,6 @@ def hits(count: int) -> np.ndarray:
     return np.random.default_rng(3).uniform(-7, 7, (count, 2))
 
 
-# Where the light falls.
-
-
 def test_a_truncated_beam_against_numerical_integration() -> None:
     """Within the face, across an edge, across a corner, beside it: 400 x 400 Gauss-Legendre nodes."""
     size, beam = 10.0, 4.0
@@ -86,9 +83,6 @@ def test_a_beam_across_an_edge_is_weak_and_read_at_its_centroid() -> None:
     assert own.psd.light(row)[0] == pytest.approx(0.5)
     # Half a normal of std beam / 2 = 1 mm: its mean is sqrt(2 / pi) from the edge.
     np.testing.assert_allclose(own.psd.position(row)[0], [SIZE / 2 - np.sqrt(2 / np.pi), 0.0], atol=1e-9)
-
-
-# How the current is divided.
 
 
 def series(x: float, y: float) -> float:
@@ -122,9 +116,6 @@ def test_harmonic_measures_that_are_known() -> None:
         np.testing.assert_allclose(harmonic_measures(np.array(end, float)), np.eye(4)[edge], atol=1e-12)
 
 
-# What is read.
-
-
 def test_a_duo_lateral_psd_is_linear() -> None:
     own = device()
     for hit in hits(50):
@@ -154,9 +145,6 @@ def test_a_tetra_lateral_psd_is_right_near_its_centre_alone() -> None:
     # The rule of the other kind is wrong at the centre already.
     duo = device()
     assert duo.psd.position(currents(own, 0.1, 0.0))[0, 0] > 1.5 * 0.1
-
-
-# Noise, resolution, ambient light, saturation.
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -196,9 +196,6 @@ def test_a_link_that_is_not_as_drawn_moves_the_beam() -> None:
     assert np.linalg.norm(spot(higher, joints=joints)[0]) == pytest.approx(across, abs=1e-4)
 
 
-# Where the PSD stands
-
-
 def test_a_face_is_turned_towards_each_beam_or_stands() -> None:
     turned, fixed = exact(), exact(placed={"normal": [0, 0, 1]})
     normals = {"turned": [], "fixed": []}
@@ -280,9 +277,6 @@ def test_each_target_has_its_own_psd() -> None:
         assert light == {other: pytest.approx(float(other == name), abs=1e-6) for other in places}
 
 
-# Motion and time
-
-
 def test_a_move_beyond_a_limit_is_refused_and_the_arm_stays() -> None:
     rig = exact()
     rig.begin(0, "psd", None)
@@ -329,9 +323,6 @@ def test_stopping_puts_the_laser_out() -> None:
     rig.stop()
     rig.stop()
     assert rig.psds["psd"].light(rig.currents(1)[0]) == pytest.approx(0.0, abs=1e-9)
-
-
-# Faults
 
 
 def test_a_bumped_psd_stands_elsewhere_from_its_shot_on() -> None:

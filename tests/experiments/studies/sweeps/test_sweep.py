@@ -457,8 +457,6 @@ def test_the_headline_follows_from_the_numbers() -> None:
     )
 
 
-# ── what is not identified has no number ──────────────────────────────────────────────────────
-
 FORBIDDEN = 1.23456789
 ERRORS = RunErrors(9, FORBIDDEN, FORBIDDEN, FORBIDDEN)
 NUMBERS: dict[str, Any] = {
