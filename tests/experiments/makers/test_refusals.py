@@ -106,6 +106,7 @@ def test_each_is_written_without_the_line_that_is_refused(tmp_path: Path, suffix
         (".mod", "PDispOn p1,tool0; MoveJ p1,v100,fine,tool0;", "PDispOn"),
         (".mod", "MoveAbsJ zb_command(j1),v100,fine,tool0;", "would correct a second time"),
         (".mod", "! p1 is never used", "p1 is not the target of a motion here"),
+        (".src", "PTP_REL {A1 10}", "a relative motion cannot be corrected"),
         (".src", "LIN_REL {Z 10}", "a relative motion cannot be corrected"),
         (".src", "PTP {A1 10}", "does not state the 6 axes"),
         (".src", "PTP XHOME", "XHOME has no value in these files (--leave XHOME?)"),

@@ -115,14 +115,6 @@ def test_the_counts_add_up(tool):
     assert min(own.removed.values()) >= 0
 
 
-def test_the_same_seed_gives_the_same():
-    own = header(target=tuple(TARGET))
-    one, two, other = (candidates(own, irb1600(), TARGET, 50, seed=s) for s in (1, 1, 2))
-    np.testing.assert_array_equal(one.postures, two.postures)
-    assert one.removed == two.removed
-    assert np.abs(one.postures - other.postures).max() > 0.1
-
-
 @pytest.mark.parametrize(
     ("tool", "place", "changes", "reason"),
     [

@@ -208,6 +208,8 @@ def test_a_stopped_run_is_resumed_and_the_password_is_in_no_output(
                 outputs[path.name] = pdf_text(path) if path.suffix == ".pdf" else path.read_bytes()
     outputs |= {name: (answer.out + answer.err).encode() for name, answer in told.items()}
     assert [name for name, content in outputs.items() if holds(content, WORD)] == []
+    for word in (NAME, "127.0.0.1"):
+        assert word not in file.read_text() + told["stopped"].out
     # There was something to be found, of the robot and of what was asked.
     assert all(b"irb1600" in outputs[name] for name in searched)
     assert b"/rw/panel/ctrlstate" in outputs["log"]
