@@ -138,7 +138,6 @@ def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
     for number in (signal.SIGINT, signal.SIGTERM):
         own = [*command, "--resume"] if file.exists() else command
         with child(own, stderr=subprocess.PIPE) as process:
-            assert process.stdout is not None
             events = []
             for line in process.stdout:
                 events.append(json.loads(line))

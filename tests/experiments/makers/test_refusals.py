@@ -170,7 +170,6 @@ def test_a_tool_and_a_base_that_a_krl_program_defines(tmp_path: Path) -> None:
     ]
     text = tried(tmp_path, ".src", "\n".join(lines))
     said = re.search(r"LIN \{(.*?)\}", text)
-    assert said is not None
     values = {key: float(value) for key, value in (part.split() for part in said[1].split(","))}
     robot = load_robot("kr6_r900")
     tool, base = frame(0, 0, 100, 0, 0, 0), frame(100, 50, 10, 0, 0, 0)

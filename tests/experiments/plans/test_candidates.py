@@ -72,8 +72,7 @@ def test_every_beam_hits_the_face_from_the_front_within_the_stated_angle_and_len
 
 def test_every_tip_is_at_the_target():
     _, _, origin, _ = beams_of(found("probe").postures, PROBE, PROBED)
-    np.testing.assert_allclose(origin, PROBED[None].repeat(len(origin), 0), atol=1e-6)
-    assert len(origin) == 300
+    np.testing.assert_allclose(origin, np.tile(PROBED, (300, 1)), atol=1e-6)
 
 
 def test_nothing_is_hit():
@@ -172,9 +171,6 @@ def test_contradictory_limits_name_the_joint(refused):
 )
 def test_a_view_that_contradicts_itself(refused, changes, part):
     assert part in str(refused(candidates, header(), irb1600(), TARGET, 5, view=View(**changes)))
-
-
-def test_no_candidates_asked_for(refused):
     assert "no candidates" in str(refused(candidates, header(), irb1600(), TARGET, 0))
 
 
@@ -194,7 +190,6 @@ def test_what_one_condition_alone_removes_is_said_the_decisive_one_first():
     own = candidates(header(), irb1600(), TARGET, 20, obstacles=Obstacles(boxes=[lid]), seed=1)
     assert len(own.postures) == 0
     alone = own.alone
-    assert alone is not None
     assert alone.removes["make the arm hit the floor or a box"] == alone.aimed
     # Without that condition some postures would be left, without any other none.
     assert [reason for reason, left in alone.without.items() if left] == [

@@ -27,10 +27,6 @@ def clearance(obstacles=None, robot=None, **changes):
     return Clearance(problem, obstacles or Obstacles())
 
 
-def arm_points(judge, degrees):
-    return judge._points(np.radians([degrees]))[0]
-
-
 def sampled_distance(a, b, c, d, count=200):
     s = np.linspace(0, 1, count)[:, None]
     first, second = a + s * (b - a), c + s * (d - c)
@@ -83,16 +79,13 @@ def test_boxes_are_met_as_sampling_says():
         assert 50 < found.sum() < 950
 
 
-def test_the_links_are_as_thick_as_stated():
+def test_the_links_are_as_thick_as_stated_and_the_arm_at_zero_hits_nothing():
     assert clearance(Obstacles(thickness_mm=33))._radius == 33
-    # 700 + 600 + 65 mm lie beyond the base's column.
-    assert clearance()._radius == pytest.approx(0.05 * 1365)
-
-
-def test_the_arm_at_zero_hits_nothing():
     judge = clearance()
-    for mask in (judge.hits_itself, judge.hits_cell):
-        assert not mask(np.zeros((1, 6)))[0]
+    # 700 + 600 + 65 mm lie beyond the base's column.
+    assert judge._radius == pytest.approx(0.05 * 1365)
+    assert not judge.hits_itself(np.zeros((1, 6)))[0]
+    assert not judge.hits_cell(np.zeros((1, 6)))[0]
 
 
 def forearm_to_column(judge, degrees):

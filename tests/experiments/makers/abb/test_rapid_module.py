@@ -23,7 +23,6 @@ def carried_out(text: str, function: str, joints: Matrix) -> Matrix:
     assert re.fullmatch(r"MODULE [a-z_]{1,32}", code[0])
     assert code[-1] == "ENDMODULE"
     constant = re.fullmatch(r"CONST num zb_offset_deg\{6\}:=\[([-0-9.,]+)\];", code[1])
-    assert constant is not None
     offsets = [float(number) for number in constant.group(1).split(",")]
     start = next(i for i, line in enumerate(code) if line.startswith(f"FUNC jointtarget {function}("))
     body = code[start + 1 : code.index("ENDFUNC", start)]

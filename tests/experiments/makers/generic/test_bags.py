@@ -67,7 +67,6 @@ def test_a_bag_that_stands_for_far_more_than_its_size_is_refused(
     assert error.allowed == "20 times the size of the bag, or 2 MB where that is more"
     assert error.file == str(bag)
     told = re.match(r"more than (\d+) MB", str(error.found))
-    assert told is not None
     assert int(told[1]) <= 20 * unpacked.Unpacking(bag).packed / MB + 3
 
 

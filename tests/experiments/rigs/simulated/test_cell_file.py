@@ -277,7 +277,6 @@ def test_a_robot_is_named_relative_to_the_cell_file(tmp_path: Path, refused: Cal
     file = written(folder, "schema: zerobeam/cell/1\ncamera: null\nrobot: arm.yaml\n")
     cell = read_cell(file)
     robot = cell.named_robot()
-    assert robot is not None
     assert robot.name == "two rods"
     error = refused(SimulatedRig, good_plan(3), cell, 0)
     assert (error.file, error.line) == (str(file), 3)
