@@ -62,7 +62,7 @@ def plan() -> Plan:
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Requests without their spacing; the controller's limit is that of `controller`. Time-outs that a busy
-    machine does not meet by itself, until `hurried`."""
+    machine does not meet by itself."""
     monkeypatch.setattr(abb_rws, "_SPACING_S", 0.0)
     unhurried(monkeypatch)
 
@@ -224,31 +224,27 @@ def test_soft_limits_are_those_of_the_robot_file(
 
 
 @pytest.mark.parametrize(
-    ("state", "found"),
+    ("mode", "state", "found"),
     [
-        ("motoroff", "the motors are off: switch them on"),
-        ("emergencystop", "an emergency stop is pressed"),
-        ("emergencystopreset", "an emergency stop was released"),
-        ("guardstop", "the safety chain is open"),
-        ("sysfail", "system failure"),
-        ("init", "is starting"),
-        ("unheard-of", "in the state unheard-of"),
+        ("AUTO", "motoroff", "the motors are off: switch them on"),
+        ("AUTO", "emergencystop", "an emergency stop is pressed"),
+        ("AUTO", "emergencystopreset", "an emergency stop was released"),
+        ("AUTO", "guardstop", "the safety chain is open"),
+        ("AUTO", "sysfail", "system failure"),
+        ("AUTO", "init", "is starting"),
+        ("AUTO", "unheard-of", "in the state unheard-of"),
+        # It does not ask for motors that cannot be switched on before the key is turned.
+        ("MANR", "motoron", r"not in automatic mode \(MANR\): turn the key"),
+        ("MANR", "motoroff", r"not in automatic mode \(MANR\): turn the key"),
+        ("MANF", "motoron", r"not in automatic mode \(MANF\): turn the key"),
+        ("MANF", "motoroff", r"not in automatic mode \(MANF\): turn the key"),
     ],
 )
-def test_it_refuses_to_begin_in_a_wrong_state(
-    controller: SimulatedController, rig: AbbRig, state: Any, found: str
+def test_it_refuses_to_begin_in_a_wrong_mode_or_state(
+    controller: SimulatedController, rig: AbbRig, mode: Any, state: Any, found: str
 ) -> None:
-    controller.irc5.state = state
-    with pytest.raises(RigFault, match=found):
-        begun(rig)
-
-
-@pytest.mark.parametrize("mode", ["MANR", "MANF"])
-@pytest.mark.parametrize("state", ["motoron", "motoroff"])
-def test_it_refuses_manual_mode(controller: SimulatedController, rig: AbbRig, mode: Any, state: Any) -> None:
-    """And does not ask for motors that cannot be switched on before the key is turned."""
     controller.irc5.mode, controller.irc5.state = mode, state
-    with pytest.raises(RigFault, match=rf"not in automatic mode \({mode}\): turn the key"):
+    with pytest.raises(RigFault, match=found):
         begun(rig)
 
 
@@ -293,16 +289,6 @@ def test_a_module_that_is_not_loaded_is_said(
         begun(rig).move(np.full(6, 0.1))
 
 
-PATIENCE = irc5.PATIENCE
-
-
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on the dead man's and RAPID's time-outs are as they are, and answers not waited for long."""
-    monkeypatch.setattr(abb_egm, "DEAD_MAN_S", DEAD_MAN_S)
-    monkeypatch.setattr(irc5, "PATIENCE", PATIENCE)
-    monkeypatch.setattr(abb_rws, "ANSWER_S", 0.2)
-
-
 def test_an_emergency_stop_before_guidance_has_begun(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -345,9 +331,8 @@ def test_a_fault_of_guidance_is_seen_between_moves(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     guided(rig)
-    hurried(monkeypatch)
+    monkeypatch.setattr(abb_egm, "DEAD_MAN_S", DEAD_MAN_S)
     time.sleep(0.05)
-    monkeypatch.setattr(abb_rws, "ANSWER_S", 5.0)
     controller.pull_cable(0.3)
     time.sleep(0.4)
     with pytest.raises(RigFault, match="no feedback by EGM"):
