@@ -132,6 +132,7 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
         ("distortion: [0, 0, 0, 0, 0]", "distortion: [0, 0]", 33, "a list of 5 values is required"),
         ("kind: robot-stop", "kind: robot-stopp", 50, "did you mean 'robot-stop'?"),
         ("kind: robot-stop, shot: 0", "shot: 0", 50, "unknown kind of fault"),
+        ("{kind: robot-stop, shot: 0}", "robot-stop", 50, "faults"),
         ("kind: robot-stop, shot: 0", "kind: robot-stop", 50, "'shot' is missing"),
         ("kind: robot-stop, shot: 0", "kind: robot-stop, shot: 0, lasts: 2", 50, "allowed: shot, kind"),
         ("at_mm: [1, 2]", "at_mm: [1]", 48, "a list of 2 values is required"),
