@@ -136,7 +136,6 @@ def test_a_beam_on_the_psd_is_seen_by_its_sensors() -> None:
         client, sensors = Client(irc5.url), RemoteSensors("127.0.0.1", irc5.sensor_port)
         psd = sensors.psds["psd"]
         assert psd.size == irc5.irc5.cell.psds["psd"].size
-        assert sensors.camera is not None
         assert irc5.irc5.cell.camera is not None
         assert (sensors.camera.mount == irc5.irc5.cell.camera.mount).all()
         client.run()
@@ -204,7 +203,6 @@ def test_the_command_serves_until_it_is_ended(how: signal.Signals) -> None:
     """Even if it was started by one who ignores both."""
     ports = ["--port", "0", "--egm-port", "0", "--sensor-port", "0"]
     with child([*DEAF, *ZEROBEAM, "controller", *ports], stderr=subprocess.STDOUT) as process:
-        assert process.stdout is not None
         lines = [process.stdout.readline() for _ in range(4)]
         client = Client(lines[0].split()[-1])
         assert client.get_operation_mode() == "AUTO"

@@ -45,22 +45,6 @@ def test_the_misses_are_as_noisy_as_stated(tool):
     assert stats.kstest(whitened.reshape(-1), "norm").pvalue > 1e-3
 
 
-def test_spot_noise_and_joint_noise_each():
-    """With one of the two noises left out the misses are those of the other alone."""
-    rms = {}
-    for joint, spot in ((0.05, 0.0), (1e-9, 0.3)):
-        plan = good_plan(10, joint_deg=joint, spot_mm=spot)
-        squares = []
-        for seed in range(20):
-            truth, problem = simulated_problem(plan, TABLE_2, seed)
-            squares.append((problem.linearise(truth.x)[0] ** 2).mean())
-            assert ((problem.spots == 0).all()) == (spot == 0.0)
-        rms[joint] = np.sqrt(np.mean(squares))
-    low, high = np.sqrt(stats.chi2.ppf([0.0005, 0.9995], 400) / 400)
-    assert 0.3 * low < rms[1e-9] < 0.3 * high
-    assert rms[0.05] > 0.3
-
-
 def test_only_the_wrist_is_turned():
     plan = good_plan(joint_deg=1e-12, spot_mm=0.0)
     _, problem = simulated_problem(plan, TABLE_2)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from zerobeam.experiments.makers.user_programs import ProgramOptions
+from zerobeam.experiments.makers.user_programs import ProgramOptions, corrected_program
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.kinematics.robot import Robot
 
@@ -335,6 +335,23 @@ def judged(robot: Robot, offsets: Matrix = OFFSETS) -> Any:
         versions={"zerobeam": "0"},
         sha256="0" * 64,
     )
+
+
+def deviating(robot: Robot, rng: np.random.Generator, joints: Sequence[int], mm: float = 0.5) -> Robot:
+    """The robot, the links before some joints moved at random by up to `mm` along each axis."""
+    moved = list(robot.joints)
+    for i in joints:
+        fixed = moved[i].fixed.copy()
+        fixed[:3, 3] += rng.uniform(-mm, mm, 3)
+        moved[i] = replace(moved[i], fixed=fixed)
+    return replace(robot, joints=tuple(moved))
+
+
+def corrected_for(links: Robot, offsets: Matrix, robot: Robot, file: Path, options: ProgramOptions) -> Any:
+    """The program in `file` corrected for an arm with these links and offsets (6,), degrees."""
+    calibration = judged(robot, offsets)
+    calibration.corrected = links.with_offsets(np.radians(offsets))
+    return corrected_program(robot, calibration, file, file.with_name(f"out{file.suffix}"), options)
 
 
 def varied(robot: Robot, count: int, seed: int = 3) -> Matrix:

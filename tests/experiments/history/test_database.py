@@ -186,18 +186,3 @@ def test_a_backup_goes_nowhere_where_it_cannot_be_written(tmp_path: Path) -> Non
         back_up(made, tmp_path, force=True)
     with pytest.raises(BadInput, match="the history is a folder"):
         open_history(str(tmp_path), create=True)
-
-
-def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
-    made = open_history(str(tmp_path / "history.sqlite"), create=True)
-    twice = [sa.insert(tables.arm).values(serial="A", model="arm")] * 2
-
-    def write() -> None:
-        with made.writing() as connection:
-            for one in twice:
-                connection.execute(one)
-
-    with pytest.raises(BadInput, match="cannot be used"):
-        write()
-    with made.reading() as connection:
-        assert connection.scalar(sa.select(sa.func.count()).select_from(tables.arm)) == 0

@@ -24,7 +24,6 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
     """A real result as a history gives it back."""
     path = write_result(tmp_path_factory.mktemp("one") / "result.json", a_result())
     own = read_entry(path, lambda sha256: None)
-    assert own is not None
     names = [name for name in StoredResult.__dataclass_fields__ if name != "document_sha256"]
     return StoredResult(**{name: getattr(own, name) for name in names}, document_sha256=own.document_sha256)
 
@@ -41,7 +40,6 @@ def arm(
     """Quarterly results by instruments of one letter each; delta3 walks, and B is biased there."""
     random = np.random.default_rng([ord(letter) for letter in serial])
     alone = one.without_prior
-    assert alone is not None
     made, state = [], np.zeros(len(alone.names))
     for t, instrument in enumerate(instruments):
         values = random.multivariate_normal(state, np.array(alone.covariance))
@@ -80,7 +78,6 @@ def test_the_joint_that_walks_fast_is_named(mixed: tuple[list[ArmDrift], FleetDr
     _, found = mixed
     assert [(own.model, own.offset) for own in found.models if own.drifts] == [("irb1600", "delta3")]
     (own,) = [own for own in found.models if own.drifts]
-    assert own.median is not None
     assert own.median[1][0] < 1.0 < own.median[1][1]
     assert own.arms == 4
     assert found.too_few == 1
@@ -124,7 +121,6 @@ def test_arms_with_few_results_borrow_and_say_so(one: StoredResult) -> None:
     (few,) = [own for own in found.arms if own.serial == "few"]
     (own,) = [walk for walk in few.walks if walk.offset == "delta3"]
     assert own.borrowed
-    assert own.shrunken is not None
     assert own.shrunken[0] > 1.5 * own.alone[0]
     many = [
         walk for arm in found.arms for walk in arm.walks if arm.serial != "few" and walk.offset == "delta3"

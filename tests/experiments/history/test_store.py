@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +101,6 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
     (found,) = results(history)
     lost = [row.name for row in found.offsets if row.status == "unidentifiable"]
     assert lost
-    assert found.without_prior is not None
     assert not set(lost) & set(found.without_prior.names)
     claimed = a_result(demo="x-pattern")
     next(row for row in claimed["parameters"] if row["name"] == lost[0])["estimate"] = 0.1
@@ -193,22 +192,26 @@ def test_a_backup_is_the_whole_history(history: Database, tmp_path: Path) -> Non
     assert not list(tmp_path.glob(".zerobeam-new*"))
 
 
+def at_once(write: Callable[..., None], given: Sequence[Any]) -> None:
+    """`write` with each of the given, in threads."""
+    writers = [threading.Thread(target=write, args=(one,)) for one in given]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+
+
 def test_writers_at_once_wait_for_each_other(tmp_path: Path) -> None:
     url = str(tmp_path / "history.sqlite")
     open_history(url, create=True)
     mine = [entry(tmp_path, a_result("A", f"2026-01-{day:02}")) for day in range(1, 7)]
     outcomes: list[str] = []
 
-    def write() -> None:
-        own = open_history(url)
+    def write(history: Database) -> None:
         for one in mine:
-            outcomes.extend(add(own, [one]))
+            outcomes.extend(add(history, [one]))
 
-    writers = [threading.Thread(target=write) for _ in range(3)]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join()
+    at_once(write, [open_history(url) for _ in range(3)])
     assert sorted(outcomes) == ["added"] * 6 + ["already there"] * 12
     assert len(list(results(open_history(url)))) == 6
 
@@ -218,7 +221,6 @@ def _killed_at_random(url: str, folder: Path, kills: int) -> None:
     chance, told = random.Random(5), set()
     for _ in range(kills):
         with child(adding(url, folder)) as process:
-            assert process.stdout is not None
             told.update(process.stdout.readline().split()[:1])  # it has begun to write
             time.sleep(chance.uniform(0, 0.05))
             process.kill()
@@ -346,11 +348,7 @@ def test_postgresql_keeps_what_sqlite_keeps(tmp_path: Path) -> None:
             outcomes.extend(add(own, given))
             own.engine.dispose()
 
-        writers = [threading.Thread(target=write, args=(given,)) for given in (more, more[::-1]) * 3]
-        for writer in writers:
-            writer.start()
-        for writer in writers:
-            writer.join()
+        at_once(write, (more, more[::-1]) * 3)
         assert sorted(outcomes) == ["added"] * 28 + ["already there"] * 28 * 5
         assert len(list(documents(server, [own.sha256 for own in more]))) == 28
         server.engine.dispose()

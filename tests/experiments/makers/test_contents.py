@@ -58,7 +58,6 @@ def test_a_table_is_described_as_it_is_laid_out(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t;a1;note\n0,5;-1,25;x\n1,5;3,5;y\n")
     found = contents_of(path)
-    assert found.layout is not None
     assert (found.layout.header_row, found.layout.delimiter, found.layout.decimal) == (True, ";", ",")
     time, first, note = found.columns
     assert (time.lowest, time.highest) == (0.5, 1.5)

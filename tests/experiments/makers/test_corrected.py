@@ -73,6 +73,9 @@ def test_a_new_urdf_has_the_same(run: Run, answer: RobotCalibration, tmp_path: P
     path.write_text(urdf_text(run, answer), encoding="utf-8")
     robot = read_urdf(path, "base", "flange")
     np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
+    assert [(j.name, j.kind) for j in robot.joints] == [(j.name, j.kind) for j in run.robot.joints]
+    np.testing.assert_allclose(robot.lower, run.robot.lower)
+    np.testing.assert_allclose([j.speed for j in robot.joints], [j.speed for j in run.robot.joints])
 
 
 @pytest.mark.long

@@ -26,7 +26,6 @@ from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.makers.plan_programs import (
-    PlanStep,
     ProgramMotion,
     decimal,
     percents,
@@ -244,19 +243,16 @@ def test_joints_that_a_language_cannot_hold(tmp_path: Path, refused: Callable[..
         ("urscript", {"listener": "here"}, "--listener is not understood"),
         ("urscript", {"tool": "1"}, "--tool is not for urscript"),
         ("csv", {"speed": 20.0}, "--speed is not for csv"),
+        ("rapid", {"speed": 200.0}, "--speed is out of range"),
+        ("rapid", {"speed": math.nan}, "--speed is out of range"),
+        ("rapid", {"zone": -1.0}, "--zone is out of range"),
         ("ros", {"zone": 5.0}, "--zone is not for ros"),
     ],
 )
 def test_options_that_a_language_has_no_place_for(
     tmp_path: Path, kind: str, motion: dict[str, Any], what: str, refused: Callable[..., BadInput]
 ) -> None:
-    assert refused(files_of, tmp_path, kind, ProgramMotion(**motion)).what == what
-
-
-def test_numbers_that_nobody_should_move_by(refused: Callable[..., BadInput]) -> None:
-    assert refused(ProgramMotion, speed=200.0).what == "--speed is out of range"
-    assert refused(ProgramMotion, speed=math.nan).what == "--speed is out of range"
-    assert refused(ProgramMotion, zone=-1.0).what == "--zone is out of range"
+    assert refused(lambda: files_of(tmp_path, kind, ProgramMotion(**motion))).what == what
 
 
 def test_names_that_a_controller_does_not_allow(tmp_path: Path, refused: Callable[..., BadInput]) -> None:
@@ -275,4 +271,3 @@ def test_numbers_as_machines_read_them() -> None:
         *("4.05", "0.0", "-69.348", "0.0000001", "180.0")
     ]
     assert decimal(4.0, 3) == "4.000"
-    assert PlanStep(0, "psd", FIRST, ()).joints == FIRST

@@ -25,13 +25,6 @@ POSE = "DECL E6POS XP9={X 10.0,Y 20.0,Z 30.0,A 0.0,B 90.0,C 0.0,S 2,T 35,E1 0.0}
 
 
 @pytest.fixture
-def header(tmp_path):
-    path = tmp_path / "header.yaml"
-    path.write_text(HEADER)
-    return path
-
-
-@pytest.fixture
 def fanuc(tmp_path, header):
     def read(positions, j3="link", points=None, text=None):
         path = tmp_path / "shots.ls"

@@ -14,6 +14,7 @@ TARGET = np.array([900.0, 100.0, 50.0])
 PROBED = np.array([900.0, 100.0, 500.0])
 OUT_OF_REACH = np.array([9000.0, 0.0, 0.0])
 TABLE = Box(name="table", min_mm=(600, -400, 0), max_mm=(1300, 500, 60))
+LID = Box(name="lid", min_mm=(500, -500, 70), max_mm=(1400, 700, 90))
 PILLAR = Box(name="pillar", min_mm=(500, 300, 0), max_mm=(600, 400, 1500))
 
 
@@ -44,9 +45,6 @@ def added_up(own):
     return sum(own.removed.values()) + len(own.postures) == own.drawn
 
 
-# All constraints hold
-
-
 def test_as_many_as_asked_for_and_all_are_different():
     assert found().postures.shape == (300, 6)
     assert len(np.unique(found().postures.round(6), axis=0)) == 300
@@ -75,8 +73,7 @@ def test_every_beam_hits_the_face_from_the_front_within_the_stated_angle_and_len
 
 def test_every_tip_is_at_the_target():
     _, _, origin, _ = beams_of(found("probe").postures, PROBE, PROBED)
-    np.testing.assert_allclose(origin, PROBED[None].repeat(len(origin), 0), atol=1e-6)
-    assert len(origin) == 300
+    np.testing.assert_allclose(origin, np.tile(PROBED, (300, 1)), atol=1e-6)
 
 
 def test_nothing_is_hit():
@@ -110,9 +107,6 @@ def test_any_side_will_do_where_none_is_stated():
     assert not any("face" in reason for reason, count in own.removed.items() if count)
 
 
-# What is told
-
-
 @pytest.mark.parametrize("tool", ["laser", "probe"])
 def test_the_counts_add_up(tool):
     own = found(tool)
@@ -121,26 +115,20 @@ def test_the_counts_add_up(tool):
     assert min(own.removed.values()) >= 0
 
 
-def test_the_same_seed_gives_the_same():
-    own = header(target=tuple(TARGET))
-    one, two, other = (candidates(own, irb1600(), TARGET, 50, seed=s) for s in (1, 1, 2))
-    np.testing.assert_array_equal(one.postures, two.postures)
-    assert one.removed == two.removed
-    assert np.abs(one.postures - other.postures).max() > 0.1
-
-
 @pytest.mark.parametrize(
-    ("tool", "place", "changes", "reason"),
+    ("tool", "place", "changes", "boxes", "reason"),
     [
-        (PROBE, OUT_OF_REACH, {}, "out of reach"),
+        (PROBE, OUT_OF_REACH, {}, [], "out of reach"),
         # Facing down, with the floor right under it: nobody gets there.
-        (LASER, TARGET, {"facing": (0, 0, -1.0), "acceptance": np.radians(10)}, "from behind"),
-        (LASER, TARGET, {"beam": (5000.0, 6000.0)}, "too short or too long"),
-        (LASER, OUT_OF_REACH, {}, "too short or too long"),
+        (LASER, TARGET, {"facing": (0, 0, -1.0), "acceptance": np.radians(10)}, [], "from behind"),
+        (LASER, TARGET, {"beam": (5000.0, 6000.0)}, [], "too short or too long"),
+        (LASER, OUT_OF_REACH, {}, [], "too short or too long"),
+        (LASER, TARGET, {}, [LID], "have a box in the beam's way"),
     ],
 )
-def test_where_nothing_is_left_it_says_what_took_how_many(tool, place, changes, reason):
-    own = candidates(header(tool), irb1600(), place, 20, view=View(**changes), obstacles=Obstacles(), seed=1)
+def test_where_nothing_is_left_it_says_what_took_how_many(tool, place, changes, boxes, reason):
+    obstacles = Obstacles(floor_mm=None if boxes else 0.0, boxes=boxes)
+    own = candidates(header(tool), irb1600(), place, 20, view=View(**changes), obstacles=obstacles, seed=1)
     assert len(own.postures) == 0
     assert own.postures.shape == (0, 6)
     assert added_up(own)
@@ -150,23 +138,10 @@ def test_where_nothing_is_left_it_says_what_took_how_many(tool, place, changes, 
     assert f"{count} " in own.in_words()
 
 
-def test_a_lid_over_the_target():
-    box = Box(name="lid", min_mm=(500, -500, 70), max_mm=(1400, 700, 90))
-    own = candidates(
-        header(target=tuple(TARGET)), irb1600(), TARGET, 20, obstacles=Obstacles(floor_mm=None, boxes=[box])
-    )
-    assert len(own.postures) == 0
-    assert own.removed["have a box in the beam's way"] > 300
-    assert "have a box in the beam's way" in own.in_words()
-
-
 def test_progress_is_told():
     seen = []
     candidates(header(target=tuple(TARGET)), irb1600(), TARGET, 50, progress=seen.append)
     assert seen[-1] == 1.0
-
-
-# Bad input
 
 
 def test_contradictory_limits_name_the_joint(refused):
@@ -189,13 +164,7 @@ def test_contradictory_limits_name_the_joint(refused):
 )
 def test_a_view_that_contradicts_itself(refused, changes, part):
     assert part in str(refused(candidates, header(), irb1600(), TARGET, 5, view=View(**changes)))
-
-
-def test_no_candidates_asked_for(refused):
     assert "no candidates" in str(refused(candidates, header(), irb1600(), TARGET, 0))
-
-
-# Ranges
 
 
 def test_one_turn_nearest_to_zero_is_drawn_from():
@@ -214,7 +183,6 @@ def test_what_one_condition_alone_removes_is_said_the_decisive_one_first():
     own = candidates(header(), irb1600(), TARGET, 20, obstacles=Obstacles(boxes=[lid]), seed=1)
     assert len(own.postures) == 0
     alone = own.alone
-    assert alone is not None
     assert alone.removes["make the arm hit the floor or a box"] == alone.aimed
     # Without that condition some postures would be left, without any other none.
     assert [reason for reason, left in alone.without.items() if left] == [

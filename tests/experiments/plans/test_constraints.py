@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,14 @@ import numpy as np
 import pytest
 from cells import LASER, PROBE, header, irb1600
 from command_line import zerobeam
+from plan_requests import plan_request
 from ruamel.yaml import YAML
 
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.check import Violation
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.constraints import View, check_plan, violations
-from zerobeam.experiments.plans.make import PlanRequest, make_plan
+from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
 from zerobeam.model.files.plan_file import UNCONSTRAINED, Box, Obstacles, StatedConstraints
@@ -26,31 +26,11 @@ from zerobeam.words.verdict import check_headline
 TARGET = (900.0, 0.0, 0.0)
 
 
-def constraints(**changes: Any) -> StatedConstraints:
-    return StatedConstraints(**changes)
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan as `plan optimal` writes it."""
     file = tmp_path_factory.mktemp("plans") / "plan.yaml"
-    request = PlanRequest(
-        kind="optimal",
-        header=header(LASER, target=None),
-        header_folder=Path("."),
-        target=TARGET,
-        shots=7,
-        candidates=300,
-        criterion="A",
-        tolerance=None,
-        max_shots=12,
-        facing=(0.0, 0.0, 1.0),
-        acceptance_deg=55.0,
-        beam_mm=(250.0, 1800.0),
-        margin_deg=4.0,
-        obstacles=Obstacles(),
-        seed=0,
-    )
+    request = plan_request(acceptance_deg=55.0, beam_mm=(250.0, 1800.0), margin_deg=4.0)
     make_plan(request, file, lambda stage, share: None)
     return file
 
@@ -66,18 +46,8 @@ def edited(made: Path, folder: Path, edit: Any) -> Path:
     return path
 
 
-def with_target(place: list[float]) -> Any:
-    def edit(content: dict[str, Any]) -> None:
-        content["targets"]["psd"]["guess_mm"] = place
-
-    return edit
-
-
 def stating(**stated: Any) -> Any:
-    def edit(content: dict[str, Any]) -> None:
-        content["constraints"] = stated
-
-    return edit
+    return lambda content: content.update(constraints=stated)
 
 
 def broken(plan: Plan) -> tuple[Violation, ...]:
@@ -103,7 +73,7 @@ def test_a_plan_keeps_its_constraints_when_it_is_written_again(made: Path, tmp_p
     display = plan.robot.display
     write_plan(path, plan.header, plan.postures * display, plan.targets, constraints=plan.constraints)
     assert read_plan(path).constraints == plan.constraints
-    floorless = constraints(obstacles=Obstacles(floor_mm=None))
+    floorless = StatedConstraints(obstacles=Obstacles(floor_mm=None))
     path = tmp_path / "floorless.yaml"
     write_plan(path, plan.header, plan.postures * display, plan.targets, constraints=floorless)
     assert read_plan(path).constraints.obstacles == Obstacles(floor_mm=None)
@@ -111,7 +81,7 @@ def test_a_plan_keeps_its_constraints_when_it_is_written_again(made: Path, tmp_p
 
 def test_a_beam_from_behind_is_no_pass(made: Path, tmp_path: Path) -> None:
     """The target of a floor is hung above the arm: some beams now come from behind its face."""
-    path = edited(made, tmp_path, with_target([900, 0, 1500]))
+    path = edited(made, tmp_path, lambda content: content["targets"]["psd"].update(guess_mm=[900, 0, 1500]))
     answer = zerobeam("check", path, "--json")
     assert answer.status == 1
     found = json.loads(answer.out)
@@ -180,7 +150,7 @@ def test_the_numbers_of_a_violation_are_those_of_the_arm(made: Path, tmp_path: P
 @pytest.mark.parametrize("seed", range(3))
 def test_what_chooses_postures_judges_them_too(seed: int) -> None:
     """A candidate that is chosen breaks nothing; those that another constraint would remove do."""
-    stated = constraints(
+    stated = StatedConstraints(
         facing=(-1.0, 0.0, 1.0),
         acceptance_deg=40.0,
         beam_mm=(400.0, 1500.0),
@@ -203,7 +173,7 @@ def test_what_chooses_postures_judges_them_too(seed: int) -> None:
         return Plan.of_postures(own, irb1600(), rows, ["psd"] * len(rows), "chosen", stated)
 
     assert broken(planned(stated)) == ()
-    free = constraints(beam_mm=(0.0, 1e5))
+    free = StatedConstraints(beam_mm=(0.0, 1e5))
     conditions = {each.condition for each in broken(planned(free))}
     assert {"facing", "beam_mm", "limits", "cell"} <= conditions
 
@@ -224,11 +194,7 @@ def test_intermediate_postures_and_postures_as_written_keep_clear_of_obstacles(
 
 def test_a_posture_that_cannot_see_its_target_is_no_measurement(made: Path, tmp_path: Path) -> None:
     """What the others determine is what a plan of them determines; without others the lines are judged."""
-
-    def narrow(content: dict[str, Any]) -> None:
-        content["constraints"] = {"facing": [0, 0, 1], "acceptance_deg": 48}
-
-    plan = read_plan(edited(made, tmp_path, narrow))
+    plan = read_plan(edited(made, tmp_path, stating(facing=[0, 0, 1], acceptance_deg=48)))
     unseen = {each.posture for each in broken(plan)}
     seen = [i for i in range(7) if i not in unseen]
     assert 2 < len(seen) < 7
@@ -250,12 +216,9 @@ def test_a_posture_that_cannot_see_its_target_is_no_measurement(made: Path, tmp_
 
 
 def test_without_constraints_nothing_is_judged(made: Path, tmp_path: Path) -> None:
-    def edit(content: dict[str, Any]) -> None:
-        del content["constraints"]
-
-    plan = read_plan(edited(made, tmp_path, edit))
+    plan = read_plan(edited(made, tmp_path, lambda content: content.pop("constraints")))
     assert plan.constraints == UNCONSTRAINED
-    assert check_plan(replace(plan)).verdict == "pass"
+    assert check_plan(plan).verdict == "pass"
 
 
 @pytest.mark.parametrize(
@@ -281,7 +244,7 @@ def test_constraints_that_cannot_be_meant_are_refused_with_their_line(
 def test_a_probe_has_no_beam(tmp_path: Path) -> None:
     own = header(PROBE, target=TARGET)
     path = tmp_path / "plan.yaml"
-    write_plan(path, own, [[0, 10, 20, 0, 30, 0]], ["psd"], constraints=constraints(margin_deg=5.0))
+    write_plan(path, own, [[0, 10, 20, 0, 30, 0]], ["psd"], constraints=StatedConstraints(margin_deg=5.0))
     assert read_plan(path).constraints.margin_deg == 5
     text = path.read_text(encoding="utf-8").replace("margin_deg: 5.0", "beam_mm: [200, 2000]")
     path.write_text(text, encoding="utf-8")

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import LASER, header
+from plan_requests import plan_request
 
 from zerobeam.analysis.observability.check import check
-from zerobeam.experiments.plans.make import MadePlan, PlanRequest, make_plan
+from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import read_plan
@@ -33,29 +34,8 @@ joints:
 """
 
 
-def request(**changes: Any) -> PlanRequest:
-    stated: dict[str, Any] = {
-        "kind": "optimal",
-        "header": header(LASER, target=None),
-        "header_folder": Path("."),
-        "target": (900.0, 0.0, 0.0),
-        "shots": 7,
-        "candidates": 300,
-        "criterion": "A",
-        "tolerance": None,
-        "max_shots": 12,
-        "facing": (0.0, 0.0, 1.0),
-        "acceptance_deg": 60.0,
-        "beam_mm": (200.0, 2000.0),
-        "margin_deg": 5.0,
-        "obstacles": Obstacles(),
-        "seed": 0,
-    }
-    return PlanRequest(**{**stated, **changes})
-
-
 def made(file: Path, **changes: Any) -> MadePlan:
-    return make_plan(request(**changes), file, lambda stage, share: None)
+    return make_plan(plan_request(**changes), file, lambda stage, share: None)
 
 
 @pytest.mark.parametrize("kind", ["x", "y", "optimal"])
@@ -84,9 +64,7 @@ def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
 
 def test_without_a_file_it_is_the_same_plan(tmp_path: Path) -> None:
     written = made(tmp_path / "plan.yaml")
-    plan = make_plan(request(), None, lambda stage, share: None)
-    assert written.plan is not None
-    assert plan.plan is not None
+    plan = make_plan(plan_request(), None, lambda stage, share: None)
     assert plan.file is None
     assert plan.plan.sha256 == written.plan.sha256
     np.testing.assert_array_equal(plan.plan.postures, written.plan.postures)

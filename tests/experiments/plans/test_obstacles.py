@@ -27,17 +27,10 @@ def clearance(obstacles=None, robot=None, **changes):
     return Clearance(problem, obstacles or Obstacles())
 
 
-def arm_points(judge, degrees):
-    return judge._points(np.radians([degrees]))[0]
-
-
 def sampled_distance(a, b, c, d, count=200):
     s = np.linspace(0, 1, count)[:, None]
     first, second = a + s * (b - a), c + s * (d - c)
     return np.linalg.norm(first[:, None] - second[None], axis=2).min()
-
-
-# Geometry
 
 
 def test_distances_of_segments_equal_sampled_ones():
@@ -86,19 +79,13 @@ def test_boxes_are_met_as_sampling_says():
         assert 50 < found.sum() < 950
 
 
-# The arm
-
-
-def test_the_links_are_as_thick_as_stated():
+def test_the_links_are_as_thick_as_stated_and_the_arm_at_zero_hits_nothing():
     assert clearance(Obstacles(thickness_mm=33))._radius == 33
-    # 700 + 600 + 65 mm lie beyond the base's column.
-    assert clearance()._radius == pytest.approx(0.05 * 1365)
-
-
-def test_the_arm_at_zero_hits_nothing():
     judge = clearance()
-    for mask in (judge.hits_itself, judge.hits_cell):
-        assert not mask(np.zeros((1, 6)))[0]
+    # 700 + 600 + 65 mm lie beyond the base's column.
+    assert judge._radius == pytest.approx(0.05 * 1365)
+    assert not judge.hits_itself(np.zeros((1, 6)))[0]
+    assert not judge.hits_cell(np.zeros((1, 6)))[0]
 
 
 def forearm_to_column(judge, degrees):
@@ -197,9 +184,6 @@ def test_a_box_in_the_arms_way():
     assert clearance(Obstacles(boxes=[beside])).hits_cell(np.radians([[90.0, 0, 0, 0, 0, 0]]))[0]
 
 
-# The beam
-
-
 def test_a_box_blocks_the_beam_but_not_the_one_with_the_target():
     table = Box(name="table", min_mm=(500, -500, 0), max_mm=(1500, 500, 101))
     wall = Box(name="wall", min_mm=(600, -50, 300), max_mm=(700, 50, 400))
@@ -211,9 +195,6 @@ def test_a_box_blocks_the_beam_but_not_the_one_with_the_target():
     # A table that ends below the target is in nobody's way, one above it is.
     lid = Box(name="lid", min_mm=(500, -500, 200), max_mm=(1500, 500, 210))
     assert clearance(Obstacles(boxes=[lid])).beam_blocked(origins, target).all()
-
-
-# Files
 
 
 def test_a_file_is_read(tmp_path):
@@ -244,9 +225,6 @@ def test_faults_in_a_file_have_a_line(tmp_path, refused, text, line, part):
     assert error.line == line
     assert part in str(error)
     assert "cell.yaml" in str(error)
-
-
-# Arms whose base frame is above the mounting face
 
 
 @pytest.mark.parametrize(

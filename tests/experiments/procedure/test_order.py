@@ -37,13 +37,9 @@ def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) ->
 def test_it_ends_within_the_tolerance_and_not_a_shot_later(tmp_path: Path, pool: Plan) -> None:
     order = Adaptive(pool, 0.04)
     done = carried(pool, order, tmp_path / "run.jsonl")
-    assert done.state is not None
-    assert done.state.worst is not None
     assert done.state.worst <= 0.04
-    assert order.reason is not None
     assert order.reason.startswith("the largest standard uncertainty is 0.0")
     before = state_of(Problem.from_plan(pool), done.shots[:-1])
-    assert before is not None
     assert before.worst is None or before.worst > 0.04 or before.p_value is None
     assert len(done.shots) < POOL
 
@@ -93,7 +89,6 @@ def test_a_wrong_model_stops_the_saving(tmp_path: Path, pool: Plan) -> None:
     order = Adaptive(pool, 0.04)
     done = carried(pool, order, tmp_path / "run.jsonl", arm={"geometry": geometry})
     assert len(done.shots) == POOL
-    assert done.state is not None
     assert not done.state.consistent
 
 
@@ -105,7 +100,6 @@ def test_what_cannot_be_told_is_never_enough(tmp_path: Path) -> None:
     done = carried(plan, order, tmp_path / "run.jsonl")
     assert len(done.shots) == 9
     assert order.reason == "all postures of the plan are measured"
-    assert done.state is not None
     assert done.state.offset_std["delta2"] is None
     assert done.state.worst is None
 
@@ -135,7 +129,6 @@ def test_an_estimated_noise_is_not_believed_from_a_number_or_two(tmp_path: Path)
     order = Adaptive(plan, 0.1)
     for count in (5, 6):
         state = state_of(problem, run.shots[:count])
-        assert state is not None
         assert state.worst is not None
         assert state.dof == 2 * count - 8
         wide = order._wide(state) / state.worst

@@ -51,9 +51,6 @@ def spot_of(rig: Any, samples: int = 200) -> Any:
     return read_spot(rig, PSD, dark, samples)
 
 
-# The spot
-
-
 def test_the_ambient_light_is_taken_off() -> None:
     spot = spot_of(ScriptedRig())
     np.testing.assert_allclose(spot.position, [2.0, -3.0], atol=5 * 0.015 / np.sqrt(200))
@@ -91,14 +88,6 @@ def test_a_spot_that_drifts_shows_it() -> None:
     np.testing.assert_allclose(read_spot(rig, PSD, dark, 200).drift, [0.4, 0.0], atol=0.01)
 
 
-def test_no_light_is_no_spot_and_no_error() -> None:
-    spot = spot_of(ScriptedRig(light=0.0))
-    assert abs(spot.light) < 1e-3
-
-
-# The link
-
-
 def test_lost_samples_are_left_out() -> None:
     rig = ScriptedRig()
     rig.lost = lambda samples: np.arange(samples) % 3 == 0
@@ -127,33 +116,31 @@ def test_too_much_light_is_a_reason() -> None:
     """All of the light of a spot at the edge goes into one electrode, and that of the surroundings."""
     edge = (9.0, 0.0)
     assert spot_of(ScriptedRig(edge, 1.8)).light == pytest.approx(1.8, abs=0.01)
+    assert abs(spot_of(ScriptedRig(light=0.0)).light) < 1e-3  # no light is no spot, and no error
     with pytest.raises(MeasurementRefused) as refused:
         spot_of(ScriptedRig(edge, 2.0))
     assert refused.value.reason == RefusalReason.SATURATED
 
 
-# The joints
+def joints_read(*readings: Any) -> np.ndarray:
+    rig: Any = ScriptedRig()
+    rig.read = [np.array(each) for each in readings]
+    return read_joints(rig, np.zeros(2), TOLERANCE)
 
 
 def test_joints_are_the_middle_of_what_is_read() -> None:
-    rig: Any = ScriptedRig()
-    rig.read = [np.array([1.0, 2.0]) + off for off in (0.0, 0.0004, -0.0002)]
-    np.testing.assert_array_equal(read_joints(rig, np.array([1.0, 2.0]), TOLERANCE), [1.0, 2.0])
+    read = joints_read([0.0, 0.0], [0.0004, 0.0004], [-0.0002, -0.0002])
+    np.testing.assert_array_equal(read, [0.0, 0.0])
 
 
-@pytest.mark.parametrize("reading", range(3))
-def test_one_reading_that_is_off_is_a_reason(reading: int) -> None:
-    rig: Any = ScriptedRig()
-    rig.read = [np.zeros(2) for _ in range(3)]
-    rig.read[reading][1] = 0.003
-    with pytest.raises(MeasurementRefused, match="joint 2") as refused:
-        read_joints(rig, np.zeros(2), TOLERANCE)
-    assert refused.value.reason == RefusalReason.READING
+OFF = (0.0, 0.003)
+WRONG = "joint 2 does not read the position it was sent"
 
 
-def test_all_readings_off_alike_are_a_reason() -> None:
-    rig: Any = ScriptedRig()
-    rig.read = [np.array([0.0, 0.003])] * 3
-    with pytest.raises(MeasurementRefused, match="joint 2 does not read the position it was sent") as refused:
-        read_joints(rig, np.zeros(2), TOLERANCE)
+@pytest.mark.parametrize(
+    ("off", "what"), [({0}, "joint 2"), ({1}, "joint 2"), ({2}, "joint 2"), ({0, 1, 2}, WRONG)]
+)
+def test_a_reading_that_is_off_is_a_reason(off: set[int], what: str) -> None:
+    with pytest.raises(MeasurementRefused, match=what) as refused:
+        joints_read(*(OFF if k in off else (0.0, 0.0) for k in range(3)))
     assert refused.value.reason == RefusalReason.READING

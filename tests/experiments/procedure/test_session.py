@@ -92,7 +92,6 @@ def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) 
     plan = read_plan(plan_file(tmp_path / "plan.yaml", good_plan(8)))
     rig = SimulatedRig(plan, CellFile(), 3)
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
-    assert done.state is not None
     truth = np.array([rig.provenance()[f"true delta{i} (deg)"] for i in range(2, 7)], dtype=float)
     found = np.degrees(done.state.x[1:6])
     std = np.array([done.state.offset_std[f"delta{i}"] for i in range(2, 7)], dtype=float)
@@ -243,7 +242,6 @@ def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:
     done = carried(plan, tmp_path / "run.jsonl", rig=SimulatedRig(plan, CellFile(), 5))
     assert len(done.shots) >= 11, done.refused
     assert [shot.target for shot in done.shots] == [names[shot.shot] for shot in done.shots]
-    assert done.state is not None
     assert done.state.consistent
     assert "delta6" not in done.state.offset_std  # held with an open tool
 
@@ -312,7 +310,6 @@ def test_who_watches_changes_nothing() -> None:
     assert sent[0].target == (900.0, 0.0, 0.0)  # nothing is known yet but the plan
     assert sent[-1].target != sent[0].target
     for spot in (event for event in told[0] if isinstance(event, SpotSeen)):
-        assert spot.at_mm is not None
         assert np.linalg.norm(spot.at_mm) == pytest.approx(spot.off_mm, abs=2e-4)
         assert spot.size_mm == 20.0
 

@@ -38,9 +38,6 @@ def with_limits(belief: Belief, lower: Matrix, upper: Matrix) -> Belief:
     return replace(belief, problem=replace(belief.problem, robot=replace(robot, joints=joints)))
 
 
-# What is believed
-
-
 def test_the_spots_jacobian_is_exact() -> None:
     """J = B' (I - d n' / (d'n)) (dp/dq + t dd/dq), against central differences of the beam itself; without
     its second term it is far off."""
@@ -92,15 +89,11 @@ def test_the_wrist_is_turned_onto_a_target_or_not_at_all() -> None:
     belief, joints = believed()
     aside = belief.with_target(belief.target + np.array([40.0, -30.0, 60.0]))
     found = aside.onto_target(joints)
-    assert found is not None
     origin, direction = aside.beam(found)
     assert np.linalg.norm(np.cross(aside.target - origin, direction)) < 1e-5
     np.testing.assert_array_equal(found[:3], joints[:3])
     held = with_limits(aside, joints - 1e-3, joints + 1e-3)
     assert held.onto_target(joints) is None
-
-
-# Steps
 
 
 def test_a_step_takes_the_error_away_with_the_smallest_turn() -> None:
@@ -154,9 +147,6 @@ def test_a_wrist_that_cannot_is_a_reason() -> None:
     with pytest.raises(MeasurementRefused) as refused:
         step(held, joints, jacobian, np.array([3.0, -2.0]), LARGEST)
     assert refused.value.reason == RefusalReason.LIMIT
-
-
-# Stands
 
 
 def stood(rig: WatchedRig, joints: Matrix, first: Matrix) -> Matrix:

@@ -22,9 +22,9 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
 from zerobeam.experiments.sensors.attached import read_sensors
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
+from zerobeam.experiments.studies.campaign import MemoryJournal
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.shot import Shot
 
 pytest.importorskip("serial")
 pytest.importorskip("pty")
@@ -32,16 +32,6 @@ pytest.importorskip("pty")
 SEED = 3
 SOUND = LineFaults()
 OWN = calibrated()
-
-
-class Kept:
-    """A journal in memory."""
-
-    def __init__(self) -> None:
-        self.shots: tuple[Shot, ...] = ()
-
-    def append(self, shot: Shot) -> None:
-        self.shots += (shot,)
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +47,7 @@ def cell_rig(plan: Plan, **cell: Any) -> SimulatedRig:
 
 
 def carried(plan: Plan, rig: SimulatedRig) -> ProcedureResult:
-    return Procedure(plan, rig, Kept(), InTurn(len(plan.postures)), lambda event: None).carry_out()
+    return Procedure(plan, rig, MemoryJournal(), InTurn(len(plan.postures)), lambda event: None).carry_out()
 
 
 def through_counts(

@@ -80,7 +80,7 @@ def test_a_calibration_file_is_read(tmp_path: Path) -> None:
     file = write(tmp_path / "a.yaml", calibration())
     read = read_calibration(file)
     assert read.model_dump() == calibrated().model_dump()
-    assert read.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
+    assert read.sha256 == digest(file)
 
 
 @pytest.mark.parametrize(
@@ -103,13 +103,6 @@ def test_a_calibration_that_cannot_be_is_refused(
     error = refused(read_calibration, file)
     assert told in str(error)
     assert error.line is not None
-
-
-@pytest.mark.parametrize("key", sorted(set(PsdCalibration.model_fields) - {"schema_"}))
-def test_nothing_of_a_calibration_is_guessed(tmp_path: Path, refused: Any, key: str) -> None:
-    content = calibration()
-    del content[key]
-    assert f"{key!r} is missing" in str(refused(read_calibration, write(tmp_path / "a.yaml", content)))
 
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "sensors.md"
@@ -165,21 +158,23 @@ def test_what_cannot_be_is_refused(
     assert error.line is not None
 
 
-@pytest.mark.parametrize("key", sorted(set(psd("")) - {"markers_mm"}))
-def test_nothing_of_a_psd_is_guessed(tmp_path: Path, refused: Refused, key: str) -> None:
-    content = psd("/dev/a")
-    del content[key]
-    assert f"{key!r} is missing" in str(refused(read_sensors_file, sensors(tmp_path, psds={"psd": content})))
+GUESSED = [
+    *(("calibration", key) for key in sorted(set(PsdCalibration.model_fields) - {"schema_"})),
+    *(("psd", key) for key in sorted(set(psd("")) - {"markers_mm"})),
+    *(("camera", key) for key in sorted(CAMERA)),
+]
 
 
-@pytest.mark.parametrize("key", sorted(CAMERA))
-def test_nothing_of_a_camera_is_guessed(tmp_path: Path, refused: Refused, key: str) -> None:
-    content = dict(DEVICE)
-    del content[key]
-    assert f"{key!r} is missing" in str(refused(read_sensors_file, sensors(tmp_path, camera=content)))
-
-
-# What is opened
+@pytest.mark.parametrize(("part", "key"), GUESSED)
+def test_nothing_is_guessed(tmp_path: Path, refused: Refused, part: str, key: str) -> None:
+    parts = {"calibration": calibration(), "psd": psd("/dev/a"), "camera": dict(DEVICE)}
+    del parts[part][key]
+    file = sensors(tmp_path, psds={"psd": parts["psd"]}, camera=parts["camera"])
+    if part == "calibration":
+        error = refused(read_calibration, write(tmp_path / "a.yaml", parts[part]))
+    else:
+        error = refused(read_sensors_file, file)
+    assert f"{key!r} is missing" in str(error)
 
 
 def test_the_sheets_are_what_the_file_says(tmp_path: Path) -> None:
@@ -197,7 +192,6 @@ def test_the_sheets_are_what_the_file_says(tmp_path: Path) -> None:
     np.testing.assert_array_equal(sheet.normal, [0.0, 0.0, 1.0])
     np.testing.assert_array_equal(sheet.markers, [[35.0, 0.0, 0.0], [-35.0, 0.0, 0.0]])
     assert sheet.saturation == pytest.approx((8000000 - 4900) * 0.9 * 2 / 4e6)
-    assert camera is not None
     assert (camera.width, camera.height, camera.focal) == (64, 48, (70.0, 71.0))
     # Turned by 90 degrees about y it looks along the flange's x.
     np.testing.assert_allclose(camera.mount[:3, 2], [1.0, 0.0, 0.0], atol=1e-15)
@@ -270,9 +264,6 @@ def test_a_line_that_cannot_carry_the_samples_is_refused(tmp_path: Path, refused
     slow["serial"]["baud"] = 100_000
     with pytest.raises(RigFault, match="cannot be opened"):
         read_sensors(sensors(tmp_path, psds={"psd": slow}), good_plan(2))
-
-
-# The page
 
 
 def test_the_files_and_lines_of_the_page_are_what_is_read(tmp_path: Path) -> None:

@@ -137,12 +137,12 @@ def test_right_stds_agree_and_stds_too_small_do_not(run: CellRun) -> None:
 
 
 def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
-    states = made(run, 30)
-    for k in range(10):
-        offsets = tuple(
-            unidentifiable(offset) if offset.name == "delta3" else offset for offset in states[k].offsets
+    states = [
+        with_offsets(
+            state, [unidentifiable(o) if o.name == "delta3" and k < 10 else o for o in state.offsets]
         )
-        states[k] = with_offsets(states[k], offsets)
+        for k, state in enumerate(made(run, 30))
+    ]
     plan_answer = judged(plans()["optimal"], run, states)
     of = {row["name"]: row["coverage"]["of"] for row in plan_answer["parameters"]}
     assert of == {"delta2": 30, "delta3": 20, "delta4": 30, "delta5": 30, "delta6": 30}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,12 +47,6 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     assert (answer.intervals.held, answer.along_axis.held, answer.alarms.arms) == (3, 1, 3)
     with pytest.raises(BadInput, match="arms differs"):
         drift_study(4, 0, lambda stage, share: None, **how)
-
-
-@pytest.mark.long
-def test_any_number_of_processes_gives_the_same() -> None:
-    one, two = (drift_study(12, 0, lambda *_: None, processes=count) for count in (1, 2))
-    assert replace(one, seconds=0) == replace(two, seconds=0)
 
 
 @pytest.mark.long

@@ -131,7 +131,6 @@ def test_sign_and_ratio_give_the_joint_offsets_back(told: tuple[Run, RobotCalibr
     before = np.degrees(change_of_readings(new, SIGNS, False))
     for i in range(1, 6):
         said = re.search(rf"^#   rob1_{i + 1}: ([-+][.\d]+)$", text, re.MULTILINE)
-        assert said is not None
         assert float(said[1]) == pytest.approx(before[i], abs=1.1e-4)
     turned = [i for i in range(6) if abs(before[i] - np.degrees(offsets[i])) > 1e-4]
     assert turned  # or nothing of the turns is tested
@@ -221,8 +220,6 @@ def test_without_the_controllers_file_a_table(told: tuple[Run, RobotCalibration,
     for i, offset in enumerate(answer.offsets[1:], start=1):
         row = rf"^# {i + 1}; ([-+.\d]+); ([-+.\d]+); (.*)$"
         told_bare, told_whole = (re.search(row, text, re.MULTILINE) for text in (bare, whole))
-        assert told_bare is not None
-        assert told_whole is not None
         assert float(told_bare[2]) == pytest.approx(offset.internal, abs=6e-10)
         assert told_bare[3].startswith("unknown")
         assert float(told_whole[3]) == pytest.approx(SIGNS[i] * RATIOS[i] * offset.internal, abs=6e-7)

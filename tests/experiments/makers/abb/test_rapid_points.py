@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from import_files import import_rapid
-from recorded_logs import HEADER, POSTURES
+from recorded_logs import POSTURES
 from scipy.spatial.transform import Rotation
 from user_programs import TABLE, TOOL, UserProgram, flange_arm, varied
 
@@ -34,13 +34,6 @@ MODULE Shots(SYSMODULE)
   CONST robtarget r1:=[[600,0,500],[0,0,1,0],[0,-1,0,1],{EXTERNAL}];
 ENDMODULE
 """
-
-
-@pytest.fixture
-def header(tmp_path):
-    path = tmp_path / "header.yaml"
-    path.write_text(HEADER)
-    return path
 
 
 def read(tmp_path, header, text, points=None):

@@ -10,15 +10,15 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from controller_arm import ControllerArm
 from tp_controller import NoProgram, TpController, clear_letters
 from tp_programs import FORMS, Form, Listing, apart, good_listing, nominal, random_row, rounding, with_form
-from user_programs import judged, read
+from user_programs import corrected_for, deviating, read
 
-from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
@@ -36,22 +36,14 @@ class TrueArm:
 
     @classmethod
     def random(cls, rng: np.random.Generator, deviates: bool) -> TrueArm:
-        robot = load_robot("lrmate_200id")
-        joints = list(robot.joints)
-        for i in (1, 3) if deviates else ():
-            fixed = joints[i].fixed.copy()
-            fixed[:3, 3] += rng.uniform(-0.5, 0.5, 3)
-            joints[i] = replace(joints[i], fixed=fixed)
-        return cls(replace(robot, joints=tuple(joints)), np.round(rng.uniform(-1, 1, 6), 3))
+        links = deviating(load_robot("lrmate_200id"), rng, (1, 3) if deviates else ())
+        return cls(links, np.round(rng.uniform(-1, 1, 6), 3))
 
     def corrected(self, listing: Listing, text: str, folder: Path) -> tuple[str, list[str]]:
         """The corrected program, and what is said of it."""
-        (folder / "in.ls").write_bytes(text.encode("latin-1"))
-        calibration = judged(load_robot("lrmate_200id"), self.offsets)
-        calibration.corrected = self.links.with_offsets(np.radians(self.offsets))
-        done = corrected_program(
-            load_robot("lrmate_200id"), calibration, folder / "in.ls", folder / "out.ls", listing.choices
-        )
+        file = folder / "in.ls"
+        file.write_bytes(text.encode("latin-1"))
+        done = corrected_for(self.links, self.offsets, load_robot("lrmate_200id"), file, listing.choices)
         return read(done), done.notes
 
     def errors(
@@ -61,7 +53,7 @@ class TrueArm:
         rounding, and how many poses were compared."""
         controller = controller or listing.controller()
         true = ControllerArm.of(self.links, self.offsets)
-        start = random_row(np.random.default_rng(0), listing_letters(listing))
+        start = random_row(np.random.default_rng(0), clear_letters(listing.points[0].row)[0])
         mm = deg = 0.0
         compared = 0
         for run in range(_RUNS):
@@ -78,12 +70,8 @@ class TrueArm:
         return mm, deg, compared
 
 
-def listing_letters(listing: Listing) -> str:
-    return clear_letters(listing.points[0].row)[0]
-
-
-def checked(seed: int, folder: Path) -> tuple[bool, float, float, int, str]:
-    """A random program: whether it is accepted, and the errors of its poses."""
+def checked(seed: int, folder: Path) -> tuple[float, float, int] | None:
+    """A random program: the errors of its poses, or None where it is refused."""
     rng = np.random.default_rng([7, seed])
     listing = good_listing(rng)
     if rng.random() < 0.4 and any(
@@ -94,41 +82,35 @@ def checked(seed: int, folder: Path) -> tuple[bool, float, float, int, str]:
     text = listing.text()
     try:
         corrected, said = arm.corrected(listing, text, folder)
-    except BadInput as error:
-        return False, 0.0, 0.0, 0, f"{listing.form}: {error}"
+    except BadInput:
+        return None
+    assert not listing.form
     left = sum(point.name in listing.left for point in listing.points)
     count = len(listing.points)
     assert said[0] == (
         f"positions in the program: {count}; corrected: {count - left}; left as they are: {left};"
         " poses of tools and frames: 0"
     )
-    return True, *arm.errors(listing, text, corrected, seed), listing.form
+    return arm.errors(listing, text, corrected, seed)
 
 
-def all_right(seeds: range, folder: Path) -> tuple[int, float, float, int]:
-    """How many are accepted, by how much poses are off at most beyond the rounding, how many poses."""
-    results = [checked(seed, folder) for seed in seeds]
-    accepted = [result for result in results if result[0]]
-    assert not any(form for *_, form in accepted)
-    assert len(accepted) >= len(results) / 4
-    mm, deg = (max(result[i] for result in accepted) for i in (1, 2))
-    compared = sum(result[3] for result in accepted)
-    assert mm < _MM
-    assert deg < _DEG
-    assert compared > 5 * len(accepted)
-    return len(accepted), mm, deg, compared
+def of(count: int, many: int) -> list[Any]:
+    """So many seeds, and many more at length."""
+    return [range(count), pytest.param(range(count, count + many), marks=pytest.mark.long)]
 
 
-def test_random_programs_are_refused_or_right(tmp_path: Path) -> None:
-    all_right(range(100), tmp_path)
+@pytest.mark.parametrize("seeds", of(100, 2000))
+def test_random_programs_are_refused_or_right(seeds: range, tmp_path: Path) -> None:
+    accepted = [result for seed in seeds if (result := checked(seed, tmp_path)) is not None]
+    assert len(accepted) >= len(seeds) / 4
+    mm, deg, compared = zip(*accepted, strict=True)
+    assert max(mm) < _MM
+    assert max(deg) < _DEG
+    assert sum(compared) > 5 * len(accepted)
 
 
-@pytest.mark.long
-def test_many_random_programs_are_refused_or_right(tmp_path: Path) -> None:
-    all_right(range(100, 2100), tmp_path)
-
-
-def damaged_are_right(seeds: range, folder: Path) -> None:
+@pytest.mark.parametrize("seeds", of(20, 500))
+def test_damaged_programs_are_refused_or_right(seeds: range, tmp_path: Path) -> None:
     """Programs without one letter: refused, or right as what they mean now."""
     for seed in seeds:
         rng = np.random.default_rng([8, seed])
@@ -137,22 +119,13 @@ def damaged_are_right(seeds: range, folder: Path) -> None:
         place = int(rng.integers(len(text)))
         text = text[:place] + text[place + int(rng.integers(1, 4)) :]
         try:
-            corrected, _ = arm.corrected(listing, text, folder)
+            corrected, _ = arm.corrected(listing, text, tmp_path)
         except BadInput:
             continue
         with suppress(NoProgram):
             mm, deg, _ = arm.errors(listing, text, corrected, seed)
             assert mm < _MM
             assert deg < _DEG
-
-
-def test_damaged_programs_are_refused_or_right(tmp_path: Path) -> None:
-    damaged_are_right(range(20), tmp_path)
-
-
-@pytest.mark.long
-def test_many_damaged_programs_are_refused_or_right(tmp_path: Path) -> None:
-    damaged_are_right(range(20, 520), tmp_path)
 
 
 def test_a_program_that_ends_anywhere_is_refused(good: tuple[Listing, TrueArm], tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from child import ZEROBEAM, child
@@ -26,69 +27,58 @@ from ros_bags import Bag, file_of
 
 from zerobeam.experiments.makers.generic import bags as unpacked
 
+Read = Callable[[Path], Imported]
 Refused = Callable[..., BadInput]
 PACKED = [("ros1", "bz2"), ("ros1", "lz4"), ("mcap", "storage"), ("sqlite3", "message"), ("sqlite3", "file")]
 MB = 10**6
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Callable[[Path], Imported]:
-    header = tmp_path / "header.yaml"
-    header.write_text(HEADER)
-    still = Stillness(0.02, 0.5)
-    return lambda bag: import_ros(
-        [bag], [], header, tmp_path / "run.jsonl", still=still, marker_topic="/shot"
-    )
+def read(tmp_path: Path, header: Path) -> Read:
+    how: dict[str, Any] = {"still": Stillness(0.02, 0.5), "marker_topic": "/shot"}
+    return lambda bag: import_ros([bag], [], header, tmp_path / "run.jsonl", **how)
+
+
+@pytest.fixture
+def packed_bag(tmp_path: Path, kind: str, packed: str) -> Callable[[str], Path]:
+    """Makes a packed bag of an arm that moves, with a marker of that text."""
+    return lambda text: Bag(kind).states(*moves()).marker(1.1, text).write(tmp_path, packed)
 
 
 @pytest.mark.parametrize(("kind", "packed"), PACKED)
-def test_a_packed_bag_of_an_arm_that_rests_is_read(
-    tmp_path: Path, read: Callable[[Path], Imported], kind: str, packed: str
-) -> None:
-    bag = Bag(kind).states(*moves()).marker(1.1, "a").write(tmp_path, packed)
+def test_a_packed_bag_of_an_arm_that_rests_is_read(packed_bag: Callable[[str], Path], read: Read) -> None:
+    bag = packed_bag("a")
     assert [shot.target for shot in read(bag).shots] == ["a"]
     assert [topic.name for topic in topics_of(bag)] == ["/joint_states", "/shot"]
 
 
 @pytest.mark.parametrize(("kind", "packed"), PACKED)
 def test_a_bag_that_stands_for_far_more_than_its_size_is_refused(
-    tmp_path: Path,
-    read: Callable[[Path], Imported],
-    refused: Refused,
-    monkeypatch: pytest.MonkeyPatch,
-    kind: str,
-    packed: str,
+    packed_bag: Callable[[str], Path], read: Read, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unpacked, "ALWAYS", 2 * MB)
     monkeypatch.setattr(unpacked, "RATIO", 20)
-    bag = Bag(kind).states(*moves()).marker(1.1, "a" * 40 * MB).write(tmp_path, packed)
+    bag = packed_bag("a" * 40 * MB)
     error = refused(read, bag)
     assert "too large for its size" in error.what
     assert error.allowed == "20 times the size of the bag, or 2 MB where that is more"
     assert error.file == str(bag)
     told = re.match(r"more than (\d+) MB", str(error.found))
-    assert told is not None
-    assert int(told[1]) <= 20 * unpacked.Unpacking(bag).packed / MB + 3
+    assert int(told[1]) <= 20 * unpacked.Unpacking(bag).packed / MB + 3  # type: ignore[index]
 
 
 @pytest.mark.parametrize(("kind", "packed"), [("ros1", "bz2"), ("mcap", "storage"), ("sqlite3", "message")])
 def test_what_is_in_memory_at_once_has_a_limit(
-    tmp_path: Path,
-    read: Callable[[Path], Imported],
-    refused: Refused,
-    monkeypatch: pytest.MonkeyPatch,
-    kind: str,
-    packed: str,
+    packed_bag: Callable[[str], Path], read: Read, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(unpacked, "AT_ONCE", 2 * MB)
-    bag = Bag(kind).states(*moves()).marker(1.1, "a" * 4 * MB).write(tmp_path, packed)
-    error = refused(read, bag)
+    error = refused(read, packed_bag("a" * 4 * MB))
     assert "take too much memory" in error.what
     assert error.allowed == "2 MB at once"
 
 
 def test_chunks_whose_times_overlap_are_in_memory_together(
-    tmp_path: Path, read: Callable[[Path], Imported], refused: Refused, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, read: Read, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times, joints = moves()
     bag = Bag("mcap").states(times, joints).marker(1.1, "a").write(tmp_path, "storage")
@@ -131,7 +121,7 @@ COMPUTED = {
 @pytest.mark.parametrize("packed", [None, "file"])
 @pytest.mark.parametrize("computed", COMPUTED)
 def test_a_database_that_computes_what_is_read_is_refused(
-    tmp_path: Path, read: Callable[[Path], Imported], refused: Refused, computed: str, packed: str | None
+    tmp_path: Path, read: Read, refused: Refused, computed: str, packed: str | None
 ) -> None:
     bag = Bag("sqlite3").states(*moves()).marker(1.1, "a").write(tmp_path)
     with contextlib.closing(sqlite3.connect(file_of(bag))) as store:
@@ -157,7 +147,7 @@ def _pack(bag: Path) -> None:
 
 
 def test_a_bag_that_defines_joint_states_otherwise_is_refused(
-    tmp_path: Path, read: Callable[[Path], Imported], refused: Refused
+    tmp_path: Path, read: Read, refused: Refused
 ) -> None:
     """A list of messages without fields is as long as its length says, from no bytes at all."""
     from rosbags.rosbag1 import Writer

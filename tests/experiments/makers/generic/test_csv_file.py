@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from import_files import import_csv
+from recorded_logs import HEADER
 
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
 from zerobeam.experiments.makers.recordings import uncollected
@@ -12,11 +13,6 @@ from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.model.files.run import read_run, write_run
 
-HEADER = """\
-robot: irb1600
-tool: {kind: probe, calibrated: false, point_mm: [0, 0, 100]}
-noise: {joint_deg: 0.01, spot_mm: 0.5}
-"""
 ROWS = np.array([[10, 20, -30, 40, 50, -60], [11, 21, -31, 41, 51, -61], [170.5, 22, -32, 42, 52, 300]])
 
 
@@ -24,13 +20,6 @@ def csv(folder: Path, name: str, rows, top="", delimiter=",") -> Path:
     path = folder / name
     lines = [delimiter.join(str(value) for value in row) for row in rows]
     path.write_text(top + "\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def header(tmp_path) -> Path:
-    path = tmp_path / "header.yaml"
-    path.write_text(HEADER)
     return path
 
 
@@ -71,11 +60,13 @@ def test_the_collector_of_circles_rests_within_an_import_alone():
     gc.enable()
 
 
-def test_radians_are_turned_into_degrees(tmp_path, read):
-    file = csv(tmp_path, "a.csv", np.radians(ROWS))
-    found = read([file], ["one"], CsvLayout("rad"))
+def test_radians_are_turned_into_degrees_and_the_wrong_unit_is_asked_about(tmp_path, read, refused):
+    small, large = csv(tmp_path, "a.csv", np.radians(ROWS)), csv(tmp_path, "b.csv", ROWS)
+    found = read([small], ["one"], CsvLayout("rad"))
     np.testing.assert_allclose([shot.joints_deg for shot in found.shots], ROWS, rtol=1e-14)
     assert "angles in radians, converted to degrees" in found.understood
+    assert "--units rad" in refused(read, [small], ["one"], CsvLayout("deg")).remedy
+    assert "radians?" in refused(read, [large], ["one"], CsvLayout("rad")).remedy
 
 
 def test_what_was_understood_is_told(tmp_path, read):
@@ -91,44 +82,35 @@ def test_what_was_understood_is_told(tmp_path, read):
 
 
 def test_columns_by_name(tmp_path, read, refused):
-    order = [5, 0, 1, 2, 3, 4]
-    top = "time,j6,j1,j2,j3,j4,j5\n"
-    rows = [[i, *(row[order])] for i, row in enumerate(ROWS)]
-    file = csv(tmp_path, "a.csv", rows, top)
     names = [f"j{i}" for i in range(1, 7)]
+    rows = [[i, *row[[5, 0, 1, 2, 3, 4]]] for i, row in enumerate(ROWS)]
+    file = csv(tmp_path, "a.csv", rows, "time,j6,j1,j2,j3,j4,j5\n")
     found = read([file], ["one"], CsvLayout("deg", header_row=True, columns=names))
     np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], ROWS)
-    assert "columns by name, joint 1 first: j1, j2, j3, j4, j5, j6" in found.understood
-    error = refused(read, [file], ["one"], CsvLayout("deg", header_row=True, columns=[*names[:5], "j7"]))
-    assert error.found == "j7"
-    assert error.allowed == "time, j6, j1, j2, j3, j4, j5"
-    assert error.line == 1
-    unnamed = refused(read, [file], ["one"], CsvLayout("deg", header_row=True))
-    assert "not just the joints in their order" in unnamed.what
-    assert (
-        "one column is required"
-        in refused(read, [file], ["one"], CsvLayout("deg", header_row=True, columns=names[:5])).what
-    )
-    assert "no header row" in refused(read, [file], ["one"], CsvLayout("deg", columns=names)).what
 
+    def what(columns, header_row=True):
+        return refused(read, [file], ["one"], CsvLayout("deg", header_row=header_row, columns=columns))
 
-def test_a_header_row_that_names_the_joints_in_another_order(tmp_path, read, refused):
-    names = [f"joint{i}" for i in range(1, 7)]
-    right = csv(tmp_path, "a.csv", ROWS, ",".join(names) + "\n")
-    assert len(read([right], ["one"], CsvLayout("deg", header_row=True)).shots) == 3
-    turned = csv(tmp_path, "b.csv", ROWS[:, ::-1], ",".join(reversed(names)) + "\n")
-    assert "in their order" in refused(read, [turned], ["one"], CsvLayout("deg", header_row=True)).what
+    error = what([*names[:5], "j7"])
+    assert (error.found, error.allowed, error.line) == ("j7", "time, j6, j1, j2, j3, j4, j5", 1)
+    assert "not just the joints in their order" in what(None).what
+    assert "one column is required" in what(names[:5]).what
+    assert "no header row" in what(names, header_row=False).what
 
 
 def test_a_header_row_must_be_stated_and_be_one(tmp_path, read, refused):
-    file = csv(tmp_path, "a.csv", ROWS, "j1,j2,j3,j4,j5,j6\n")
-    error = refused(read, [file], ["one"], CsvLayout("deg"))
+    names = [f"joint{i}" for i in range(1, 7)]
+    headed = CsvLayout("deg", header_row=True)
+    right = csv(tmp_path, "a.csv", ROWS, ",".join(names) + "\n")
+    assert len(read([right], ["one"], headed).shots) == 3
+    turned = csv(tmp_path, "b.csv", ROWS[:, ::-1], ",".join(reversed(names)) + "\n")
+    assert "in their order" in refused(read, [turned], ["one"], headed).what
+    error = refused(read, [right], ["one"], CsvLayout("deg"))
     assert "the first row holds no numbers" in error.what
     assert "header row" in error.remedy
     assert error.line == 1
-    plain = csv(tmp_path, "b.csv", ROWS)
-    error = refused(read, [plain], ["one"], CsvLayout("deg", header_row=True))
-    assert "not a header row" in error.what
+    plain = csv(tmp_path, "c.csv", ROWS)
+    assert "not a header row" in refused(read, [plain], ["one"], headed).what
 
 
 @pytest.mark.parametrize(
@@ -168,23 +150,18 @@ def test_another_delimiter(tmp_path, read, refused):
 
 
 def test_what_must_be_stated(tmp_path, read, header, refused):
-    file = csv(tmp_path, "a.csv", ROWS)
+    file, absent = csv(tmp_path, "a.csv", ROWS), tmp_path / "x.csv"
+    for files, targets, what in (
+        ([file], [], "one target name"),
+        ([], [], "no file"),
+        ([file, file], ["a", "b"], "duplicate"),
+        ([file], ["tool"], "'tool'"),
+        ([absent], ["a"], "no such file"),
+    ):
+        assert what in refused(read, files, targets, CsvLayout("deg")).what
     assert "unit" in refused(read, [file], ["one"], CsvLayout("grad")).what
-    assert "one target name" in refused(read, [file], [], CsvLayout("deg")).what
-    assert "no file" in refused(read, [], [], CsvLayout("deg")).what
-    assert "duplicate" in refused(read, [file, file], ["a", "b"], CsvLayout("deg")).what
-    assert "'tool'" in refused(read, [file], ["tool"], CsvLayout("deg")).what
-    absent = [tmp_path / "x.csv"]
-    assert "no such file" in refused(read, absent, ["a"], CsvLayout("deg")).what
     header.write_text(HEADER + "distances: [{between: [one, two], mm: 50, sigma_mm: 0.1}]\n")
     assert refused(read, [file], ["one"], CsvLayout("deg")).found == "two"
-
-
-def test_the_wrong_unit_is_asked_about(tmp_path, read, refused):
-    small = csv(tmp_path, "a.csv", np.radians(ROWS))
-    assert "--units rad" in refused(read, [small], ["one"], CsvLayout("deg")).remedy
-    large = csv(tmp_path, "b.csv", ROWS)
-    assert "radians?" in refused(read, [large], ["one"], CsvLayout("rad")).remedy
 
 
 def test_limits_warn_is_respected(tmp_path, read, header):

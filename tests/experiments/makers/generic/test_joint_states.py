@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from import_files import import_joint_states
-from recorded_logs import HEADER, POSTURES
+from recorded_logs import POSTURES
 
 NAMES = ["joint6", "joint1", "joint2", "joint3", "joint4", "joint5", "gripper"]
 
@@ -21,14 +21,11 @@ def message(row, names=NAMES, inline=False):
 
 
 @pytest.fixture
-def read(tmp_path):
-    (tmp_path / "header.yaml").write_text(HEADER)
-
+def read(tmp_path, header):
     def call(text, columns=None):
         file = tmp_path / "recorded.yaml"
         file.write_text(text)
-        header, out = tmp_path / "header.yaml", tmp_path / "run.jsonl"
-        return import_joint_states([file], ["a"], header, out, columns=columns)
+        return import_joint_states([file], ["a"], header, tmp_path / "run.jsonl", columns=columns)
 
     return call
 

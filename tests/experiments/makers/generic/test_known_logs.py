@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 from import_files import import_log
-from recorded_logs import HEADER, POSTURES, moves, table, ur
+from recorded_logs import POSTURES, moves, table, ur
 
 from zerobeam.experiments.makers.generic.dwells import Stillness
 
 STILL = Stillness(0.02, 0.5)
-
-
-@pytest.fixture
-def header(tmp_path):
-    path = tmp_path / "header.yaml"
-    path.write_text(HEADER)
-    return path
 
 
 @pytest.fixture

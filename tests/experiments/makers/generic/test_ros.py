@@ -7,7 +7,7 @@ import sqlite3
 import numpy as np
 import pytest
 from import_files import import_ros
-from recorded_logs import HEADER, POSTURES, moves
+from recorded_logs import POSTURES, moves
 
 from zerobeam.experiments.makers.generic.dwells import Stillness
 from zerobeam.model.files.run import read_run, write_run
@@ -18,13 +18,6 @@ from ros_bags import Bag, file_of
 
 KINDS = ["ros1", "sqlite3", "mcap"]
 STILL = Stillness(0.02, 0.5)
-
-
-@pytest.fixture
-def header(tmp_path):
-    path = tmp_path / "header.yaml"
-    path.write_text(HEADER)
-    return path
 
 
 def read(bag, header, tmp_path, targets=("a",), **options):

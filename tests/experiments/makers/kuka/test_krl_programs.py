@@ -17,9 +17,9 @@ import pytest
 from controller_arm import ControllerArm, same_poses
 from krl_controller import Controller, Invalid
 from krl_random import BAD, Program, Writer
-from user_programs import judged
+from user_programs import corrected_for, deviating, read
 
-from zerobeam.experiments.makers.user_programs import CorrectedProgram, corrected_program
+from zerobeam.experiments.makers.user_programs import CorrectedProgram
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
@@ -33,27 +33,14 @@ _ALONE = [name for name in BAD if name != "an end without a begin"]  # it may cl
 
 def true_arm(rng: np.random.Generator) -> tuple[Robot, Matrix]:
     """An arm whose links may deviate, and its offsets, up to a degree."""
-    robot, offsets = ROBOT, np.append(0.0, rng.uniform(-1, 1, 5))
-    if rng.random() < 0.3:
-        joints = list(robot.joints)
-        for i in (1, 2, 3):
-            moved = joints[i].fixed.copy()
-            moved[:3, 3] += rng.uniform(-0.8, 0.8, 3)
-            joints[i] = replace(joints[i], fixed=moved)
-        robot = replace(robot, joints=tuple(joints))
-    return robot, offsets
+    offsets = np.append(0.0, rng.uniform(-1, 1, 5))
+    return deviating(ROBOT, rng, (1, 2, 3) if rng.random() < 0.3 else (), 0.8), offsets
 
 
 def corrected(folder: Path, program: Program, robot: Robot, offsets: Matrix) -> CorrectedProgram:
     (folder / "job.src").write_text(program.src)
     (folder / "job.dat").write_text(program.dat)
-    calibration = judged(ROBOT, offsets)
-    calibration.corrected = robot.with_offsets(np.radians(offsets))
-    return corrected_program(ROBOT, calibration, folder / "job.src", folder / "out.src", program.choices)
-
-
-def text_of(done: CorrectedProgram) -> str:
-    return "".join(content.decode() for content in done.files.values())
+    return corrected_for(robot, offsets, ROBOT, folder / "job.src", program.choices)
 
 
 def poses(program: Program, text: str, arm: ControllerArm, seed: int) -> Matrix:
@@ -71,7 +58,7 @@ def counts(done: CorrectedProgram) -> Counter[str]:
     return Counter({"target": numbers[1], "left": numbers[2], "frame": numbers[3]})
 
 
-def judge(folder: Path, seed: int, inputs: int = 3) -> str:
+def judge(folder: Path, seed: int, inputs: int) -> str:
     """Write a program, correct it, run both with different inputs: what came of it."""
     rng = np.random.default_rng([7, seed])
     bad = [str(rng.choice(_ALONE)) for _ in range(int(rng.choice([0, 0, 0, 0, 1, 2])))]
@@ -89,25 +76,16 @@ def judge(folder: Path, seed: int, inputs: int = 3) -> str:
             meant = poses(program, program.text, NOMINAL, again)
         except Invalid:
             continue
-        reached = poses(program, text_of(done), arm, again)
+        reached = poses(program, read(done), arm, again)
         assert same_poses(meant, reached), f"{seed}, run {again}"
         runs += bool(len(meant))
     return "accepted" if runs else "not run"
 
 
-def judge_all(folder: Path, seeds: range, inputs: int) -> Counter[str]:
-    found = Counter(judge(folder, seed, inputs) for seed in seeds)
-    assert found["accepted"] >= len(seeds) / 4, found
-    return found
-
-
-def test_random_programs(tmp_path: Path) -> None:
-    judge_all(tmp_path, range(100), inputs=1)
-
-
-@pytest.mark.long
-def test_many_random_programs(tmp_path: Path) -> None:
-    judge_all(tmp_path, range(2000), inputs=3)
+@pytest.mark.parametrize(("count", "inputs"), [(100, 1), pytest.param(2000, 3, marks=pytest.mark.long)])
+def test_random_programs(tmp_path: Path, count: int, inputs: int) -> None:
+    found = Counter(judge(tmp_path, seed, inputs) for seed in range(count))
+    assert found["accepted"] >= count / 4, found
 
 
 def program_with(name: str | None) -> Program:
@@ -162,17 +140,13 @@ def test_the_controller_shows_what_the_refusal_prevents(tmp_path: Path, name: st
     lines = program.src.splitlines()
     behind = max(i for i, line in enumerate(lines) if line.endswith(";BAD")) + 1
     behind += 2 if lines[behind - 1].startswith("SPLINE") else 0
-    hidden = [_hidden(line) if line.endswith(";BAD") else line for line in lines]
+    hidden = [re.sub("^(SPLINE )?", r"\1;HIDDEN ", line) if line.endswith(";BAD") else line for line in lines]
     src = "\n".join([*hidden[:behind], *use, "LIN XP1", "LIN XP1", *hidden[behind:], ""])
     dat = re.sub("^(.*SHIFTED)", r";HIDDEN \1", program.dat, flags=re.MULTILINE)
     program = replace(program, src=src, dat=dat)
     offsets = np.array([0, 0.8, -0.9, 0.7, 0.9, -0.5])
     done = corrected(tmp_path, program, ROBOT, offsets)
     meant = poses(program, program.text.replace(";HIDDEN ", ""), NOMINAL, 0)
-    reached = poses(program, text_of(done).replace(";HIDDEN ", ""), ControllerArm.of(ROBOT, offsets), 0)
+    reached = poses(program, read(done).replace(";HIDDEN ", ""), ControllerArm.of(ROBOT, offsets), 0)
     assert len(meant)
     assert not same_poses(meant, reached)
-
-
-def _hidden(line: str) -> str:
-    return line.replace("SPLINE ", "SPLINE ;HIDDEN ") if line.startswith("SPLINE") else f";HIDDEN {line}"

@@ -30,26 +30,31 @@ def same_flange(one: Robot, other: Robot, mm: float = 1e-5) -> bool:
     return bool(np.abs(one.fk(JOINTS) - other.fk(JOINTS)).max() < mm)
 
 
-def test_read_back_it_is_the_calibrated_arm(tmp_path: Path) -> None:
-    run = ur_run(tmp_path, load_robot("ur5e"))
-    out = tmp_path / "calibration.yaml"
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return ur_run(tmp_path_factory.mktemp("ur"), load_robot("ur5e"))
+
+
+@pytest.fixture(scope="module")
+def exported(run: Path) -> Path:
+    out = run.with_name("calibration.yaml")
     told = zerobeam("export", "ur-calibration", run, "-o", out, "--allow-weak")
     assert told.status == 0, told.err
-    made = tmp_path / "corrected.yaml"
+    return out
+
+
+def test_read_back_it_is_the_calibrated_arm(run: Path, exported: Path, tmp_path: Path) -> None:
+    made, back = tmp_path / "corrected.yaml", tmp_path / "back.yaml"
     assert zerobeam("export", "robot", run, "-o", made, "--allow-weak").status == 0
-    back = tmp_path / "back.yaml"
-    told = zerobeam("import", "ur-calibration", out, "--robot", "ur5e", "-o", back)
+    told = zerobeam("import", "ur-calibration", exported, "--robot", "ur5e", "-o", back)
     assert told.status == 0, told.err
     assert same_flange(read_robot(back), read_robot(made))
     assert not same_flange(read_robot(back), load_robot("ur5e"), 1.0)
 
 
-def test_its_frames_are_those_of_ros(tmp_path: Path) -> None:
+def test_its_frames_are_those_of_ros(exported: Path) -> None:
     """ur_description's default_kinematics.yaml of the UR5e, but for the offsets about z."""
-    run = ur_run(tmp_path, load_robot("ur5e"))
-    out = tmp_path / "calibration.yaml"
-    assert zerobeam("export", "ur-calibration", run, "-o", out, "--allow-weak").status == 0
-    links = read_yaml(out).data["kinematics"]
+    links = read_yaml(exported).data["kinematics"]
     theirs = {
         "shoulder": (0, 0, 0.1625),
         "upper_arm": (0, 0, 0),
@@ -63,27 +68,19 @@ def test_its_frames_are_those_of_ros(tmp_path: Path) -> None:
     assert links["hash"] == "zerobeam_corrected"
 
 
-def test_the_hash_of_the_arm_is_kept_and_another_arm_refused(tmp_path: Path) -> None:
-    run = ur_run(tmp_path, load_robot("ur5e"))
-    first = tmp_path / "first.yaml"
-    assert zerobeam("export", "ur-calibration", run, "-o", first, "--allow-weak").status == 0
+def test_the_hash_of_the_arm_is_kept_and_another_arm_refused(
+    run: Path, exported: Path, tmp_path: Path
+) -> None:
     # As if the factory had found that: the arm with its own calibration, and its robot file.
-    factory = tmp_path / "factory.yaml"
-    factory.write_text(first.read_text().replace("zerobeam_corrected", "calib_123"))
-    theirs = tmp_path / "theirs.yaml"
-    assert zerobeam("import", "ur-calibration", factory, "--robot", "ur5e", "-o", theirs).status == 0
-    own = tmp_path / "own"
-    own.mkdir()
-    arm = own / "theirs.yaml"
-    arm.write_text(theirs.read_text())
-    again = ur_run(own, read_robot(arm), "theirs.yaml")
-    out = own / "calibration.yaml"
-    told = zerobeam("export", "ur-calibration", again, "-o", out, "--against", factory, "--allow-weak")
+    factory, arm = tmp_path / "factory.yaml", tmp_path / "theirs.yaml"
+    factory.write_text(exported.read_text().replace("zerobeam_corrected", "calib_123"))
+    assert zerobeam("import", "ur-calibration", factory, "--robot", "ur5e", "-o", arm).status == 0
+    again, out = ur_run(tmp_path, read_robot(arm), "theirs.yaml"), tmp_path / "calibration.yaml"
+    against = ("--against", factory, "--allow-weak")
+    told = zerobeam("export", "ur-calibration", again, "-o", out, *against)
     assert told.status == 0, told.err
     assert read_yaml(out).data["kinematics"]["hash"] == "calib_123"
-    wrong = zerobeam(
-        "export", "ur-calibration", run, "-o", tmp_path / "c.yaml", "--against", factory, "--allow-weak"
-    )
+    wrong = zerobeam("export", "ur-calibration", run, "-o", tmp_path / "c.yaml", *against)
     assert "analysed with another arm" in wrong.refused()
     kept = zerobeam("export", "ur-calibration", again, "-o", factory, "--against", factory, "--force")
     assert "it would be lost" in kept.refused()

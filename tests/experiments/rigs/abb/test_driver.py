@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import copy
-import logging
 import pickle
 import socket
 import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -20,16 +20,13 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import good_plan
-from command_line import plan_file, zerobeam
-from controllers import Watched, unhurried
+from controllers import unhurried
 
 from zerobeam.controller import irc5
 from zerobeam.controller import rws_server as resources
 from zerobeam.controller.irc5 import RapidData
 from zerobeam.controller.sensor_server import CellSensors
 from zerobeam.controller.service import SimulatedController
-from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.abb.access import (
@@ -49,7 +46,6 @@ from zerobeam.experiments.rigs.abb.rws_client import Session
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
-from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan
 
 pytest.importorskip("abb_robot_client")
@@ -66,7 +62,7 @@ def plan() -> Plan:
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Requests without their spacing; the controller's limit is that of `controller`. Time-outs that a busy
-    machine does not meet by itself, until `hurried`."""
+    machine does not meet by itself."""
     monkeypatch.setattr(abb_rws, "_SPACING_S", 0.0)
     unhurried(monkeypatch)
 
@@ -107,9 +103,6 @@ def guided(rig: AbbRig) -> Matrix:
     joints = np.full(6, 0.21)
     rig.move(joints)
     return joints
-
-
-# What it does
 
 
 def test_far_moves_go_by_rapid_and_near_ones_by_egm(controller: SimulatedController, rig: AbbRig) -> None:
@@ -196,9 +189,6 @@ def test_the_profile_keeps_to_speed_and_acceleration() -> None:
     assert duration(way * 100, speed) == pytest.approx(15 / 8 * 400 / 15)
 
 
-# What it asks, and refuses
-
-
 def test_it_asks_once_before_the_first_motion(controller: SimulatedController, plan: Plan) -> None:
     asked: list[str] = []
     rig = begun(rig_of(controller, plan, confirm=lambda text: not asked.append(text), share=0.1))
@@ -228,40 +218,33 @@ def test_soft_limits_are_those_of_the_robot_file(
     goal[joint] = plan.robot.upper[joint] + 1e-6
     with pytest.raises(RigFault, match=rf"joint {joint + 1} beyond the soft limits of irb1600 \(-1"):
         begun(rig).move(goal)
+    with pytest.raises(RigFault, match="joint 3 beyond"):
+        rig.move(np.array([0, 0, np.nan, 0, 0, 0]))
     assert controller.irc5.data.number("zb_done") == 0
 
 
-def test_joints_that_are_no_numbers_are_not_sent(rig: AbbRig) -> None:
-    with pytest.raises(RigFault, match="joint 3 beyond"):
-        begun(rig).move(np.array([0, 0, np.nan, 0, 0, 0]))
-
-
 @pytest.mark.parametrize(
-    ("state", "found"),
+    ("mode", "state", "found"),
     [
-        ("motoroff", "the motors are off: switch them on"),
-        ("emergencystop", "an emergency stop is pressed"),
-        ("emergencystopreset", "an emergency stop was released"),
-        ("guardstop", "the safety chain is open"),
-        ("sysfail", "system failure"),
-        ("init", "is starting"),
-        ("unheard-of", "in the state unheard-of"),
+        ("AUTO", "motoroff", "the motors are off: switch them on"),
+        ("AUTO", "emergencystop", "an emergency stop is pressed"),
+        ("AUTO", "emergencystopreset", "an emergency stop was released"),
+        ("AUTO", "guardstop", "the safety chain is open"),
+        ("AUTO", "sysfail", "system failure"),
+        ("AUTO", "init", "is starting"),
+        ("AUTO", "unheard-of", "in the state unheard-of"),
+        # It does not ask for motors that cannot be switched on before the key is turned.
+        ("MANR", "motoron", r"not in automatic mode \(MANR\): turn the key"),
+        ("MANR", "motoroff", r"not in automatic mode \(MANR\): turn the key"),
+        ("MANF", "motoron", r"not in automatic mode \(MANF\): turn the key"),
+        ("MANF", "motoroff", r"not in automatic mode \(MANF\): turn the key"),
     ],
 )
-def test_it_refuses_to_begin_in_a_wrong_state(
-    controller: SimulatedController, rig: AbbRig, state: Any, found: str
+def test_it_refuses_to_begin_in_a_wrong_mode_or_state(
+    controller: SimulatedController, rig: AbbRig, mode: Any, state: Any, found: str
 ) -> None:
-    controller.irc5.state = state
-    with pytest.raises(RigFault, match=found):
-        begun(rig)
-
-
-@pytest.mark.parametrize("mode", ["MANR", "MANF"])
-@pytest.mark.parametrize("state", ["motoron", "motoroff"])
-def test_it_refuses_manual_mode(controller: SimulatedController, rig: AbbRig, mode: Any, state: Any) -> None:
-    """And does not ask for motors that cannot be switched on before the key is turned."""
     controller.irc5.mode, controller.irc5.state = mode, state
-    with pytest.raises(RigFault, match=rf"not in automatic mode \({mode}\): turn the key"):
+    with pytest.raises(RigFault, match=found):
         begun(rig)
 
 
@@ -306,31 +289,6 @@ def test_a_module_that_is_not_loaded_is_said(
         begun(rig).move(np.full(6, 0.1))
 
 
-# What goes wrong on the way
-
-
-def on_its_way(controller: SimulatedController, deg: float, what: Callable[[], None]) -> None:
-    """It happens once a joint has moved so far: a clock of its own could be late, or early."""
-    watched, began = Watched(controller), controller.irc5.joints_deg()
-
-    def look(now: float) -> None:
-        if np.abs(controller.irc5.joints_deg() - began).max() > deg:
-            watched.lookers.clear()
-            what()
-
-    watched.lookers.append(look)
-
-
-PATIENCE = irc5.PATIENCE
-
-
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on the dead man's and RAPID's time-outs are as they are, and answers not waited for long."""
-    monkeypatch.setattr(abb_egm, "DEAD_MAN_S", DEAD_MAN_S)
-    monkeypatch.setattr(irc5, "PATIENCE", PATIENCE)
-    monkeypatch.setattr(abb_rws, "ANSWER_S", 0.2)
-
-
 def test_an_emergency_stop_before_guidance_has_begun(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -358,27 +316,6 @@ def test_the_beat_keeps_a_far_move_going(
     np.testing.assert_allclose(rig.joints()[0], 0.7, atol=5e-6)
 
 
-@pytest.mark.long
-def test_a_far_move_without_a_cable_is_stopped_by_rapid(
-    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    controller.speed_up = 1
-
-    def pull() -> None:
-        hurried(monkeypatch)
-        controller.pull_cable()
-
-    on_its_way(controller, 2.0, pull)
-    with pytest.raises(RigFault, match=r"no answer for 0.2 s.*did not arrive: press the emergency"):
-        begun(rig).move(np.array([3.0, 0, 0, 0, 0, 0]))
-    ends = time.monotonic() + 10.0
-    while controller.irc5.running and time.monotonic() < ends:
-        time.sleep(0.02)
-    assert controller.irc5.data.number("zb_error") == 1
-    assert 1 < controller.irc5.joints_deg().max() < 150  # on its way
-    controller.put_cable()
-
-
 def test_a_stop_that_cannot_be_told_is_a_fault(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -394,9 +331,8 @@ def test_a_fault_of_guidance_is_seen_between_moves(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     guided(rig)
-    hurried(monkeypatch)
+    monkeypatch.setattr(abb_egm, "DEAD_MAN_S", DEAD_MAN_S)
     time.sleep(0.05)
-    monkeypatch.setattr(abb_rws, "ANSWER_S", 5.0)
     controller.pull_cable(0.3)
     time.sleep(0.4)
     with pytest.raises(RigFault, match="no feedback by EGM"):
@@ -453,8 +389,6 @@ def test_it_stays_under_the_rate_limit(
         deque(rig.joints() for _ in range(25))
 
 
-# Whom it talks to
-
 _HEARD: list[tuple[str, Any]] | None = None
 
 
@@ -490,21 +424,28 @@ def test_it_talks_to_the_address_given_and_to_no_other(
     assert {address[0] for _, address in heard} == {"127.0.0.1"}
 
 
-def test_a_redirection_is_not_followed(heard: list[tuple[str, Any]]) -> None:
-    class Elsewhere(BaseHTTPRequestHandler):
+@contextmanager
+def answering(status: int, name: str, value: str) -> Iterator[Session]:
+    """A session with a web server that answers its first request so, with one header."""
+
+    class Answer(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            self.send_response(302)
-            self.send_header("Location", "http://127.0.0.2:9/")
+            self.send_response(status)
+            self.send_header(name, value)
             self.end_headers()
 
         def log_message(self, format: str, *args: Any) -> None:
             pass
 
-    with HTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+    with HTTPServer(("127.0.0.1", 0), Answer) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
-        session = Session(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
-        with pytest.raises(RigFault, match="HTTP 302"):
-            session.ask("looking", lambda rws: rws.get_operation_mode())
+        yield Session(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
+
+
+def test_a_redirection_is_not_followed(heard: list[tuple[str, Any]]) -> None:
+    elsewhere = answering(302, "Location", "http://127.0.0.2:9/")
+    with elsewhere as session, pytest.raises(RigFault, match="HTTP 302"):
+        session.ask("looking", lambda rws: rws.get_operation_mode())
     assert {address[0] for event, address in heard if event == "socket.connect"} == {"127.0.0.1"}
 
 
@@ -518,55 +459,9 @@ def test_other_addresses_have_no_way_out(heard: list[tuple[str, Any]]) -> None:
 
 
 def test_a_web_server_that_is_no_controller_is_said() -> None:
-    class Page(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html")
-            self.end_headers()
-
-        def log_message(self, format: str, *args: Any) -> None:
-            pass
-
-    with HTTPServer(("127.0.0.1", 0), Page) as server:
-        threading.Thread(target=server.handle_request, daemon=True).start()
-        session = Session(ControllerAccess("127.0.0.1", server.server_port, NAME, Secret(WORD)))
-        with pytest.raises(RigFault, match="none of Robot Web Services"):
-            session.ask("looking", lambda rws: rws.get_operation_mode())
-
-
-# What it never tells
-
-
-def test_the_password_is_in_no_output(
-    controller: SimulatedController,
-    plan: Plan,
-    tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    caplog.set_level(logging.DEBUG)
-    told: list[Any] = []
-    rig = rig_of(controller, plan, confirm=lambda text: not told.append(text))
-    header = plan.header.model_copy(update={"provenance": rig.provenance()})
-    path = tmp_path / "run.jsonl"
-    on_its_way(controller, 2.0, controller.irc5.press_emergency_stop)
-    with RunJournal(path, header) as journal:
-        procedure = Procedure(plan, rig, journal, InTurn(1), told.append)
-        with pytest.raises(RigFault) as stopped:
-            procedure.carry_out()
-    everything = (
-        str(stopped.getrepr(style="long", showlocals=True))
-        + repr(told)
-        + path.read_text()
-        + repr(rig.__dict__)
-        + repr(access(controller))
-    )
-    outputs = everything + caplog.text + "".join(capfd.readouterr())
-    assert "an emergency stop is pressed" in outputs  # there was something to be found
-    assert WORD not in outputs
-    assert "/rw/panel/ctrlstate" in caplog.text
-    for word in (NAME, "127.0.0.1"):
-        assert word not in repr(told) + path.read_text() + str(stopped.value)
+    page = answering(200, "Content-Type", "text/html")
+    with page as session, pytest.raises(RigFault, match="none of Robot Web Services"):
+        session.ask("looking", lambda rws: rws.get_operation_mode())
 
 
 def test_a_secret_shows_itself_to_nobody() -> None:
@@ -583,25 +478,15 @@ def test_a_secret_shows_itself_to_nobody() -> None:
         asdict(ControllerAccess("127.0.0.1", 80, NAME, secret))
 
 
-# Where the access comes from
-
-
 def test_what_is_stated_goes_before_the_environment() -> None:
     environment = {HOST: "127.0.0.2", USER: "other", PASSWORD: "first"}
-    found = find_access(environment)
-    assert (found.address, found.port, found.user, found.password.reveal()) == (
-        "127.0.0.2",
-        80,
-        "other",
-        "first",
-    )
-    found = find_access(environment, host="localhost", port=8080, user=NAME, password=WORD)
-    assert (found.address, found.port, found.user, found.password.reveal()) == (
-        "127.0.0.1",
-        8080,
-        NAME,
-        WORD,
-    )
+    stated = {"host": "localhost", "port": 8080, "user": NAME, "password": WORD}
+    for how, expected in (
+        ({}, ("127.0.0.2", 80, "other", "first")),
+        (stated, ("127.0.0.1", 8080, NAME, WORD)),
+    ):
+        found = find_access(environment, **how)
+        assert (found.address, found.port, found.user, found.password.reveal()) == expected
     assert found.here == "127.0.0.1"
 
 
@@ -664,25 +549,11 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
         Session(ControllerAccess("127.0.0.1", 80, NAME, Secret(WORD)))
 
 
-def test_the_command_says_so_before_it_asks_the_network(
-    monkeypatch: pytest.MonkeyPatch, plan: Plan, tmp_path: Path
-) -> None:
-    monkeypatch.setitem(sys.modules, "abb_robot_client", None)
-    told = zerobeam(
-        "run", plan_file(tmp_path / "plan.yaml", plan), "--rig", "abb", "-o", tmp_path / "run.jsonl"
-    )
-    assert 'pip install "zerobeam[abb]"' in told.refused()
-    assert not (tmp_path / "run.jsonl").exists()
-
-
 def test_a_target_without_a_psd_is_bad_input(controller: SimulatedController, plan: Plan) -> None:
     sensors = CellSensors(controller.irc5)
     sensors.psds = {"another": sensors.psds["psd"]}
     with pytest.raises(BadInput, match="a target of the plan has no PSD"):
         AbbRig(plan, access(controller), sensors, Caution(lambda text: True))
-
-
-# The RAPID module
 
 
 def test_the_module_has_the_data_of_the_hand_shake() -> None:

@@ -73,9 +73,6 @@ def controller(plan: Plan, seed: int, **options: Any) -> Iterator[SimulatedContr
         yield made
 
 
-# The same answer
-
-
 def offsets(file: Path) -> tuple[Matrix, Matrix]:
     """(5,) rad the offsets of a run, and (5, 5) their covariance."""
     problem = Problem.from_run(read_run(file))
@@ -128,9 +125,6 @@ def test_differences_are_as_large_as_the_noise_makes_them(folder: Path, tmp_path
     found = [apart(*both(folder, tmp_path, seed)) for seed in MANY]
     assert stats.kstest(found, stats.chi2(OFFSETS).cdf).pvalue > 1e-3
     assert stats.kstest(np.multiply(found, 2.5), stats.chi2(OFFSETS).cdf).pvalue < 1e-3
-
-
-# What is told
 
 
 def holds(content: bytes, word: str) -> bool:
@@ -214,13 +208,13 @@ def test_a_stopped_run_is_resumed_and_the_password_is_in_no_output(
                 outputs[path.name] = pdf_text(path) if path.suffix == ".pdf" else path.read_bytes()
     outputs |= {name: (answer.out + answer.err).encode() for name, answer in told.items()}
     assert [name for name, content in outputs.items() if holds(content, WORD)] == []
+    for word in (NAME, "127.0.0.1"):
+        assert word not in file.read_text() + told["stopped"].out
     # There was something to be found, of the robot and of what was asked.
     assert all(b"irb1600" in outputs[name] for name in searched)
     assert b"/rw/panel/ctrlstate" in outputs["log"]
     assert all(outputs.values())
 
-
-# Whom it talks to
 
 LISTENER = """
 import os, sys

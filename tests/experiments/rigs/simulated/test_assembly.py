@@ -60,9 +60,6 @@ def only(joint: int, by: float, n: int = 6) -> np.ndarray:
     return by * np.eye(n)[joint]
 
 
-# Where the links are.
-
-
 def test_without_error_the_links_are_off_by_the_offsets_alone() -> None:
     """True = recorded + delta, as in the run's model."""
     own = simulated(offsets=OFFSETS)
@@ -180,9 +177,6 @@ def test_a_reading_is_not_the_arm_itself() -> None:
     assert (own.read() == HOME).all()
 
 
-# How long a motion takes.
-
-
 def test_the_profile_integrates_to_the_way() -> None:
     """Speed ramped up, held and ramped down over the time stated, summed numerically, covers the way."""
     own = simulated()
@@ -209,9 +203,6 @@ def test_top_speeds_that_the_robot_file_does_not_state() -> None:
     own = simulated(robot, speed=0.5, acceleration=1e6, at=np.zeros(4))
     assert own.duration(only(0, 250.0, 4)) == pytest.approx(250 / 500, rel=2e-3)
     assert own.duration(only(1, 2.0, 4)) == pytest.approx(2.0 / 0.5, rel=1e-5)
-
-
-# Links that deviate from nominal geometry.
 
 
 def pose(robot: Robot, joints: np.ndarray) -> np.ndarray:

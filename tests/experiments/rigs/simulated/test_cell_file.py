@@ -112,8 +112,6 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
         ("  speed: 0.5", "  speed: 0", 11, "arm.speed is out of range"),
         ("  speed: 0.5", "  speed: 1.5", 11, "<= 1"),
         ("  speed: 0.5", "  speeed: 0.5", 11, "did you mean 'speed'?"),
-        ("  speed: 0.5", "  speed: .nan", 11, "not finite"),
-        ("  speed: 0.5", "  speed: fast", 11, "arm.speed is not a number"),
         ("  backlash_deg: 0.01", "  backlash_deg: -0.01", 8, "not a valid value for a joint"),
         ("  backlash_deg: 0.01", "  backlash_deg: [0, -0.01]", 8, "0 or more"),
         ("  backlash_deg: 0.01", "  backlash_deg: [0, true]", 8, "found:   true"),
@@ -126,19 +124,16 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
             "two geometric errors",
         ),
         ("tilt_deg: [0.1, 0]", "tilt_deg: [0.1]", 14, "a list of 2 values is required"),
-        ("tilt_deg: [0.1, 0]", "tilt_deg: 0.1", 14, "found:   0.1"),
         ("kind: tetra-lateral", "kind: trilateral", 16, "'duo-lateral' or 'tetra-lateral'"),
         ("  lost: 0.1", "  lost: 1", 26, "psd.lost"),
         ("normal: [0, 0, 2]", "normal: [0, 0, 0]", 28, "any length but zero"),
         ("normal: [0, 0, 2]", "normal: [0, 2]", 28, "[x, y, z]"),
         ("normal: [0, 0, 2]", "normal: up", 28, "or beam"),
         ("distortion: [0, 0, 0, 0, 0]", "distortion: [0, 0]", 33, "a list of 5 values is required"),
-        ("width_px: 320", "width_px: 0", 30, "camera.width_px"),
         ("kind: robot-stop", "kind: robot-stopp", 50, "did you mean 'robot-stop'?"),
         ("kind: robot-stop, shot: 0", "shot: 0", 50, "unknown kind of fault"),
         ("{kind: robot-stop, shot: 0}", "robot-stop", 50, "faults"),
         ("kind: robot-stop, shot: 0", "kind: robot-stop", 50, "'shot' is missing"),
-        ("kind: robot-stop, shot: 0", "kind: robot-stop, shot: -1", 50, ">= 0"),
         ("kind: robot-stop, shot: 0", "kind: robot-stop, shot: 0, lasts: 2", 50, "allowed: shot, kind"),
         ("at_mm: [1, 2]", "at_mm: [1]", 48, "a list of 2 values is required"),
         ("led: 2", "led: 3", 47, "1 or 2"),
@@ -161,9 +156,6 @@ def test_a_fault_of_a_camera_needs_one(tmp_path: Path, refused: Callable[..., Ba
         error = refused(read_cell, written(tmp_path, f"{text}  - {{kind: {kind}, shot: 0}}\n"))
         assert error.line == 5
         assert kind in str(error)
-
-
-# Every key does something
 
 
 @cache
@@ -242,9 +234,6 @@ def test_every_fault_has_its_effect(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             assert outputs({"faults": [{**fault, "shot": 2}]}) == plain
 
 
-# What only the plan can tell: the errors of the assembly know the file and the line too
-
-
 @pytest.mark.parametrize(
     ("text", "line", "says"),
     [
@@ -283,7 +272,6 @@ def test_a_robot_is_named_relative_to_the_cell_file(tmp_path: Path, refused: Cal
     file = written(folder, "schema: zerobeam/cell/1\ncamera: null\nrobot: arm.yaml\n")
     cell = read_cell(file)
     robot = cell.named_robot()
-    assert robot is not None
     assert robot.name == "two rods"
     error = refused(SimulatedRig, good_plan(3), cell, 0)
     assert (error.file, error.line) == (str(file), 3)

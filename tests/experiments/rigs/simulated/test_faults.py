@@ -236,8 +236,6 @@ def outcome(case: Case, sessions: Sessions) -> str:
 def noticed(case: Case, sessions: Sessions) -> str:
     """What the statistics of the whole run say."""
     carried = sessions(case.what)[-1].carried
-    assert carried is not None
-    assert carried.state is not None
     moved = carried.state.displaced
     if moved is not None:
         points = " or ".join(f"{p.after_shot} and {p.before_shot}" for p in (moved.at, *moved.elsewhere))
@@ -309,15 +307,10 @@ def test_a_stopped_run_ends_as_an_unbroken_one(what: str, sessions: Sessions) ->
 def test_the_bump_is_found_where_it_was(sessions: Sessions) -> None:
     case = next(case for case in CASES if case.faults == BUMP and case.noticed)
     carried = sessions(case.what)[0].carried
-    assert carried is not None
-    assert carried.state is not None
     # Links within their tolerance explain as much, so that nothing is claimed; nominal geometry finds it.
     assert carried.state.displaced is None
     moved = displacement(carried.state.fit)
-    assert moved is not None
     assert (moved.at.after_shot, moved.at.before_shot) == (2, 3)
-    assert moved.size_mm is not None
-    assert moved.size_std_mm is not None
     assert abs(moved.size_mm - 1.0) < 3 * moved.size_std_mm
 
 
@@ -329,9 +322,6 @@ def test_the_table_of_the_documentation_is_made_here(sessions: Sessions) -> None
         before, rows = table()
     assert "".join(rows[:2]) == HEAD
     assert [made.split(" | ")[0] for made in rows[2:]] == [f"| {case.what}" for case in CASES]
-
-
-# The schedule alone
 
 
 def met(schedule: Faults, kind: type, times: int) -> list[bool]:

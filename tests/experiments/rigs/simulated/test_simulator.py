@@ -62,6 +62,12 @@ def on_target(rig: SimulatedRig, shot: int = 0, off: Matrix | None = None) -> Ma
     return joints
 
 
+def beam(rig: SimulatedRig, shot: int, joints: Matrix) -> tuple[Matrix, Matrix]:
+    """(3,) mm origin and (3,) direction of the beam of the truth."""
+    truth = rig._parts.truth
+    return Belief(truth.problem.select(np.array([shot])), truth.x).beam(joints)
+
+
 def spot(rig: SimulatedRig, shot: int = 0, joints: Matrix | None = None) -> tuple[Matrix, float]:
     """(2,) mm what the PSD reads in a shot, and its light."""
     rig.begin(shot, "psd", None)
@@ -117,20 +123,15 @@ def test_a_beam_that_the_truth_puts_on_the_centre_is_read_there() -> None:
     assert np.linalg.norm(spot(exact(psd={"size_mm": 100}), joints=plain)[0]) > 5.0
 
 
-def test_a_shifted_beam_is_read_as_shifted() -> None:
-    position, _ = spot(exact(laser={"shift_mm": [3.0, -4.0]}))
-    assert np.linalg.norm(position) == pytest.approx(5.0, abs=1e-5)
-
-
-def test_a_tilted_beam_is_read_by_its_angle() -> None:
-    """tan of the tilt times the way from the TCP to the PSD."""
+def test_a_shifted_or_tilted_beam_is_read_so() -> None:
+    """By the shift, and by tan of the tilt times the way from the TCP to the PSD."""
+    shifted, _ = spot(exact(laser={"shift_mm": [3.0, -4.0]}))
+    assert np.linalg.norm(shifted) == pytest.approx(5.0, abs=1e-5)
     rig = exact()
-    position, _ = spot(exact(laser={"tilt_deg": [0.1, 0]}))
-    origin, _ = Belief(rig._parts.truth.problem.select(np.array([0])), rig._parts.truth.x).beam(
-        on_target(rig)
-    )
+    tilted, _ = spot(exact(laser={"tilt_deg": [0.1, 0]}))
+    origin, _ = beam(rig, 0, on_target(rig))
     way = float(np.linalg.norm(origin - [900, 0, 0]))
-    assert np.linalg.norm(position) == pytest.approx(np.tan(np.radians(0.1)) * way, rel=1e-5)
+    assert np.linalg.norm(tilted) == pytest.approx(np.tan(np.radians(0.1)) * way, rel=1e-5)
 
 
 def test_a_drifting_beam_moves_with_the_clock() -> None:
@@ -190,31 +191,24 @@ def test_a_link_that_is_not_as_drawn_moves_the_beam() -> None:
     """The whole arm 3 mm higher: the spot moves by what of that is across the beam."""
     rig, higher = exact(), exact(arm={"geometry": [{"joint": 1, "xyz_mm": [0, 0, 3.0]}]})
     joints = on_target(rig)
-    _, direction = Belief(rig._parts.truth.problem.select(np.array([0])), rig._parts.truth.x).beam(joints)
+    _, direction = beam(rig, 0, joints)
     across = np.linalg.norm(np.cross([0, 0, 3.0], direction))
     assert across > 0.5
     assert np.linalg.norm(spot(higher, joints=joints)[0]) == pytest.approx(across, abs=1e-4)
 
 
-# Where the PSD stands
-
-
 def test_a_face_is_turned_towards_each_beam_or_stands() -> None:
-    turned, fixed = exact(), exact(placed={"normal": [0, 0, 1]})
-    normals = {"turned": [], "fixed": []}
-    for name, rig in (("turned", turned), ("fixed", fixed)):
-        for shot in range(3):
+    turned, fixed, faces = exact(), exact(placed={"normal": [0, 0, 1]}), set()
+    for shot in range(3):
+        for rig in (turned, fixed):
             joints = on_target(rig, shot)
             spot(rig, shot, joints)
-            truth = rig._parts.truth
-            _, direction = Belief(truth.problem.select(np.array([shot])), truth.x).beam(joints)
-            normals[name].append((rig._face[:, 2], direction))
-    for normal, direction in normals["turned"]:
-        np.testing.assert_allclose(normal, -direction, atol=1e-6)
-    for normal, direction in normals["fixed"]:
-        np.testing.assert_allclose(normal, [0, 0, 1], atol=1e-12)
-        assert np.linalg.norm(normal + direction) > 0.01
-    assert len({tuple(normal.round(3)) for normal, _ in normals["turned"]}) == 3
+            _, direction = beam(rig, shot, joints)
+        faces.add(tuple(turned._face[:, 2].round(3)))
+        np.testing.assert_allclose(turned._face[:, 2], -direction, atol=1e-6)
+        np.testing.assert_allclose(fixed._face[:, 2], [0, 0, 1], atol=1e-12)
+        assert np.linalg.norm(fixed._face[:, 2] + direction) > 0.01
+    assert len(faces) == 3
 
 
 def test_a_face_does_not_turn_while_the_laser_is_on() -> None:
@@ -241,13 +235,9 @@ def test_the_beam_beside_the_face_gives_no_light() -> None:
     assert spot(rig, joints=off)[1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_psd_out_of_view_of_every_posture_is_refused_before_anything_moves(
-    refused: Callable[..., BadInput],
-) -> None:
-    behind = refused(exact, placed={"centre_mm": [-900, 0, 3000]})
-    assert "deg off the beams" in str(behind)
-    away = refused(exact, placed={"normal": [0, 0, -1]})
-    assert "turned away from all beams" in str(away)
+def test_a_psd_that_no_beam_meets_is_refused_before_anything_moves(refused: Callable[..., BadInput]) -> None:
+    assert "deg off the beams" in str(refused(exact, placed={"centre_mm": [-900, 0, 3000]}))
+    assert "turned away from all beams" in str(refused(exact, placed={"normal": [0, 0, -1]}))
 
 
 def test_a_psd_in_view_of_four_postures_will_do() -> None:
@@ -278,9 +268,6 @@ def test_each_target_has_its_own_psd() -> None:
             rig.laser(True)
             light[target] = rig.psds[target].light(rig.currents(1)[0])
         assert light == {other: pytest.approx(float(other == name), abs=1e-6) for other in places}
-
-
-# Motion and time
 
 
 def test_a_move_beyond_a_limit_is_refused_and_the_arm_stays() -> None:
@@ -331,15 +318,11 @@ def test_stopping_puts_the_laser_out() -> None:
     assert rig.psds["psd"].light(rig.currents(1)[0]) == pytest.approx(0.0, abs=1e-9)
 
 
-# Faults
-
-
 def test_a_bumped_psd_stands_elsewhere_from_its_shot_on() -> None:
     rig = exact(faults=[{"kind": "psd-bump", "shot": 2, "shift_mm": [0, 3.0, 0]}])
     for shot in range(4):
-        truth = rig._parts.truth
         joints = on_target(rig, shot)
-        _, direction = Belief(truth.problem.select(np.array([shot])), truth.x).beam(joints)
+        _, direction = beam(rig, shot, joints)
         across = np.linalg.norm(np.cross([0, 3.0, 0], direction)) if shot >= 2 else 0.0
         assert np.linalg.norm(spot(rig, shot, joints)[0]) == pytest.approx(across, abs=1e-5)
 

@@ -79,8 +79,6 @@ def scatters_as_checked(estimator: GeometryEstimator, count: int, slack: float) 
     what so many arms scatter by."""
     agreeing = []
     for row in estimator.parameters:
-        assert row.rmse is not None
-        assert row.checked_std is not None
         squares = count * (row.rmse / row.checked_std) ** 2
         low, high = stats.chi2.ppf([ALARM, 1 - ALARM], count)
         agreeing.append(bool(low * (1 - slack) ** 2 <= squares <= high * (1 + slack) ** 2))
@@ -150,7 +148,6 @@ def test_a_header_gets_tolerances_and_loses_them() -> None:
     assert plan.tolerance == TYPICAL
     assert with_tolerance(plan.plan.header, None).geometry is None
     close = with_tolerance(plan.plan.header, CLOSE).geometry
-    assert close is not None
     assert (close.tolerance.length_mm, close.tolerance.angle_deg) == (0.1, 0.03)
     assert (close.gravity, close.harmonics) == (False, False)
 
@@ -217,7 +214,6 @@ def test_the_table_of_the_docs_is_what_check_says() -> None:
             values = [getattr(row, kind) for row in checks]
             ranges.append(f"{numbers.spread(min(values))}–{numbers.spread(max(values))}")
         tolerances = f"{plan.tolerance.length_mm:g} mm, {plan.tolerance.angle_deg:g}°"
-        assert plan.proposal is not None
         certified = f"{100 * plan.proposal.efficiency:.0f} %"
         assert rows[plan.name].split(" | ") == [tolerances, *ranges, certified], plan.name
 

@@ -10,7 +10,6 @@ import pytest
 
 from zerobeam.experiments.studies.sweeps.study_file import (
     OTHER_STUDIES,
-    Case,
     Settings,
     SettingsStudy,
     built_in_studies,
@@ -52,10 +51,6 @@ def refused(folder: Path, axes: str, base: str = BASE, runs: int | None = None) 
     return caught.value
 
 
-def by_words(study: SettingsStudy) -> dict[str, Case]:
-    return {case.words: case for case in study.cases}
-
-
 def test_every_combination_is_a_case_and_the_last_axis_changes_fastest(tmp_path: Path) -> None:
     study = read(
         tmp_path, SHOTS + "  - {key: noise.joint_deg, label: noise, unit: deg, values: [0.1, 0.2]}\n"
@@ -85,15 +80,12 @@ def test_coordinates_points_words_and_several_settings_at_once(tmp_path: Path) -
     assert one.settings.tool.direction == (0, 1, 0)
     assert one.settings.plan.facing == (0.5, 0, 1)
     assert (one.settings.tool.calibrated, other.settings.tool.calibrated) == (True, False)
-    assert (one.robot.name, one.settings.plan.kind, one.settings.plan.beam_mm) == (
-        "panda",
-        "optimal",
-        (100, 900),
+    plan = one.settings.plan
+    assert (one.robot.name, plan.kind, plan.beam_mm) == ("panda", "optimal", (100, 900))
+    words = (
+        "target.xyz_mm.y \u221250, tool.direction [0, 1, 0], plan.facing.x 0.5, tool.calibrated yes, Panda"
     )
-    assert (
-        one.words
-        == "target.xyz_mm.y \u221250, tool.direction [0, 1, 0], plan.facing.x 0.5, tool.calibrated yes, Panda"
-    )
+    assert one.words == words
     assert one.header.targets["psd"].guess_mm == (900, -50, 0)
     assert one.header.targets["psd"].sigma_mm == 30
 
@@ -137,10 +129,8 @@ def test_the_fingerprint_is_of_every_setting(tmp_path: Path) -> None:
     assert one[0].fingerprint != one[1].fingerprint
     other = read(tmp_path, SHOTS, BASE.replace("spot_mm: 0.05", "spot_mm: 0.06")).cases
     assert one[0].fingerprint != other[0].fingerprint
-    assert (
-        one[0].fingerprint
-        == read(tmp_path, SHOTS, BASE.replace("study: own", "study: ours")).cases[0].fingerprint
-    )
+    renamed = read(tmp_path, SHOTS, BASE.replace("study: own", "study: ours")).cases
+    assert one[0].fingerprint == renamed[0].fingerprint
 
 
 @pytest.mark.parametrize(

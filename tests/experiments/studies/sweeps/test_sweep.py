@@ -94,12 +94,7 @@ def test_the_structure(answer: Json) -> None:
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer
     assert (answer["schema"], answer["study"], answer["agrees"]) == ("zerobeam/study/1", "own", True)
     settings = answer["settings"]
-    assert (settings["runs"], settings["seed"], settings["level"], settings["chance"]) == (
-        RUNS,
-        3,
-        0.95,
-        0.01,
-    )
+    assert [settings[key] for key in ("runs", "seed", "level", "chance")] == [RUNS, 3, 0.95, 0.01]
     assert settings["plan"]["candidates"] == 1000  # a default, told with the others
     assert [axis["values"] for axis in answer["axes"]] == [["X-Pattern", "Y-Pattern"], [0.002, 0.01]]
     assert answer["axes"][0]["set"][1] == {"plan.kind": "y"}
@@ -223,15 +218,14 @@ def test_a_case_that_has_no_plan_says_why(tmp_path: Path) -> None:
     swept_answer = swept(study_of_text(tmp_path, probe, 0))
     for case in swept_answer["cases"]:
         assert case["reason"] == "X- and Y-Pattern are made for a beam: tool.kind probe"
-        assert (case["shots"], case["verdict"], case["worst_std"], case["parameters"]) == (
+        assert [case[key] for key in ("shots", "verdict", "worst_std", "parameters")] == [
             None,
             None,
             None,
             [],
-        )
-    assert swept_answer["headline"] == (
-        "In no case are all offsets identifiable. 4 of 4 cases are without a plan."
-    )
+        ]
+    headline = "In no case are all offsets identifiable. 4 of 4 cases are without a plan."
+    assert swept_answer["headline"] == headline
     assert swept_answer["agrees"] is True
 
 
@@ -242,21 +236,16 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
     other = stored_case(studied_case(study_of_text(tmp_path, text).cases[1], 3))
     same = answer["cases"][2]
     assert other["words"] == same["words"]
-    bare = [
-        {**row, "likelihood": {**row["likelihood"], "agrees": None}}
-        for row in other["parameters"]
-        if row["std"]
-    ]
-    assert bare == [
-        {**row, "likelihood": {**row["likelihood"], "agrees": None}}
-        for row in same["parameters"]
-        if row["std"]
-    ]
+
+    def alone(case: Json) -> list[Json]:
+        """The rows without what the whole study says of them."""
+        rows = [row for row in case["parameters"] if row["std"]]
+        return [{**row, "likelihood": {**row["likelihood"], "agrees": None}} for row in rows]
+
+    assert alone(other) == alone(same)
     # Another seed is another set of arms.
-    assert (
-        stored_case(studied_case(study_of_text(tmp_path, text).cases[1], 4))["parameters"]
-        != other["parameters"]
-    )
+    another = stored_case(studied_case(study_of_text(tmp_path, text).cases[1], 4))
+    assert another["parameters"] != other["parameters"]
 
 
 def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
@@ -456,8 +445,6 @@ def test_the_headline_follows_from_the_numbers() -> None:
         " prediction in 1 of 4 degenerate cases: case 001. Failed fits: 2."
     )
 
-
-# ── what is not identified has no number ──────────────────────────────────────────────────────
 
 FORBIDDEN = 1.23456789
 ERRORS = RunErrors(9, FORBIDDEN, FORBIDDEN, FORBIDDEN)
