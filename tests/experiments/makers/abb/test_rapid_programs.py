@@ -82,14 +82,14 @@ def outcome(seed: int, folder: Path) -> bool:
     return True
 
 
-@pytest.mark.parametrize("first", range(0, 100, 20))
+@pytest.mark.parametrize("first", (0, 20))
 def test_a_random_program_is_right_or_refused(tmp_path: Path, first: int) -> None:
     accepted = sum(outcome(seed, tmp_path) for seed in range(first, first + 20))
     assert accepted >= 5
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("first", range(100, 2100, 100))
+@pytest.mark.parametrize("first", range(40, 2140, 100))
 def test_two_thousand_random_programs_are_right_or_refused(tmp_path: Path, first: int) -> None:
     accepted = sum(outcome(seed, tmp_path) for seed in range(first, first + 100))
     assert accepted >= 25
