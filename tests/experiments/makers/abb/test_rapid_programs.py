@@ -82,7 +82,7 @@ def outcome(seed: int, folder: Path) -> bool:
     return True
 
 
-@pytest.mark.parametrize("first", (0, 20))
+@pytest.mark.parametrize("first", [0, 20])
 def test_a_random_program_is_right_or_refused(tmp_path: Path, first: int) -> None:
     accepted = sum(outcome(seed, tmp_path) for seed in range(first, first + 20))
     assert accepted >= 5
