@@ -6,7 +6,8 @@ starts at once. Degrees and millimetres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -112,18 +113,32 @@ class ControllerArm:
     def straight(self, pose: Matrix, start: Matrix) -> Matrix | None:
         """The joints at the end of a straight line of the flange from the joints `start`; None where it
         does not get there."""
-        begin = self.fk(start)
-        turn = _rotation((pose[:3, :3] @ begin[:3, :3].T)[None])[0]
-        joints = start
+        begin, joints = self.fk(start), start
         for share in np.linspace(0, 1, 51)[1:]:
-            way = np.eye(4)
-            way[:3, :3] = _rotated(share * turn) @ begin[:3, :3]
-            way[:3, 3] = (1 - share) * begin[:3, 3] + share * pose[:3, 3]
-            arrived = self.climbed(way, joints)
+            arrived = self.climbed(on_line(begin, pose, share), joints)
             if not len(arrived) or np.abs(arrived[0] - joints).max() > 60:
                 return None
             joints = arrived[0]
         return joints
+
+
+def on_line(begin: Matrix, end: Matrix, share: float) -> Matrix:
+    """(4, 4) between two poses: on the straight line, turned about one axis."""
+    turn = _rotation((end[:3, :3] @ begin[:3, :3].T)[None])[0]
+    pose = np.eye(4)
+    pose[:3, :3] = _rotated(share * turn) @ begin[:3, :3]
+    pose[:3, 3] = (1 - share) * begin[:3, 3] + share * end[:3, 3]
+    return pose
+
+
+def with_links_moved(robot: Robot, links: Sequence[int], most: float, rng: np.random.Generator) -> Robot:
+    """A robot with the ends of some links moved at random, by up to so many mm in each coordinate."""
+    joints = list(robot.joints)
+    for i in links:
+        fixed = joints[i].fixed.copy()
+        fixed[:3, 3] += rng.uniform(-most, most, 3)
+        joints[i] = replace(joints[i], fixed=fixed)
+    return replace(robot, joints=tuple(joints))
 
 
 def _rotation(matrices: Matrix) -> Matrix:

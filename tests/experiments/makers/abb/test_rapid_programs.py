@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_arm import ControllerArm, same_poses
+from controller_arm import ControllerArm, same_poses, with_links_moved
 from rapid_controller import RapidController
 from rapid_programs import FORMS, Form, RapidProgram, Writer, listed
 from user_programs import judged
@@ -29,12 +29,8 @@ RUNS = 3  # with other inputs
 def true_arm(robot: Robot, seed: int) -> tuple[Robot, Matrix]:
     """The robot, with links that deviate in every third, and offsets (6,) of its joints, degrees."""
     rng = np.random.default_rng(seed)
-    joints = list(robot.joints)
-    for i in (1, 3) if seed % 3 == 0 else ():
-        fixed = joints[i].fixed.copy()
-        fixed[:3, 3] += rng.uniform(-0.5, 0.5, 3)
-        joints[i] = replace(joints[i], fixed=fixed)
-    return replace(robot, joints=tuple(joints)), rng.uniform(-1, 1, 6).round(4)
+    links = with_links_moved(robot, (1, 3) if seed % 3 == 0 else (), 0.5, rng)
+    return links, rng.uniform(-1, 1, 6).round(4)
 
 
 def corrected(program: RapidProgram, text: str, seed: int, folder: Path) -> tuple[str, list[str]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_arm import ControllerArm
+from controller_arm import ControllerArm, with_links_moved
 from tp_controller import NoProgram, TpController, clear_letters
 from tp_programs import FORMS, Form, Listing, apart, good_listing, nominal, random_row, rounding, with_form
 from user_programs import judged, read
@@ -37,12 +37,8 @@ class TrueArm:
 
     @classmethod
     def random(cls, rng: np.random.Generator, deviates: bool) -> TrueArm:
-        joints = list(ROBOT.joints)
-        for i in (1, 3) if deviates else ():
-            fixed = joints[i].fixed.copy()
-            fixed[:3, 3] += rng.uniform(-0.5, 0.5, 3)
-            joints[i] = replace(joints[i], fixed=fixed)
-        return cls(replace(ROBOT, joints=tuple(joints)), np.round(rng.uniform(-1, 1, 6), 3))
+        links = with_links_moved(ROBOT, (1, 3) if deviates else (), 0.5, rng)
+        return cls(links, np.round(rng.uniform(-1, 1, 6), 3))
 
     def corrected(self, listing: Listing, text: str, folder: Path) -> tuple[str, list[str]]:
         """The corrected program, and what is said of it."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from controller_arm import ControllerArm, same_poses
+from controller_arm import ControllerArm, same_poses, with_links_moved
 from krl_controller import Controller, Invalid
 from krl_random import BAD, Program, Writer
 from user_programs import judged
@@ -33,15 +33,8 @@ _ALONE = [name for name in BAD if name != "an end without a begin"]  # it may cl
 
 def true_arm(rng: np.random.Generator) -> tuple[Robot, Matrix]:
     """An arm whose links may deviate, and its offsets, up to a degree."""
-    robot, offsets = ROBOT, np.append(0.0, rng.uniform(-1, 1, 5))
-    if rng.random() < 0.3:
-        joints = list(robot.joints)
-        for i in (1, 2, 3):
-            moved = joints[i].fixed.copy()
-            moved[:3, 3] += rng.uniform(-0.8, 0.8, 3)
-            joints[i] = replace(joints[i], fixed=moved)
-        robot = replace(robot, joints=tuple(joints))
-    return robot, offsets
+    offsets = np.append(0.0, rng.uniform(-1, 1, 5))
+    return with_links_moved(ROBOT, (1, 2, 3) if rng.random() < 0.3 else (), 0.8, rng), offsets
 
 
 def corrected(folder: Path, program: Program, robot: Robot, offsets: Matrix) -> CorrectedProgram:

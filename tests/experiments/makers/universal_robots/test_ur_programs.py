@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controller_arm import ControllerArm, same_poses
+from controller_arm import ControllerArm, same_poses, with_links_moved
 from ur_controller import inverse
 from ur_programs import FORMS, TCP, Form, Script, Writer, good_script, nominal, with_form
 from user_programs import judged, read
@@ -28,12 +28,7 @@ _RUNS = 3
 
 def true_links(rng: np.random.Generator) -> Robot:
     """A robot of which some links deviate, in one of three programs."""
-    joints = list(ROBOT.joints)
-    for i in (1, 3) if rng.random() < 0.3 else ():
-        fixed = joints[i].fixed.copy()
-        fixed[:3, 3] += rng.uniform(-0.5, 0.5, 3)
-        joints[i] = replace(joints[i], fixed=fixed)
-    return replace(ROBOT, joints=tuple(joints))
+    return with_links_moved(ROBOT, (1, 3) if rng.random() < 0.3 else (), 0.5, rng)
 
 
 def corrected_by(
