@@ -31,6 +31,9 @@ AT_LENGTH = {
     "test_every_command_answers_or_refuses_in_one_message": r"^revolute laser",
     "test_no_number_is_made_up": r"with geometry$",
     "test_no_offset_of_one_joint_is_told_as_known": r"^(prismatic laser|revolute laser-free)",
+    "test_it_is_one_well_formed_file_that_fetches_nothing": r"^(held_out|outlier|separate|uncalibrated)$",
+    "test_of_exchanged_columns_with_geometry_the_misfit_is_said": r"1$",
+    "test_offsets_come_back_through_the_program_of_every_arm": r"^(irb120|ur10e|kr10_r1100_2|m10ia|tx2_60)$",
 }
 
 # As the command line does (`cli.main`): by default the collector takes a good part of the time.
@@ -84,18 +87,18 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kernel_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Folder of compiled kernels for all tests of one session, and not the user's own.
+def kernel_cache(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder of compiled kernels for all tests, and not the user's own: a kernel is compiled again only when
+    its source, the compiler or its flags have changed, all of which its name has.
 
-    The workers of pytest-xdist share it: a kernel is compiled once (or, in a race, twice), not once a worker.
-    So it is for what `tests/support/made_once.py` keeps, beside it.
+    What `tests/support/made_once.py` keeps is kept for one session; the workers of pytest-xdist share it.
     """
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    folder, made = shared / "kernels", shared / "made"
+    folder, made = pytestconfig.rootpath / "build" / "kernels", shared / "made"
     with pytest.MonkeyPatch.context() as patch:
         for name, path in (("ZEROBEAM_CACHE", folder), ("ZEROBEAM_TESTS_MADE", made)):
-            path.mkdir(mode=0o700, exist_ok=True)
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
             patch.setenv(name, str(path))
         yield folder
 

@@ -73,7 +73,7 @@ class Branches:
 
         The front is where the centre is at zero.
         """
-        start_axes, start = self._lines(np.zeros(6))
+        start_axes, start = self._at_zero
         axes, points = self._lines(joints)
         up = start_axes[0] * self.up
         front = np.cross(start_axes[1], up)
@@ -89,6 +89,10 @@ class Branches:
         centre = _meeting(points[3], axes[3], points[4], axes[4])
         lower = points[2] - points[1]
         return float((centre - points[0]) @ front), float(across @ np.cross(lower, centre - points[2]))
+
+    @cached_property
+    def _at_zero(self) -> tuple[Matrix, Matrix]:
+        return self._lines(np.zeros(6))
 
     def _lines(self, joints: Matrix) -> tuple[Matrix, Matrix]:
         """(n, 3) unit axes and (n, 3) points on them, mm, base frame."""

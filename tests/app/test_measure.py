@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ def asking(client: TestClient, job: str) -> None:
     """Until the job reads lines."""
     while (now := client.get(f"/api/jobs/{job}").json())["asks"] is None:
         assert now["state"] in ("waiting", "running"), now
+        time.sleep(0.02)
 
 
 def test_a_run_by_hand_is_led_and_paused(client: TestClient, root: Path) -> None:

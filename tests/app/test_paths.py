@@ -415,7 +415,7 @@ def test_an_option_that_takes_a_path_is_one_that_is_resolved() -> None:
 
 
 NAMED_BY = {
-    "run": ("named.jsonl", ["analyse", "named.jsonl"]),
+    "run": ("named.jsonl", ["analyse", "named.jsonl", "--ess=100"]),
     "resumed run": ("named.jsonl", ["run", "plan.yaml", "--resume", "-o", "named.jsonl"]),
     "cell": ("cell.yaml", ["run", "plan.yaml", "--cell=cell.yaml", "-o", "n.jsonl"]),
     "plan": ("p.yaml", ["export", "plan", "rapid", "p.yaml", "-o", "n.mod"]),

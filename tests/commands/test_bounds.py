@@ -56,43 +56,26 @@ def test_a_result(tmp_path: Path, row: dict[str, Any], fit: dict[str, Any], told
     assert told in str(caught.value)
 
 
+def log_of_dwells(folder: Path, rows: list[list[float]], still_s: object) -> str:
+    """What an import of the log of an arm that dwells is refused with."""
+    (folder / "header.yaml").write_text(HEADER)
+    (folder / "log.csv").write_text(table(None, rows, ","))
+    words = ["--target", "psd", "--header", folder / "header.yaml", "-o", folder / "made"]
+    how = ["--still-deg", 0.05, "--still-s", still_s]
+    return zerobeam("import", "log", "robodk", folder / "log.csv", *words, *how).refused()
+
+
 @pytest.mark.parametrize("still", ["1e-160", "0.0001", "nan", "1e30"])
 def test_the_length_of_a_dwell(tmp_path: Path, still: str) -> None:
     times, joints = moves(rate=10.0)
-    (tmp_path / "header.yaml").write_text(HEADER)
-    (tmp_path / "log.csv").write_text(
-        table(None, [[*row, time] for row, time in zip(joints, times, strict=True)], ",")
-    )
-    asked = (
-        "--target",
-        "psd",
-        "--header",
-        tmp_path / "header.yaml",
-        "--still-deg",
-        0.05,
-        "-o",
-        tmp_path / "made",
-    )
-    told = zerobeam("import", "log", "robodk", tmp_path / "log.csv", *asked, "--still-s", still).refused()
+    told = log_of_dwells(tmp_path, [[*row, time] for row, time in zip(joints, times, strict=True)], still)
     assert "the value of --still-s is out of range" in told
 
 
 def test_times_that_are_far_apart(tmp_path: Path) -> None:
     """A row of such a log counts until the next one, and is repeated for as long."""
     _, joints = moves(rate=10.0)
-    (tmp_path / "header.yaml").write_text(HEADER)
-    (tmp_path / "log.csv").write_text(table(None, [[*row, 1e9 * i] for i, row in enumerate(joints[:4])], ","))
-    asked = (
-        "--target",
-        "psd",
-        "--header",
-        tmp_path / "header.yaml",
-        "--still-deg",
-        0.05,
-        "-o",
-        tmp_path / "made",
-    )
-    told = zerobeam("import", "log", "robodk", tmp_path / "log.csv", *asked, "--still-s", 0.5).refused()
+    told = log_of_dwells(tmp_path, [[*row, 1e9 * i] for i, row in enumerate(joints[:4])], 0.5)
     assert "too far apart" in told
 
 

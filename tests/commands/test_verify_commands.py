@@ -73,7 +73,7 @@ def calibrated(folder: Path, tool: str = "laser", seed: int = 0, *, shots: int =
     how = ["--rig", "simulated", "--no-camera", "--seed", seed]
     answer = zerobeam("run", folder / "plan.yaml", *how, "-o", run)
     assert answer.status == 0, answer.err + answer.out
-    answer = zerobeam("analyse", run)
+    answer = zerobeam("analyse", run, "--ess", 100)
     assert answer.status == 0, answer.err
     assert zerobeam("plan", "verify", run, "-o", folder / "verify.yaml").status == 0
     return run
@@ -94,7 +94,8 @@ def test_the_arm_of_a_simulated_run_with_its_offsets_entered_passes(tool: str, t
     answer = verified(tmp_path, "new.jsonl", "--arm", run)
     assert (answer.status, answer.json["verdict"]) == (0, "pass"), answer.out
     was, now = (true_values(read_run(file).header.provenance) for file in (run, tmp_path / "new.jsonl"))
-    entered = {row["name"]: row["estimate"] for row in zerobeam("analyse", run, "--json").json["parameters"]}
+    found = zerobeam("analyse", run, "--json", "--ess", 100).json
+    entered = {row["name"]: row["estimate"] for row in found["parameters"]}
     for name in ("delta2", "delta3", "delta4", "delta5", "delta6"):
         assert now[name] == pytest.approx(was[name] - entered[name], abs=1e-8)
     for name in was.keys() - entered.keys():

@@ -112,18 +112,22 @@ class ControllerArm:
     def straight(self, pose: Matrix, start: Matrix) -> Matrix | None:
         """The joints at the end of a straight line of the flange from the joints `start`; None where it
         does not get there."""
-        begin = self.fk(start)
-        turn = _rotation((pose[:3, :3] @ begin[:3, :3].T)[None])[0]
-        joints = start
+        begin, joints = self.fk(start), start
         for share in np.linspace(0, 1, 51)[1:]:
-            way = np.eye(4)
-            way[:3, :3] = _rotated(share * turn) @ begin[:3, :3]
-            way[:3, 3] = (1 - share) * begin[:3, 3] + share * pose[:3, 3]
-            arrived = self.climbed(way, joints)
+            arrived = self.climbed(on_line(begin, pose, share), joints)
             if not len(arrived) or np.abs(arrived[0] - joints).max() > 60:
                 return None
             joints = arrived[0]
         return joints
+
+
+def on_line(begin: Matrix, end: Matrix, share: float) -> Matrix:
+    """(4, 4) between two poses: on the straight line, turned about one axis."""
+    turn = _rotation((end[:3, :3] @ begin[:3, :3].T)[None])[0]
+    pose = np.eye(4)
+    pose[:3, :3] = _rotated(share * turn) @ begin[:3, :3]
+    pose[:3, 3] = (1 - share) * begin[:3, 3] + share * end[:3, 3]
+    return pose
 
 
 def _rotation(matrices: Matrix) -> Matrix:

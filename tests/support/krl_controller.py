@@ -16,9 +16,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from controller_arm import ControllerArm
+from controller_arm import ControllerArm, on_line
 from krl_values import XYZABC, Expression, Invalid, components, copied, frame, split, top, words
-from scipy.spatial.transform import Rotation
 
 from zerobeam.model.arrays import Matrix
 
@@ -520,7 +519,7 @@ class Controller:
         end = end + 360 * np.round((self.joints - end) / 360)
         for share in (0.33, 0.67):
             between = (1 - share) * self.joints + share * end
-            arrived = self.nominal.climbed(_on_line(begin, flange, share), between)
+            arrived = self.nominal.climbed(on_line(begin, flange, share), between)
             if not len(arrived) or np.abs(arrived[0] - between).max() > 25:
                 return self._followed(begin, flange)
         return np.asarray(end)
@@ -528,7 +527,7 @@ class Controller:
     def _followed(self, begin: Matrix, flange: Matrix) -> Matrix:
         joints = self.joints
         for share in np.linspace(0, 1, _STEPS + 1)[1:]:
-            arrived = self.nominal.climbed(_on_line(begin, flange, share), joints)
+            arrived = self.nominal.climbed(on_line(begin, flange, share), joints)
             if not len(arrived) or np.abs(arrived[0] - joints).max() > 40:
                 raise Invalid("the line cannot be followed")
             joints = arrived[0]
@@ -541,12 +540,3 @@ class Controller:
     def _require_limits(self, joints: Matrix) -> None:
         if not all(self._within(i, value) for i, value in enumerate(joints)):
             raise Invalid("beyond the limits")
-
-
-def _on_line(begin: Matrix, end: Matrix, share: float) -> Matrix:
-    """(4, 4) between two poses."""
-    turn = Rotation.from_matrix(end[:3, :3] @ begin[:3, :3].T).as_rotvec()
-    result = np.eye(4)
-    result[:3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ begin[:3, :3]
-    result[:3, 3] = (1 - share) * begin[:3, 3] + share * end[:3, 3]
-    return result

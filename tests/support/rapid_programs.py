@@ -21,7 +21,6 @@ from zerobeam.model.kinematics.robot import Robot
 
 _UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 _LOAD = "[1,[0,0,1],[1,0,0,0],0,0,0]"
-_MOTION = "MoveJ {p},v100,fine,tCell\\WObj:=wCell;"
 
 
 @dataclass(frozen=True)

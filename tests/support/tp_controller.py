@@ -6,6 +6,7 @@ joint 3 counts from link 2 inside and from the ground in listings.
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from controller_arm import ControllerArm
+from operators import ORDER, SUMS, Operators, operated
 from scipy.spatial.transform import Rotation
 
 from zerobeam.model.arrays import Matrix
@@ -23,6 +25,18 @@ _TOKEN = re.compile(
     r"""\s*(?P<token>'[^'\n]*' | \d+\.?\d* | \.\d+ | \$[\w.$]+ | <> | <= | >= | [-+*/=<>!(),%] | \w+
         | \[(?:[^\[\]]|\[[^\]]*\])*\])""",
     re.VERBOSE,
+)
+_LEVELS: tuple[Operators, ...] = (
+    {"OR": lambda a, b: bool(a) or bool(b)},
+    {"AND": lambda a, b: bool(a) and bool(b)},
+    {"=": operator.eq, "<>": operator.ne, **ORDER},
+    SUMS,
+    {
+        "*": operator.mul,
+        "/": lambda a, b: a / b if b else 0.0,
+        "DIV": lambda a, b: a // b if b else 0.0,
+        "MOD": lambda a, b: a % b if b else 0.0,
+    },
 )
 
 
@@ -328,38 +342,13 @@ class TpRun:
         tokens = [match["token"] for match in _TOKEN.finditer(text)]
         if "".join(tokens).replace(" ", "") != text.replace(" ", ""):
             raise NoProgram(text)
-        value = self._sum(tokens, 0)
+        value = self._expression(tokens)
         if tokens:
             raise NoProgram(text)
         return value
 
-    def _sum(self, tokens: list[str], level: int) -> float:
-        levels: tuple[dict[str, Callable[[float, float], float]], ...] = (
-            {"OR": lambda a, b: float(bool(a) or bool(b))},
-            {"AND": lambda a, b: float(bool(a) and bool(b))},
-            {
-                "=": lambda a, b: float(a == b),
-                "<>": lambda a, b: float(a != b),
-                "<": lambda a, b: float(a < b),
-                ">": lambda a, b: float(a > b),
-                "<=": lambda a, b: float(a <= b),
-                ">=": lambda a, b: float(a >= b),
-            },
-            {"+": lambda a, b: a + b, "-": lambda a, b: a - b},
-            {
-                "*": lambda a, b: a * b,
-                "/": lambda a, b: a / b if b else 0.0,
-                "DIV": lambda a, b: a // b if b else 0.0,
-                "MOD": lambda a, b: a % b if b else 0.0,
-            },
-        )
-        if level == len(levels):
-            return self._operand(tokens)
-        value = self._sum(tokens, level + 1)
-        while tokens and tokens[0] in levels[level]:
-            operator = levels[level][tokens.pop(0)]
-            value = operator(value, self._sum(tokens, level + 1))
-        return value
+    def _expression(self, tokens: list[str]) -> float:
+        return float(operated(tokens, _LEVELS, lambda: self._operand(tokens)))
 
     def _operand(self, tokens: list[str]) -> float:
         if not tokens:
@@ -369,7 +358,7 @@ class TpRun:
             value = self._operand(tokens)
             return float(not value) if token == "!" else -value
         if token == "(":
-            value = self._sum(tokens, 0)
+            value = self._expression(tokens)
             if tokens.pop(0) != ")":
                 raise NoProgram("a bracket")
             return value

@@ -6,6 +6,7 @@ Tokens, arithmetic and inverse kinematics (closed form of the nominal arm) of it
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,7 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from controller_arm import ControllerArm
+from controller_arm import ControllerArm, on_line
+from operators import ORDER, SUMS, Operators, operated
 from scipy.spatial.transform import Rotation
 
 from zerobeam.model.arrays import Matrix
@@ -22,6 +24,13 @@ _D1, _A2, _A3, _D4, _D5, _D6 = 162.5, -425.0, -392.2, 133.3, 99.7, 99.6
 _MOST_STATEMENTS, _MOST_MOTIONS, _STEPS = 300, 30, 16
 _TOKEN = re.compile(
     r"""\s*("[^"]*"|(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|p(?=\[)|[A-Za-z_]\w*|==|!=|<=|>=|[-+*/%=<>(),\[\]:])"""
+)
+_LEVELS: tuple[Operators, ...] = (
+    {"or": lambda a, b: a or b, "xor": lambda a, b: bool(a) != bool(b)},
+    {"and": lambda a, b: a and b},
+    {"==": operator.eq, "!=": operator.ne, **ORDER},
+    SUMS,
+    {"*": operator.mul, "/": operator.truediv, "%": operator.mod},
 )
 _READS = ("get_standard_digital_in", "get_digital_in", "get_flag", "read_input_boolean_register")
 
@@ -240,27 +249,13 @@ class UrRun:
                 raise NoProgram(text)
             tokens.append(found[1])
             place = found.end()
-        value = self.operation(tokens, 0)
+        value = self.operation(tokens)
         if tokens:
             raise NoProgram(text)
         return value
 
-    def operation(self, tokens: list[str], level: int) -> Any:
-        levels: tuple[dict[str, Callable[[Any, Any], Any]], ...] = (
-            {"or": lambda a, b: a or b, "xor": lambda a, b: bool(a) != bool(b)},
-            {"and": lambda a, b: a and b},
-            {"==": lambda a, b: a == b, "!=": lambda a, b: a != b, "<": lambda a, b: a < b,
-             ">": lambda a, b: a > b, "<=": lambda a, b: a <= b, ">=": lambda a, b: a >= b},
-            {"+": lambda a, b: a + b, "-": lambda a, b: a - b},
-            {"*": lambda a, b: a * b, "/": lambda a, b: a / b, "%": lambda a, b: a % b},
-        )  # fmt: skip
-        if level == len(levels):
-            return self.operand(tokens)
-        value = self.operation(tokens, level + 1)
-        while tokens and tokens[0] in levels[level]:
-            operator = levels[level][tokens.pop(0)]
-            value = operator(value, self.operation(tokens, level + 1))
-        return value
+    def operation(self, tokens: list[str]) -> Any:
+        return operated(tokens, _LEVELS, lambda: self.operand(tokens))
 
     def operand(self, tokens: list[str]) -> Any:
         if not tokens:
@@ -270,7 +265,7 @@ class UrRun:
             value = self.operand(tokens)
             return -value if token == "-" else value if token == "+" else not value
         if token == "(":
-            value = self.operation(tokens, 0)
+            value = self.operation(tokens)
             self.expect(tokens, ")")
         elif token == "p":
             self.expect(tokens, "[")
@@ -292,7 +287,7 @@ class UrRun:
             raise NoProgram(token)
         while tokens and tokens[0] == "[":
             tokens.pop(0)
-            index = int(self.operation(tokens, 0))
+            index = int(self.operation(tokens))
             value = value[index] if isinstance(value, list) else values_of(value)[index]
             self.expect(tokens, "]")
         return value
@@ -308,9 +303,9 @@ class UrRun:
             if len(tokens) > 1 and tokens[1] == "=":
                 name = tokens.pop(0)
                 tokens.pop(0)
-                named[name] = self.operation(tokens, 0)
+                named[name] = self.operation(tokens)
             else:
-                values.append(self.operation(tokens, 0))
+                values.append(self.operation(tokens))
             if tokens and tokens[0] == ",":
                 tokens.pop(0)
         self.expect(tokens, end)
@@ -368,10 +363,6 @@ class UrRun:
             self.joints = nearest(flange, self.joints)
         else:
             begin = arm.fk(np.degrees(self.joints))
-            turn = Rotation.from_matrix(flange[:3, :3] @ begin[:3, :3].T).as_rotvec()
             for share in np.linspace(0, 1, _STEPS + 1)[1:]:
-                way = np.eye(4)
-                way[:3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ begin[:3, :3]
-                way[:3, 3] = (1 - share) * begin[:3, 3] + share * flange[:3, 3]
-                self.joints = nearest(way, self.joints)
+                self.joints = nearest(on_line(begin, flange, share), self.joints)
         self.visits.append(self.joints)

@@ -8,8 +8,6 @@ from typing import Any
 
 from program_arm import PendantArm
 
-STEP_DEG = 10.0
-
 
 def carried_out(text: str, arm: PendantArm, first: int = 0) -> tuple[str, list[str]]:
     """The log as PolyScope shows it, and what was sent to the listener."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmark_script import FOLDER, load_benchmark
+from scripts import BENCHMARKS, load_script
 
 from zerobeam.experiments.demos import demo_runs
 
-fit_time = load_benchmark("fit_time")
-fit_peers = load_benchmark("fit_peers")
+fit_time = load_script(BENCHMARKS, "fit_time")
+fit_peers = load_script(BENCHMARKS, "fit_peers")
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,8 @@ def test_the_batch_fits_every_run_as_a_fit_of_its_own(fitted):
 @pytest.fixture(scope="module")
 def posterior_time():
     with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(FOLDER)  # a script of the folder imports another
-        yield load_benchmark("posterior_time")
+        patch.syspath_prepend(BENCHMARKS)  # a script of the folder imports another
+        yield load_script(BENCHMARKS, "posterior_time")
 
 
 @pytest.mark.parametrize(("name", "size"), [("good", 8), ("uncalibrated", 11)])

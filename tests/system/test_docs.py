@@ -6,7 +6,6 @@ Its blocks are run and read in tests/system/test_docs_blocks.py.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import json
 import re
 import tomllib
@@ -19,6 +18,7 @@ import pytest
 import typer.main
 from command_line import zerobeam as command_line
 from documents import DOCS, PAGES, ROOT, blocks, prepare, prose, read, told_commands
+from scripts import load_script
 
 import zerobeam
 from zerobeam.commands.program import app
@@ -36,12 +36,7 @@ TEXTS = {name: read(name) for name in PAGES} | {
 
 def script(name: str) -> types.ModuleType:
     """One of the scripts in docs that make the site."""
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(DOCS, name)
 
 
 # --- what the pages name ----------------------------------------------------------------------------

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import runpy
 import sys
-from pathlib import Path
 
 import pytest
+from scripts import DOCS, load_script
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 CARD = """class Card:
     def _repr_html_(self):
         return '<b>\\n\\n</b>'
@@ -22,10 +20,7 @@ NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.py"))
 
 @pytest.fixture
 def notebook_page():
-    spec = importlib.util.spec_from_file_location("notebook_page", DOCS / "notebook_page.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script(DOCS, "notebook_page")
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)

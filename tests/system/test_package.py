@@ -61,14 +61,31 @@ def expected(tree: Path) -> set[str]:
     }
 
 
+FORGOTTEN = {"model/nested/thing.py", "newroom/thing.py", "model/robots/x.bin"}
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("package")
-    return build(copy_of_tree(place / "tree"), place / "wheels")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a `tree` with three files that no list of the package has."""
+    folder = tmp_path_factory.mktemp("package")
+    tree = copy_of_tree(folder / "tree")
+    for name in FORGOTTEN:
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / name).touch()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(place: Path) -> Path:
+    return build(place / "tree", place / "wheels")
 
 
 def test_every_file_of_the_rooms_is_in_the_wheel(wheel: Path) -> None:
     assert expected(ROOT) - contents(wheel) == set()
+
+
+def test_what_the_package_list_forgets_is_caught(place: Path, wheel: Path) -> None:
+    assert expected(place / "tree") - contents(wheel) == {f"zerobeam/{name}" for name in FORGOTTEN}
 
 
 def test_the_wheel_holds_nothing_else(wheel: Path) -> None:
@@ -81,20 +98,6 @@ def test_the_wheel_names_the_command_and_carries_the_licence(wheel: Path) -> Non
         (scripts,) = (name for name in archive.namelist() if name.endswith("entry_points.txt"))
         assert "zerobeam = zerobeam.cli:main" in archive.read(scripts).decode().splitlines()
         assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
-
-
-def test_what_the_package_list_forgets_is_caught(tmp_path: Path) -> None:
-    tree = copy_of_tree(tmp_path / "tree")
-    forgotten = [
-        "model/nested/thing.py",
-        "newroom/thing.py",
-        "model/robots/x.bin",
-    ]
-    for name in forgotten:
-        (tree / name).parent.mkdir(parents=True, exist_ok=True)
-        (tree / name).touch()
-    missing = expected(tree) - contents(build(tree, tmp_path / "wheels"))
-    assert missing == {f"zerobeam/{name}" for name in forgotten}
 
 
 def test_the_installed_command_starts_from_any_folder(wheel: Path, tmp_path: Path) -> None:

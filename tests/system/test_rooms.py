@@ -32,10 +32,15 @@ def sources() -> dict[str, str]:
     return {str(module): (ROOT / module).read_text(encoding="utf-8") for module in modules()}
 
 
-def unread(module: Path, source: str) -> list[str]:
-    """The imports in `source` that are not relative, and those that cannot be read off the text."""
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {module: ast.parse(source) for module, source in sources().items()}
+
+
+def unread(module: Path, tree: ast.Module) -> list[str]:
+    """The imports of a module that are not relative, and those that cannot be read off the text."""
     found = []
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -56,7 +61,7 @@ def unread(module: Path, source: str) -> list[str]:
 
 
 def test_every_import_of_ours_is_relative_and_in_the_text() -> None:
-    faults = [fault for module, source in sources().items() for fault in unread(Path(module), source)]
+    faults = [fault for module, tree in trees().items() for fault in unread(Path(module), tree)]
     assert faults == []
 
 
@@ -71,7 +76,7 @@ def test_every_import_of_ours_is_relative_and_in_the_text() -> None:
     ],
 )
 def test_another_import_is_caught(source: str) -> None:
-    assert len(unread(Path("analysis/bad.py"), source)) == 1
+    assert len(unread(Path("analysis/bad.py"), ast.parse(source))) == 1
 
 
 def test_the_contracts_of_the_rooms_catch_what_they_are_for(tmp_path: Path) -> None:
@@ -128,10 +133,9 @@ ALLOWED_ARGUMENTS = {"found", "told"}
 UNTYPED = 30  # `dict[str, Any]`: where a foreign format ends
 
 
-def banned(source: str) -> set[str]:
+def banned(tree: ast.Module) -> set[str]:
     """The banned names of variables, parameters, functions and classes that a module binds. The fields of a
     class are no such names: most are keys of a file."""
-    tree = ast.parse(source)
     classes = [node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
     fields = {id(item.target) for each in classes for item in each.body if isinstance(item, ast.AnnAssign)}
     names = set()
@@ -146,7 +150,7 @@ def banned(source: str) -> set[str]:
 
 
 def test_a_name_says_what_the_thing_is() -> None:
-    names = {module: banned(source) for module, source in sources().items()}
+    names = {module: banned(tree) for module, tree in trees().items()}
     assert {module: bad for module, bad in names.items() if bad} == {}
 
 
@@ -154,12 +158,12 @@ def test_a_name_says_what_the_thing_is() -> None:
     "source", ["own = 1", "def f(_given): ...", "for found in x: ...", "class Seen: ..."]
 )
 def test_a_banned_name_is_caught(source: str) -> None:
-    assert len(banned(source)) == 1
+    assert len(banned(ast.parse(source))) == 1
 
 
 def test_no_class_name_is_there_twice() -> None:
-    trees = [ast.parse(source) for source in sources().values()]
-    names = Counter(node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef))
+    bodies = (node for tree in trees().values() for node in tree.body)
+    names = Counter(node.name for node in bodies if isinstance(node, ast.ClassDef))
     assert [name for name, count in names.items() if count > 1] == []
 
 

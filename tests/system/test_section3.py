@@ -8,8 +8,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from benchmark_script import load_benchmark
 from cells import OPEN_LASER, good_plan, header, irb1600, pattern_plan, plan_of
+from scripts import BENCHMARKS, load_script
 
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.check import Check, CheckedParameter, check
@@ -138,13 +138,13 @@ def test_y_pattern() -> None:
 
 @pytest.mark.parametrize(("which", "aside_m"), [("x", 0.4), ("y", 0.0)])
 def test_the_table_of_docs_paper(which: str, aside_m: float) -> None:
-    made = load_benchmark("pattern_table").row(which, aside_m)
+    made = load_script(BENCHMARKS, "pattern_table").row(which, aside_m)
     assert made in PAGE
 
 
 def test_the_table_of_docs_paper_is_whole() -> None:
     rows = re.findall(r"^\| ([XY]) \| (0\.\d) \|", PAGE, flags=re.MULTILINE)
-    script = load_benchmark("pattern_table")
+    script = load_script(BENCHMARKS, "pattern_table")
     assert rows == [(w.upper(), f"{a:.1f}") for w in script.PATTERNS for a in script.ASIDE_M]
 
 

@@ -1,4 +1,4 @@
-"""The benchmarks are scripts, no package: loaded by their path."""
+"""Scripts that belong to no package, of the benchmarks and the docs: loaded by their path."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
-FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
+ROOT = Path(__file__).resolve().parents[2]
+BENCHMARKS, DOCS = ROOT / "benchmarks", ROOT / "docs"
 
 
-def load_benchmark(name: str) -> ModuleType:
+def load_script(folder: Path, name: str) -> ModuleType:
     """The script `name` as a module; what stands under `if __name__` is not run."""
-    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
