@@ -238,7 +238,7 @@ def noticed(case: Case, sessions: Sessions) -> str:
     carried = sessions(case.what)[-1].carried
     assert carried is not None
     assert carried.state is not None
-    moved = carried.state.displaced
+    moved = carried.state.moved_target
     if moved is not None:
         points = " or ".join(f"{p.after_shot} and {p.before_shot}" for p in (moved.at, *moved.elsewhere))
         told = f"a displacement between measurements {points}"
@@ -312,7 +312,7 @@ def test_the_bump_is_found_where_it_was(sessions: Sessions) -> None:
     assert carried is not None
     assert carried.state is not None
     # Links within their tolerance explain as much, so that nothing is claimed; nominal geometry finds it.
-    assert carried.state.displaced is None
+    assert carried.state.moved_target is None
     moved = displacement(carried.state.fit)
     assert moved is not None
     assert (moved.at.after_shot, moved.at.before_shot) == (2, 3)
