@@ -27,7 +27,7 @@ from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from .covariance import Covariance, Rows, frame
-from .diagnostics.displacement import Displacement, displacement
+from .displacement import Displacement, displacement
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of

@@ -17,9 +17,9 @@ from ..analysis.answer.findings import (
 )
 from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
-from ..analysis.diagnostics.displacement import Displacement
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
+from ..analysis.displacement import Displacement
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import Cause, NullDirection
 from ..analysis.posterior.posterior import PosteriorSummary

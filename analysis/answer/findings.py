@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..diagnostics.displacement import Displacement
 from ..diagnostics.hold_out import HoldOut
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import OUTLYING, Robust
+from ..displacement import Displacement
 from ..misfit import LACK_OF_FIT, Criterion
 from ..posterior.posterior import PosteriorSummary
 from ..recordings.steps import RecordingSteps
