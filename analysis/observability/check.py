@@ -21,7 +21,16 @@ from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, cause_for
 from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
-from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_covariance
+from .outlook import (
+    Advice,
+    CurvePoint,
+    OverTarget,
+    advice,
+    curve,
+    over_target,
+    predicted_covariance,
+    predicted_std,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -301,7 +310,7 @@ def without_posture(
     rest = turned.aimed.problem.select(kept[kept != posture])
     with one_blas_thread():
         identified = identify(rest, turned.x)
-        spread = np.sqrt(np.diag(predicted_covariance(rest, turned.x)))
+        spread = predicted_std(rest, turned.x)
     items, std = rest.parameters.items, rest.parameters.unscaled(spread)
     offsets = rest.parameters.block("offset")
     judged = list(zip(items, identified.status, std, strict=True))[offsets]
