@@ -27,7 +27,6 @@ from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
-from .observability.geometry import geometry_result
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     NOTHING_KNOWN,
@@ -155,16 +154,7 @@ def _analyse(
         identifiability=solution.identified.facts,
         likelihood=_likelihood(solution),
         midpoint=_midpoint(midpoint),
-        geometry=geometry_result(
-            run.header,
-            problem,
-            solution.fit.x,
-            solution.fit.covariance,
-            solution.status,
-            weight=solution.fit.weight,
-            ladder=solution.ladder,
-            factors=solution.factors,
-        ),
+        geometry=solution.geometry(run.header),
         posterior=posterior,
         shots=shots,
         distances=_distances(solution),

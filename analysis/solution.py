@@ -23,14 +23,16 @@ from numpy.typing import NDArray
 
 from ..model.arrays import NORMAL_95, Matrix
 from ..model.errors import BadInput
+from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from .covariance import Covariance, Rows, frame
+from .displacement import Displacement, displacement
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
-from .misfit import Misfit, misfit_of
+from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
-from .observability.geometry import Rung, link_columns, tolerance_share
+from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
 from .recordings.recordings import Effective
 from .status import (
@@ -193,6 +195,28 @@ class Solution:
             return self.identified.status
         return tuple("held" if item.held else "unidentifiable" for item in self.problem.parameters.items)
 
+    @cached_property
+    def moved_target(self) -> Displacement | None:
+        """The displacement of a target, if there is a significant one that links within their tolerances do
+        not explain as well."""
+        moved = displacement(self.fit) if self.converged else None
+        if moved is None or not moved.significant:
+            return None
+        rival = self.link_columns
+        moved = moved if rival is None else displacement(self.fit, rival)
+        return moved if moved is not None and moved.significant else None
+
+    @property
+    def contradictions(self) -> tuple[Criterion | Displacement, ...]:
+        """What contradicts the model: the criteria of the misfit, and a target that has moved."""
+        criteria = () if self.misfit is None else self.misfit.criteria
+        return criteria if self.moved_target is None else (*criteria, self.moved_target)
+
+    @property
+    def consistent(self) -> bool:
+        """Nothing contradicts the model."""
+        return not self.contradictions
+
     @property
     def null_space(self) -> tuple[NullDirection, ...]:
         """The null-space directions, each with its cause."""
@@ -215,6 +239,27 @@ class Solution:
     def against_noise(self) -> AgainstNoise:
         """The residuals against the stated noise."""
         return self.fit.against_noise(self.identified.facts.rank)
+
+    @property
+    def p_value(self) -> float | None:
+        """Of residuals as large by the stated noise; None where the noise is estimated, no degree of freedom
+        is left to contradict it, or there is no answer."""
+        return self.against_noise.p_value if self.converged else None
+
+    def geometry(self, header: Header) -> GeometryResult:
+        """Tolerances, models that were tried, and what the offsets are worth if the geometry is not as it was
+        taken."""
+        fit = self.fit
+        return geometry_result(
+            header,
+            fit.problem,
+            fit.x,
+            fit.covariance,
+            self.status,
+            weight=fit.weight,
+            ladder=self.ladder,
+            factors=self.factors,
+        )
 
     @cached_property
     def link_columns(self) -> Matrix | None:
@@ -254,6 +299,17 @@ class Solution:
     def offsets(self) -> ParameterTable:
         """The rows of the joint offsets."""
         return ParameterTable(row for row in self.parameters if row.group == "offset")
+
+    @property
+    def offset_std(self) -> dict[str, float | None]:
+        """Of each offset that is not held, by name; None where it is not determined."""
+        return {offset.name: offset.std for offset in self.offsets if not offset.held}
+
+    @property
+    def worst(self) -> float | None:
+        """The largest std of an offset; None while one has none, and without offsets."""
+        stds = [std for std in self.offset_std.values() if std is not None]
+        return max(stds) if stds and len(stds) == len(self.offset_std) else None
 
     def __getitem__(self, name: str) -> ParameterResult:
         return self.parameters.named(name)
@@ -321,6 +377,19 @@ class Solution:
 def solve(problem: Problem, **how: Any) -> Solution:
     """Fit and judge; `how` goes to `fit_likelihood` (seed, starts)."""
     return judge(fit_likelihood(problem, **how))
+
+
+def so_far(problem: Problem) -> Solution:
+    """What the measurements of `problem` (one at least) determine, while more are being made.
+
+    It follows from the measurements alone, so that a run that is resumed decides as one that was never
+    interrupted. While there are too few numbers to estimate the noise from, the stated noise serves to aim
+    the next posture, and nothing is known: the solution has not converged, and its `problem` has no noise
+    factors.
+    """
+    if problem.noise_estimable:
+        return solve(problem)
+    return judge(fit_likelihood(problem.with_noise_of(problem.nominal())[0]), trusted=False)
 
 
 def judge(

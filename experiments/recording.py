@@ -18,7 +18,7 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
-from ..words.findings import finding_sentence, headline
+from ..words.findings import finding_sentence, headline_so_far
 from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed, person
@@ -363,8 +363,8 @@ def _answer(
     return Ended(
         file=file.name,
         verdict=state.verdict,
-        headline=incomplete + headline(state),
-        person_headline=incomplete + headline(state, person),
+        headline=incomplete + headline_so_far(state),
+        person_headline=incomplete + headline_so_far(state, person),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
             for row in state.offsets
@@ -376,7 +376,7 @@ def _answer(
         saved=None if why is None else len(saved),
         why=why,
         seconds={name: round(value, 3) for name, value in result.seconds.items()},
-        notes=(*notes, *(finding_sentence(finding) for finding in state.findings)),
+        notes=(*notes, *(finding_sentence(finding) for finding in state.contradictions)),
         geometry=state.geometry(plan.header),
         true=true_values(header.provenance),
         missing=result.missing,

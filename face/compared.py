@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis.repeatability.compare import Comparison
-from ..analysis.repeatability.compare import compare as compare_runs
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.html import card, text
@@ -126,4 +125,4 @@ def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
                 argument=f"runs[{k}]",
             )
     require_number(seed, 0, "seed", whole=True)
-    return ComparedRuns(**vars(compare_runs(runs, seed=seed)))
+    return ComparedRuns.of(runs, seed=seed)

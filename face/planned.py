@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from ..analysis.observability.aim import AimedPlan, aim_plan
+from ..analysis.observability.aim import aim_plan
 from ..analysis.observability.check import Check, CheckedParameter, CheckedTable
-from ..experiments.plans.constraints import check_plan
+from ..experiments.plans.constraints import violations
 from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
 from ..experiments.plans.obstacles import read_obstacles
 from ..model.errors import BadInput
@@ -35,7 +35,7 @@ from .pictures import SceneView
 _NO_NUMBER = "unidentifiable from these measurements"
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class CheckedPlan(Check):
     """The answer of `zerobeam.check` to a plan; it is a `Check`.
 
@@ -68,8 +68,6 @@ class CheckedPlan(Check):
     >>> found["delta2"].status, found["delta2"].u < 0.02
     ('identified', True)
     """
-
-    aimed: AimedPlan
 
     @property
     def offsets(self) -> CheckedTable:
@@ -204,7 +202,7 @@ def check(plan: Plan) -> CheckedPlan:
     """
     require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
     aimed = aim_plan(plan)
-    return CheckedPlan(**vars(check_plan(plan, aimed)), aimed=aimed)
+    return CheckedPlan.of(aimed, violations(aimed))
 
 
 def optimal_plan(
@@ -311,7 +309,7 @@ def optimal_plan(
         None,
         lambda stage, share: None,
     )
-    if made.plan is None or made.checked is None:
+    if made.plan is None:
         assert made.fewest is not None  # without a tolerance there is a plan
         most, worst = made.fewest.curve[-1]
         raise BadInput(
@@ -320,7 +318,7 @@ def optimal_plan(
             remedy="allow more measurements or a larger tolerance, or lower the noise",
             argument="tolerance",
         )
-    return OptimalPlan(made.plan, CheckedPlan(**vars(made.checked), aimed=aim_plan(made.plan)), made)
+    return OptimalPlan(made.plan, check(made.plan), made)
 
 
 def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Path]:

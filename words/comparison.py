@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..analysis.answer.findings import FileWarning, OtherBasins
-from ..analysis.diagnostics.displacement import Displacement
+from ..analysis.displacement import Displacement
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
 from ..analysis.repeatability.compare import Comparison
 from ..analysis.repeatability.consistency import LEVEL, of_a_std

@@ -17,13 +17,12 @@ from ..analysis.answer.findings import (
 )
 from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
-from ..analysis.diagnostics.displacement import Displacement
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
+from ..analysis.displacement import Displacement
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import Cause, NullDirection
 from ..analysis.posterior.posterior import PosteriorSummary
-from ..analysis.so_far import SoFar
 from ..analysis.solution import ParameterTable, Solution
 from .misfit import criterion_sentence, misfit_headline
 from .observability import reason
@@ -35,23 +34,25 @@ _NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
 _MOST_EXPLANATIONS = 3
 
 
-def headline(answer: Result | SoFar, name: Namer = str) -> str:
+def headline(result: Result, name: Namer = str) -> str:
     """The verdict in one or two sentences, with the reason where it is not a pass; `name` writes names."""
-    if isinstance(answer, SoFar):
-        if not answer.converged:
-            return "These measurements determine no offset yet."
-        return _headline(answer.offsets, answer.null_space, answer.misfit, name)
-    if not answer.likelihood.converged:
-        return _no_fit(answer.likelihood.reason)
-    return _headline(answer.parameters, answer.identifiability.null_space, answer.misfit, name)
+    if not result.likelihood.converged:
+        return _no_fit(result.likelihood.reason)
+    return _headline(result.parameters, result.identifiability.null_space, result.misfit, name)
 
 
 def solution_headline(solution: Solution, name: Namer = str) -> str:
     """The same of a fit alone."""
     if not solution.converged:
         return _no_fit(solution.fit.reason)
-    null_space = solution.null_space
-    return _headline(solution.parameters, null_space, solution.misfit, name)
+    return _headline(solution.parameters, solution.null_space, solution.misfit, name)
+
+
+def headline_so_far(solution: Solution, name: Namer = str) -> str:
+    """The same while measurements are being made."""
+    if not solution.converged:
+        return "These measurements determine no offset yet."
+    return solution_headline(solution, name)
 
 
 def _no_fit(why: str) -> str:

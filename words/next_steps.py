@@ -11,7 +11,7 @@ import shlex
 from ..analysis.answer.document import EnteredValue, NextStep, NextSteps
 from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.result import Result
-from ..analysis.diagnostics.displacement import Displacement
+from ..analysis.displacement import Displacement
 from . import numbers
 from .wording import be, label, listed
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..diagnostics.displacement import Displacement, displacement
 from ..diagnostics.hold_out import HoldOut
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import OUTLYING, Robust
+from ..displacement import Displacement
 from ..misfit import LACK_OF_FIT, Criterion
 from ..posterior.posterior import PosteriorSummary
 from ..recordings.steps import RecordingSteps
@@ -106,17 +106,6 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
         yield OtherBasins(solution.fit.other_basins, undecided)
 
 
-def moved_target(solution: Solution) -> Displacement | None:
-    """The displacement of a target, if there is a significant one that links within their tolerances do not
-    explain as well."""
-    moved = displacement(solution.fit) if solution.converged else None
-    if moved is None or not moved.significant:
-        return None
-    rival = solution.link_columns
-    moved = moved if rival is None else displacement(solution.fit, rival)
-    return moved if moved is not None and moved.significant else None
-
-
 def findings(
     solution: Solution,
     posterior: PosteriorSummary,
@@ -128,7 +117,7 @@ def findings(
 ) -> tuple[Finding, ...]:
     """All of a result, the gravest first; `warnings` are those of the run's file. A target that was off for
     some measurements only has not moved: its step is said where the recordings are (`steps`)."""
-    moved = moved_target(solution)
+    moved = solution.moved_target
     if moved is not None and moved.at.target in {step.target for step in steps.rows}:
         moved = None
     return (

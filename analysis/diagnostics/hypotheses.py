@@ -23,10 +23,10 @@ from ...model.likelihood.density import Density
 from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.parameters import Parameter, Parameters
 from ...model.likelihood.problem import Problem
+from ..displacement import displacement
 from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at
 from ..observability.geometry import with_links
 from ..placements import placements
-from .displacement import displacement
 
 Cause = Literal[
     "swapped_joints",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
@@ -21,7 +21,16 @@ from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, cause_for
 from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
-from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_covariance
+from .outlook import (
+    Advice,
+    CurvePoint,
+    OverTarget,
+    advice,
+    curve,
+    over_target,
+    predicted_covariance,
+    predicted_std,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,6 +199,8 @@ class Check:
         Findings and warnings, to be read with the verdict.
     inputs : PlanInputs
         What the check was made from.
+    aimed : AimedPlan
+        The plan with the wrist turned onto the target, as it was judged.
 
     Examples
     --------
@@ -211,73 +222,79 @@ class Check:
     findings: tuple[PlanFinding, ...]
     warnings: tuple[str, ...]
     inputs: PlanInputs
+    aimed: AimedPlan = field(compare=False, repr=False)
 
     @property
     def violations(self) -> tuple[Violation, ...]:
         """What the postures break of the plan's constraints, in their order."""
         return tuple(each for posture in self.postures for each in posture.violations)
 
+    @classmethod
+    def of(cls, turned: AimedPlan, violations: tuple[Violation, ...] = ()) -> Self:
+        """Judge a plan with the wrist turned onto the target, as the servo will turn it.
 
-def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Violation, ...] = ()) -> Check:
-    """Judge a plan with the wrist turned onto the target, as the servo will turn it (`turned`, once it was).
-
-    `violations` are what the plan breaks of its constraints (`experiments.plans.constraints.check_plan` finds
-    them). Needs no compiler and no sampling: everything follows from the exact Jacobian at the nominal values
-    before any shot.
-    """
-    turned = aim_plan(plan) if turned is None else turned
-    problem, x, aimed = turned.problem, turned.x, turned.aimed
-    with one_blas_thread():
-        shots = _shots(plan, aimed, violations)
-        identified = identify(shots, x)
-        covariance = predicted_covariance(shots, x)
-        geometry = geometry_result(plan.header, shots, x, covariance, identified.status)
-        promised = curve(shots, x)
-        elsewhere = over_target(problem, x, _stated_spread(plan, problem))
-        parameters = problem.parameters
-        observable = verdict_of(identified.status[parameters.block("offset")])
-        better = None if observable == "pass" else advice(shots, x)
-    std = parameters.unscaled(np.sqrt(np.diag(covariance)))
-    share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
-    rows = []
-    for i, item in enumerate(parameters.items):
-        status, data_std = identified.status[i], float(identified.data_std[i])
-        rows.append(
-            CheckedParameter(
-                name=item.name,
-                unit=item.unit,
-                group=item.group,
-                status=status,
-                held=item.held,
-                data_std=data_std * item.display if np.isfinite(data_std) else None,
-                std=float(std[i]) * item.display if known(status) else None,
-                prior_std=item.prior_std * item.display,
-                cause=cause_for(identified.facts.null_space, item, status),
-                tolerance_share=float(share[i]) if known(status) and len(problem.tolerated) else None,
+        `violations` are what the plan breaks of its constraints (`experiments.plans.constraints.violations`
+        finds them). Needs no compiler and no sampling: everything follows from the exact Jacobian at the
+        nominal values before any shot.
+        """
+        plan, problem, x, aimed = turned.plan, turned.problem, turned.x, turned.aimed
+        with one_blas_thread():
+            shots = _shots(plan, aimed, violations)
+            identified = identify(shots, x)
+            covariance = predicted_covariance(shots, x)
+            geometry = geometry_result(plan.header, shots, x, covariance, identified.status)
+            promised = curve(shots, x)
+            elsewhere = over_target(problem, x, _stated_spread(plan, problem))
+            parameters = problem.parameters
+            observable = verdict_of(identified.status[parameters.block("offset")])
+            better = None if observable == "pass" else advice(shots, x)
+        std = parameters.unscaled(np.sqrt(np.diag(covariance)))
+        share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
+        rows = []
+        for i, item in enumerate(parameters.items):
+            status, data_std = identified.status[i], float(identified.data_std[i])
+            rows.append(
+                CheckedParameter(
+                    name=item.name,
+                    unit=item.unit,
+                    group=item.group,
+                    status=status,
+                    held=item.held,
+                    data_std=data_std * item.display if np.isfinite(data_std) else None,
+                    std=float(std[i]) * item.display if known(status) else None,
+                    prior_std=item.prior_std * item.display,
+                    cause=cause_for(identified.facts.null_space, item, status),
+                    tolerance_share=float(share[i]) if known(status) and len(problem.tolerated) else None,
+                )
             )
+        return cls(
+            verdict="violated" if violations else observable,
+            parameters=tuple(rows),
+            identifiability=identified.facts,
+            geometry=geometry,
+            postures=tuple(
+                CheckedPosture(
+                    i,
+                    plan.targets[i],
+                    float(aimed.off_mm[i]),
+                    bool(aimed.hit[i]),
+                    tuple(each for each in violations if each.posture == i),
+                )
+                for i in range(problem.shots)
+            ),
+            curve=promised,
+            over_target=elsewhere,
+            advice=better,
+            findings=tuple(_findings(plan, aimed)),
+            warnings=plan.warnings,
+            inputs=PlanInputs(plan.path.name, plan.sha256, plan.robot.name, versions()),
+            aimed=turned,
         )
-    return Check(
-        verdict="violated" if violations else observable,
-        parameters=tuple(rows),
-        identifiability=identified.facts,
-        geometry=geometry,
-        postures=tuple(
-            CheckedPosture(
-                i,
-                plan.targets[i],
-                float(aimed.off_mm[i]),
-                bool(aimed.hit[i]),
-                tuple(each for each in violations if each.posture == i),
-            )
-            for i in range(problem.shots)
-        ),
-        curve=promised,
-        over_target=elsewhere,
-        advice=better,
-        findings=tuple(_findings(plan, aimed)),
-        warnings=plan.warnings,
-        inputs=PlanInputs(plan.path.name, plan.sha256, plan.robot.name, versions()),
-    )
+
+
+def check(plan: Plan) -> Check:
+    """Judge a plan without regard to its constraints."""
+    return Check.of(aim_plan(plan))
 
 
 def without_posture(
@@ -293,7 +310,7 @@ def without_posture(
     rest = turned.aimed.problem.select(kept[kept != posture])
     with one_blas_thread():
         identified = identify(rest, turned.x)
-        spread = np.sqrt(np.diag(predicted_covariance(rest, turned.x)))
+        spread = predicted_std(rest, turned.x)
     items, std = rest.parameters.items, rest.parameters.unscaled(spread)
     offsets = rest.parameters.block("offset")
     judged = list(zip(items, identified.status, std, strict=True))[offsets]

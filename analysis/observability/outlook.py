@@ -57,7 +57,7 @@ class Advice:
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:
     """(f,) std of the free parameters scaled by their priors, priors included, at x (p,)."""
-    return np.asarray(np.sqrt(np.diag(predicted_covariance(problem, x))))
+    return _stds(_information(problem, x))
 
 
 def predicted_covariance(problem: Problem, x: Matrix) -> Matrix:

@@ -95,9 +95,7 @@ def steps(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSteps:
     return RecordingSteps(rows, len(clearest), count)
 
 
-def all_steps(
-    fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0
-) -> tuple[list[RecordingStep], int]:
+def all_steps(fit: LikelihoodFit, rival: Matrix | None = None) -> tuple[list[RecordingStep], int]:
     """The clearest run of each recording that is long enough, significant or not, and how many recordings
     there are."""
     recorded = recordings(fit, rival)
@@ -115,7 +113,7 @@ def all_steps(
     shared = pooled if p_value < SIGNIFICANCE else 0.0
     by_rho: dict[float, Matrix] = {0.0: plain}
     clearest = []
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     for i in tested:
         recording = every[i]
         runs = _runs(recording)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal, Self, TypeVar
 
 import numpy as np
 
@@ -144,86 +144,91 @@ class Comparison:
         """How many runs are compared."""
         return len(self.runs) - len(self.failed)
 
+    @classmethod
+    def of(cls, runs: Sequence[Path | str | Run], *, seed: int = 0, progress: Progress | None = None) -> Self:
+        """Compare repeated runs: two runs, run files or results at least, or one table of published offsets
+        (see docs/compare.md).
 
-def compare(
-    runs: Sequence[Path | str | Run], *, seed: int = 0, progress: Progress | None = None
-) -> Comparison:
-    """Compare repeated runs: two runs, run files or results at least, or one table of published offsets (see
-    docs/compare.md).
+        Raises BadInput for files that cannot be used or runs that cannot be compared. A run whose fit did not
+        converge is named under `failed` and has no numbers.
+        """
+        paths = [Path(one) if isinstance(one, str) else one for one in runs]
+        kind, repeats = read_repeats(paths, seed, progress or (lambda stage, share: None))
+        return cls.of_repeats(kind, repeats, seed)
 
-    Raises BadInput for files that cannot be used or runs that cannot be compared. A run whose fit did not
-    converge is named under `failed` and has no numbers.
-    """
-    paths = [Path(one) if isinstance(one, str) else one for one in runs]
-    kind, repeats = read_repeats(paths, seed, progress or (lambda stage, share: None))
-    return compared(kind, repeats, seed)
+    @classmethod
+    def of_repeats(cls, kind: Kind, repeats: Sequence[Repeat], seed: int) -> Self:
+        """The same of runs that have been read."""
+        repeats, at, by_time = _in_order(repeats)
+        names, units = repeats[0].names, repeats[0].units
+        used = [r for r, repeat in enumerate(repeats) if repeat.failure is None]
+        sample = sample_of([repeats[r] for r in used], at[used], len(names))
+        each = [sample.offset(i) for i in range(len(names))]
+        whole = consistency(sample)
+        tests = _adjusted(
+            [
+                consistency(sample_of_offset) if len(sample_of_offset.values) else None
+                for sample_of_offset in each
+            ]
+        )
+        drifts = _adjusted([drift(sample_of_offset) for sample_of_offset in each])
+        against = _adjusted([against_others(sample, k) for k in range(len(used))])
+        answers: dict[Question, Sequence[Adjustable | None]] = {
+            "consistency": [whole],
+            "offsets": tests,
+            "odd": against,
+            "drift": drifts,
+        }
+        questions = tuple(question for question, rows in answers.items() if any(rows))
+        bound = FALSE_ALARM / max(len(questions), 1)
+        significant = {
+            question: [row is not None and row.p_holm < bound for row in rows]
+            for question, rows in answers.items()
+        }
+        verdict: Agreement = "not tested"
+        if any(map(any, significant.values())):
+            verdict = "does not agree"
+        elif whole or any(tests):
+            verdict = "agrees"
+        if verdict != "does not agree" and any(repeats[r].misfit for r in used):
+            verdict = "misfit"
+        outlier = _outlier(sample, against, bound) if any(significant["odd"]) else None
+        of_run = dict(zip(used, against, strict=True))
+        return cls(
+            kind=kind,
+            verdict=verdict,
+            odd_run=None if outlier is None else repeats[used[outlier]].name,
+            differing=tuple(compress(names, significant["offsets"])),
+            drifting=tuple(compress(names, significant["drift"])),
+            consistency=whole,
+            offsets=tuple(
+                ComparedOffset(
+                    name=names[i],
+                    unit=units[i],
+                    runs=len(sample_of_offset.values),
+                    unvalidated=any(repeats[r].status[i] == "unvalidated" for r in used),
+                    mean=mean_of(sample, i, verdict == "agrees"),
+                    scatter=scatter(sample_of_offset),
+                    predicted_std=None if tests[i] is None else sample_of_offset.predicted_std,
+                    test=tests[i],
+                    drift=drifts[i],
+                )
+                for i, sample_of_offset in enumerate(each)
+            ),
+            runs=tuple(
+                _run(repeat, float(at[r]), _factor(repeats), of_run.get(r))
+                for r, repeat in enumerate(repeats)
+            ),
+            held=repeats[0].held,
+            noise_estimated=any(repeat.noise_dof is not None for repeat in repeats),
+            asked=questions,
+            by_time=by_time,
+            seed=seed,
+            versions=versions(),
+        )
 
 
-def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Comparison:
-    """The same of runs that have been read."""
-    repeats, at, by_time = _in_order(repeats)
-    names, units = repeats[0].names, repeats[0].units
-    used = [r for r, repeat in enumerate(repeats) if repeat.failure is None]
-    sample = sample_of([repeats[r] for r in used], at[used], len(names))
-    each = [sample.offset(i) for i in range(len(names))]
-    whole = consistency(sample)
-    tests = _adjusted(
-        [consistency(sample_of_offset) if len(sample_of_offset.values) else None for sample_of_offset in each]
-    )
-    drifts = _adjusted([drift(sample_of_offset) for sample_of_offset in each])
-    against = _adjusted([against_others(sample, k) for k in range(len(used))])
-    answers: dict[Question, Sequence[Adjustable | None]] = {
-        "consistency": [whole],
-        "offsets": tests,
-        "odd": against,
-        "drift": drifts,
-    }
-    questions = tuple(question for question, rows in answers.items() if any(rows))
-    bound = FALSE_ALARM / max(len(questions), 1)
-    significant = {
-        question: [row is not None and row.p_holm < bound for row in rows]
-        for question, rows in answers.items()
-    }
-    verdict: Agreement = "not tested"
-    if any(map(any, significant.values())):
-        verdict = "does not agree"
-    elif whole or any(tests):
-        verdict = "agrees"
-    if verdict != "does not agree" and any(repeats[r].misfit for r in used):
-        verdict = "misfit"
-    outlier = _outlier(sample, against, bound) if any(significant["odd"]) else None
-    of_run = dict(zip(used, against, strict=True))
-    return Comparison(
-        kind=kind,
-        verdict=verdict,
-        odd_run=None if outlier is None else repeats[used[outlier]].name,
-        differing=tuple(compress(names, significant["offsets"])),
-        drifting=tuple(compress(names, significant["drift"])),
-        consistency=whole,
-        offsets=tuple(
-            ComparedOffset(
-                name=names[i],
-                unit=units[i],
-                runs=len(sample_of_offset.values),
-                unvalidated=any(repeats[r].status[i] == "unvalidated" for r in used),
-                mean=mean_of(sample, i, verdict == "agrees"),
-                scatter=scatter(sample_of_offset),
-                predicted_std=None if tests[i] is None else sample_of_offset.predicted_std,
-                test=tests[i],
-                drift=drifts[i],
-            )
-            for i, sample_of_offset in enumerate(each)
-        ),
-        runs=tuple(
-            _run(repeat, float(at[r]), _factor(repeats), of_run.get(r)) for r, repeat in enumerate(repeats)
-        ),
-        held=repeats[0].held,
-        noise_estimated=any(repeat.noise_dof is not None for repeat in repeats),
-        asked=questions,
-        by_time=by_time,
-        seed=seed,
-        versions=versions(),
-    )
+compare = Comparison.of
 
 
 def _in_order(repeats: Sequence[Repeat]) -> tuple[Sequence[Repeat], Matrix, bool]:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from ...model.arrays import Matrix
 from ..answer.findings import FileWarning, OtherBasins
-from ..diagnostics.displacement import Displacement
+from ..displacement import Displacement
 from ..misfit import Criterion
 from ..status import Status
 

@@ -22,7 +22,7 @@ from ...model.files.run import Run, read_run
 from ...model.files.validation import LARGEST
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
-from ..answer.findings import FileWarning, OtherBasins, moved_target
+from ..answer.findings import FileWarning, OtherBasins
 from ..estimation.threads import one_blas_thread
 from ..ladder import solve_run
 from ..solution import Solution, require_noise_data, undecided_names
@@ -184,7 +184,7 @@ def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repea
 def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     if solution.misfit is not None:
         yield from solution.misfit.criteria
-    if (moved := moved_target(solution)) is not None:
+    if (moved := solution.moved_target) is not None:
         yield moved
     if solution.fit.other_basins:
         undecided = undecided_names(solution.null_space)

@@ -24,8 +24,7 @@ from ...words.provenance import (
 )
 from .content import (
     DAMAGED,
-    StoredCovariance,
-    StoredOffset,
+    StoredResult,
     checked_offset,
     checked_sensitivity,
     checked_without_prior,
@@ -41,31 +40,12 @@ RESULT_FILE = "result.json"
 Held = Callable[[str], tuple[str, str] | None]
 
 
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """A result, ready to be added. `offsets` are the rows of its offsets, `measured_at` is in UTC, without a
-    zone; `text` is the whole result.json."""
+@dataclass(frozen=True)
+class Entry(StoredResult):
+    """A result, ready to be added; `text` is the whole result.json."""
 
-    sha256: str
-    serial: str
-    model: str
     vendor: str | None
-    measured_at: datetime
-    instrument: str
-    operator: str
-    run: str
-    shots: int
-    verdict: str
-    offsets: list[StoredOffset]
-    without_prior: StoredCovariance | None
-    sensitivity_mm2: list[list[float]] | None
-    made_by: str
     text: str
-
-    @property
-    def document_sha256(self) -> str:
-        """Of the whole result."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
 
 
 def files_of(paths: Sequence[Path]) -> Iterator[Path]:
@@ -182,6 +162,7 @@ def _entry(result: ReadResult, text: str, origin: _Origin) -> Entry:
         else None,
         sensitivity_mm2=checked_sensitivity(sensitivity and [list(row) for row in sensitivity], offsets),
         made_by=_text(inputs.versions["zerobeam"]),
+        document_sha256=hashlib.sha256(text.encode()).hexdigest(),
         text=text,
     )
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...analysis.answer.findings import moved_target
 from ...analysis.covariance import Covariance
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
@@ -320,7 +319,7 @@ def converged_solution(run: Run, so: str) -> Solution:
 def require_validated(solution: Solution) -> None:
     """NotValidated where the model does not describe the measurements: then no status means anything."""
     if solution.misfit is not None:
-        moved = moved_target(solution)
+        moved = solution.moved_target
         also = "" if moved is None else f" {displacement_sentence(moved)}."
         raise NotValidated(
             "the model does not describe the measurements, so no offset can be relied on (misfit)",
@@ -347,7 +346,7 @@ def _displaced(solution: Solution, allowed: bool) -> tuple[str, ...]:
     An arm that deviates from its nominal geometry can look like that too, and no new run would mend it: so it
     can be allowed, but not unnoticed.
     """
-    moved = moved_target(solution)
+    moved = solution.moved_target
     if moved is None:
         return ()
     if not allowed:

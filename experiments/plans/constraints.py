@@ -10,7 +10,6 @@ import numpy as np
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check, Condition, Violation
-from ...analysis.observability.check import check as check_observability
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, located
 from ...model.files.plan import Plan
@@ -136,7 +135,7 @@ def check_plan(plan: Plan, turned: AimedPlan | None = None) -> Check:
     Judged with the wrist turned onto the target (`turned`, once it was), as the servo will turn it.
     """
     turned = aim_plan(plan) if turned is None else turned
-    return check_observability(plan, turned, violations=violations(turned))
+    return Check.of(turned, violations(turned))
 
 
 def require_constraints(plan: Plan) -> None:

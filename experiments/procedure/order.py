@@ -12,7 +12,7 @@ import scipy
 from ...analysis.design.continuous_design import Candidates
 from ...analysis.design.exact_design import design
 from ...analysis.observability.aim import aim, servo_joints
-from ...analysis.so_far import SoFar
+from ...analysis.solution import Solution
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
@@ -27,7 +27,7 @@ class Order(Protocol):
     """Decides which posture comes next."""
 
     def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+        self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
     ) -> int | None:
         """The number of the next measurement, that of its posture in the plan; None: it is enough.
 
@@ -43,7 +43,7 @@ class InTurn:
         self._count = count
 
     def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+        self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
     ) -> int | None:
         done = {shot.shot for shot in recorded}.union(refused)
         return next((number for number in range(self._count) if number not in done), None)
@@ -58,7 +58,7 @@ class WithClosing:
         self._order, self._count = order, count
 
     def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+        self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
     ) -> int | None:
         number = self._order.following(recorded, refused, state)
         if number is not None:
@@ -98,7 +98,7 @@ class Adaptive:
         self._first = [int(row) for row in together.rows]
 
     def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+        self, recorded: Sequence[Shot], refused: Collection[int], state: Solution | None
     ) -> int | None:
         """The next posture; None where the tolerance is reached or no posture is left."""
         made = [shot.shot for shot in recorded if shot.shot < self._problem.shots]
@@ -119,9 +119,11 @@ class Adaptive:
         if state.worst is not None and state.dof > 0 and self._wide(state) <= self.tolerance:
             self.reason = f"the largest standard uncertainty is {state.worst:.3g}, within {self.tolerance:g}"
             return None
-        return self._best(left, made, state.x)
+        parameters, fit = self._problem.parameters, state.fit
+        x = parameters.with_values(self._problem.nominal(), fit.problem.parameters, fit.x)
+        return self._best(left, made, x)
 
-    def _wide(self, state: SoFar) -> float:
+    def _wide(self, state: Solution) -> float:
         """The largest std; where the noise is estimated from few numbers, possibly too small, widened as
         Student's t widens an interval."""
         assert state.worst is not None

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...analysis.estimation.fit import fit_likelihood
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.so_far import SoFar, so_far
+from ...analysis.solution import Solution, so_far
 from ...interruption import interruptible, obey, uninterrupted
 from ...model.arrays import Matrix
 from ...model.errors import RigFault
@@ -159,7 +159,7 @@ class ProcedureResult:
 
     shots: tuple[Shot, ...]
     refused: tuple[RefusedPosture, ...]
-    state: SoFar | None
+    state: Solution | None
     seconds: dict[str, float]
     missing: tuple[int, ...] = ()
 
@@ -213,11 +213,11 @@ class Procedure:
             self.told(recorded_event(shot, len(self.journal.shots), state, seconds))
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
-    def state(self) -> SoFar | None:
+    def state(self) -> Solution | None:
         """The estimate from the measurements of the journal; None while there are none."""
         return state_of(self._problem, self.journal.shots)
 
-    def _following(self, state: SoFar | None) -> int | None:
+    def _following(self, state: Solution | None) -> int | None:
         return self.order.following(self.journal.shots, self._refused, state)
 
     def _attempts(self, number: int) -> Shot | None:
@@ -351,7 +351,7 @@ def near_nominal(problem: Problem, x: Matrix) -> Problem:
 
 
 def recorded_event(
-    shot: Shot, recorded: int, state: SoFar, seconds: float | None = None
+    shot: Shot, recorded: int, state: Solution, seconds: float | None = None
 ) -> MeasurementRecorded:
     """The event of a measurement that is on the disk, with what is known after it."""
     return MeasurementRecorded(
@@ -368,7 +368,7 @@ def recorded_event(
     )
 
 
-def state_of(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
+def state_of(problem: Problem, shots: Sequence[Shot]) -> Solution | None:
     """The estimate from measurements for the unknowns of a plan's problem; None without any."""
     return so_far(with_shots(problem, shots)) if shots else None
 

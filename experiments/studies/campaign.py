@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from ...analysis.so_far import SoFar
+from ...analysis.solution import Solution
 from ...model.arrays import ShareDone
 from ...model.errors import ZerobeamError
 from ...model.files.plan import Plan
@@ -51,7 +51,7 @@ class CellRun:
     truth: dict[str, float]
     shots: tuple[Shot, ...]
     refused: tuple[RefusedPosture, ...]
-    state: SoFar | None
+    state: Solution | None
     seconds: dict[str, float]
     failure: str | None
     computing: float
@@ -85,7 +85,7 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
     truth: dict[str, float] = {}
     seconds: dict[str, float] = {}
     refused: tuple[RefusedPosture, ...] = ()
-    state: SoFar | None = None
+    state: Solution | None = None
     failure: str | None = None
     try:
         rig = SimulatedRig(plan, repeated.cell, seed)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ...analysis.observability.identifiability import identify
-from ...analysis.so_far import SoFar
+from ...analysis.solution import Solution
 from ...model.arrays import Matrix, Progress, normal_half_width
 from ...model.files.header import Header
 from ...model.files.plan import Plan
@@ -284,7 +284,7 @@ def cell_study(
     )
 
 
-def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[SoFar | None]) -> CellPlan:
+def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[Solution | None]) -> CellPlan:
     """One plan of the study; `states` is what each run states, in the order of `runs`."""
     carried = plan.repeated.plan
     problem = Problem.from_plan(carried)
@@ -332,7 +332,9 @@ def judged(plan: CellPlanStudied, runs: Sequence[CellRun], states: Sequence[SoFa
     )
 
 
-def _of_offset(name: str, runs: Sequence[CellRun], states: Sequence[SoFar | None]) -> tuple[Matrix, Matrix]:
+def _of_offset(
+    name: str, runs: Sequence[CellRun], states: Sequence[Solution | None]
+) -> tuple[Matrix, Matrix]:
     """Errors and standard uncertainties (R,), deg or mm, of the runs that determine the offset."""
     pairs = []
     for run, state in zip(runs, states, strict=True):

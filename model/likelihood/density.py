@@ -145,7 +145,7 @@ class Density:
         with_log_det = problem.functions.log_det != "none"
         for k, block in enumerate(self._blocks):
             shots = self._shots_of[k]
-            sums = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
+            sums = self._kernel("slopes").sums(self._grid(x, of, shots, k), rows, len(shots))
             quad += sums[0]
             by_quad[:, block.free] += sums[2][:, block.local]
             if with_log_det:
@@ -186,10 +186,9 @@ class Density:
             quad = self.numbers(of) * np.log(quad)
         return -(quad + logdet + distance) / 2
 
-    def _shot_sums(self, x: Matrix, of: Index | None, weights: Matrix | None = None) -> tuple[Matrix, Matrix]:
+    def _shot_sums(self, x: Matrix, of: Index | None) -> tuple[Matrix, Matrix]:
         """(W,) sums over the shots of m' S^-1 m and log det S."""
-        shots = self.problem.shots
-        quad, logdet = self._kernel("terms").sums(self._grid(x, of, weights), len(x), shots)
+        quad, logdet = self._kernel("terms").sums(self._grid(x, of), len(x), self.problem.shots)
         return quad, logdet
 
     def _distance_slopes(self, x: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -211,7 +210,6 @@ class Density:
         self,
         x: Matrix,
         of: Index | None,
-        weights: Matrix | None = None,
         shots: Index | None = None,
         target: int | None = None,
     ) -> list[GridInput]:
@@ -219,19 +217,19 @@ class Density:
         problem = self.problem
         x = np.ascontiguousarray(x)
         count = problem.shots if shots is None else len(shots)
-        if weights is None and target in self._kept and (of is None or self._single):
+        kept = of is None or self._single
+        if kept and target in self._kept:
             recorded = self._kept[target]
         else:
-            weights_of = self.weights if weights is None else weights
-            over = (self._turns, self.spots, weights_of[:, :, None])
+            over = (self._turns, self.spots, self.weights[:, :, None])
             recorded = [_over(values, of, shots) for values in over]
-            if weights is None and (of is None or self._single):
+            if kept:
                 self._kept[target] = recorded
         return [*recorded, *columns(x, *self._places(target, count)), *self._variances(x, count)]
 
     def inputs(self, x: Matrix, shots: Index, target: int) -> list[GridInput]:
         """Those of `slopes` at x (W, p) for the shots of a target, row w being data set w."""
-        return self._grid(x, None, None, shots, target)
+        return self._grid(x, None, shots, target)
 
     def _places(self, target: int | None, count: int) -> tuple[Offsets, Offsets, Offsets]:
         """The columns of arm, target and tool in x, for `count` shots: all, or those of one target."""

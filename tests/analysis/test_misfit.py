@@ -21,8 +21,7 @@ from zerobeam.analysis.misfit import (
     Misfit,
     PlacementsDisagree,
 )
-from zerobeam.analysis.so_far import so_far
-from zerobeam.analysis.solution import Solution, judge, solve
+from zerobeam.analysis.solution import Solution, judge, so_far, solve
 from zerobeam.analysis.status import UnsoundResult, verdict_of
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import StatedGeometry
@@ -272,6 +271,6 @@ def test_a_run_under_way_says_it_too() -> None:
     state = so_far(Problem.from_run(run))
     assert state.verdict == "misfit"
     assert not state.consistent
-    assert state.findings[: len(state.misfit.criteria)] == state.misfit.criteria
+    assert state.contradictions[: len(state.misfit.criteria)] == state.misfit.criteria
     assert {row.status for row in state.offsets} == {"held", "unvalidated"}
     assert so_far(Problem.from_run(simulated(sockets(irb1600()), TABLE_2, 1)[1])).verdict == "pass"

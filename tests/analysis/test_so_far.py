@@ -25,20 +25,19 @@ from cells import (
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
-from zerobeam.analysis.so_far import SoFar, so_far
-from zerobeam.analysis.solution import judge
+from zerobeam.analysis.solution import Solution, judge, so_far
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.files.header import StatedDistance, StatedTarget
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
 
 
-def statuses(told: SoFar) -> dict[str, str]:
+def statuses(told: Solution) -> dict[str, str]:
     """Of the offsets that are not held, by name."""
     return {offset.name: offset.status for offset in told.offsets if offset.status != "held"}
 
 
-def growing(plan: Plan, seed: int = 0) -> list[SoFar]:
+def growing(plan: Plan, seed: int = 0) -> list[Solution]:
     """What each of the first shots of a run tells, one more at a time, as while they are made."""
     _, run = simulated(plan, TABLE_2, seed)
     functions = Problem.from_run(run).functions  # the same for any number of shots, and slow to make
@@ -78,7 +77,7 @@ def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPat
     assert told.worst == (pytest.approx(max(known), rel=1e-4) if len(known) == len(rows) else None)
     chance = result.likelihood.p_value
     assert told.p_value == (None if chance is None else pytest.approx(chance, rel=1e-4))
-    assert told.displaced is None
+    assert told.moved_target is None
 
 
 def test_what_another_optimum_disagrees_about_is_not_known() -> None:
@@ -108,7 +107,7 @@ def test_shot_by_shot(name: str) -> None:
     assert set(statuses(told[0]).values()) == {"unidentifiable"}
     assert told[0].p_value is None
     for one in told:
-        assert np.isfinite(one.x).all()
+        assert np.isfinite(one.fit.x).all()
         assert one.consistent
         assert {n for n, std in one.offset_std.items() if std is None} == {
             n for n, status in statuses(one).items() if status == "unidentifiable"
@@ -147,7 +146,7 @@ def test_the_same_shots_tell_the_same() -> None:
     first = so_far(problem)
     so_far(simulated_problem(pattern_plan("x"))[1])
     again = so_far(simulated_problem(good_plan(7), TABLE_2)[1])
-    assert first.x.tobytes() == again.x.tobytes()
+    assert first.fit.x.tobytes() == again.fit.x.tobytes()
     assert (first.offset_std, first.p_value) == (again.offset_std, again.p_value)
     assert statuses(first) == statuses(again)
 
@@ -168,14 +167,14 @@ def test_what_is_not_consistent() -> None:
     noise = replace(problem.noise, joint=problem.noise.joint / 5, spot=problem.noise.spot / 5)
     loud = so_far(replace(problem, noise=noise))
     assert not loud.consistent
-    assert loud.displaced is None
+    assert loud.moved_target is None
     assert loud.p_value < 1e-3
     # What a target that moved by 3 mm in z after the sixth shot does to the spots.
     n = problem.robot.n
-    _, by_own = problem.linearise(so_far(problem).x)
+    _, by_own = problem.linearise(so_far(problem).fit.x)
     later = np.arange(12)[:, None] > 5
     moved = so_far(
         problem.moved(problem.joints, problem.spots - np.where(later, 3.0 * by_own[:, :, n + 2], 0.0))
     )
     assert not moved.consistent
-    assert moved.displaced.at == ("psd", 5, 6)
+    assert moved.moved_target.at == ("psd", 5, 6)

@@ -20,8 +20,8 @@ from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.answer.findings import moved_target, on_held_out
 from zerobeam.analysis.answer.result import Result
-from zerobeam.analysis.diagnostics.displacement import displacement
 from zerobeam.analysis.diagnostics.hold_out import fits_without, hold_out, jackknife, leave_one_out
+from zerobeam.analysis.displacement import displacement
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.misfit import PlacementsDisagree
 from zerobeam.analysis.posterior.posterior import UNSAMPLED

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from ....analysis.so_far import SoFar, so_far
+from ....analysis.solution import Solution, so_far
 from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
 from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
-from ....words.findings import headline
+from ....words.findings import headline_so_far
 from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..folder import Folder
@@ -70,7 +70,7 @@ def recording(folder: Folder, name: str) -> RunSoFar:
         std={} if state is None else state.offset_std,
         course=[CoursePoint(recorded=count, std=so_far.offset_std) for count, so_far in states],
         worst_std=None if state is None else state.worst,
-        headline=None if state is None else headline(state, person),
+        headline=None if state is None else headline_so_far(state, person),
         notes=notes,
     )
 
@@ -117,7 +117,7 @@ def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
     )
 
 
-def _states(run: Run) -> list[tuple[int, SoFar]]:
+def _states(run: Run) -> list[tuple[int, Solution]]:
     """How many measurements there were and what they determined, the last `_MOST` times, all at the end."""
     count = len(run.shots)
     if not count:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ....analysis.diagnostics.outliers import single_outlier
-from ....analysis.so_far import SoFar
+from ....analysis.solution import Solution
 from ....interruption import obey
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
@@ -102,12 +102,12 @@ class Manual:
                 self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {})
 
-    def _following(self, state: SoFar | None) -> int | None:
+    def _following(self, state: Solution | None) -> int | None:
         if self._again is not None:
             return self._again
         return self.order.following(self.journal.shots, self._refused, state)
 
-    def _pending(self, state: SoFar | None) -> tuple[int, ...]:
+    def _pending(self, state: Solution | None) -> tuple[int, ...]:
         """The measurements that would still be asked for, none of them recorded."""
         pending: list[int] = []
         shots, refused = self.journal.shots, self._refused

@@ -11,7 +11,6 @@ from cells import TABLE_2, good_plan, placed_plan, simulated_problem
 from scipy import optimize, stats
 
 from zerobeam.analysis.diagnostics import hold_out as module
-from zerobeam.analysis.diagnostics.displacement import displacement
 from zerobeam.analysis.diagnostics.hold_out import (
     HoldOut,
     chosen,
@@ -22,6 +21,7 @@ from zerobeam.analysis.diagnostics.hold_out import (
     leave_one_out,
     placement_result,
 )
+from zerobeam.analysis.displacement import displacement
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.analysis.placements import Placement, placements

@@ -7,7 +7,7 @@ from cells import AXIS_LASER, TABLE_2, good_plan, header, pattern_plan, plan_of,
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.observability.aim import aim, aim_plan, servo_joints
-from zerobeam.analysis.observability.check import check
+from zerobeam.analysis.observability.check import Check, check
 from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.likelihood import constraint, kernel
 from zerobeam.model.likelihood.problem import Problem
@@ -64,7 +64,7 @@ def test_what_an_offset_is_confounded_with_is_the_largest_correlation():
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(jacobian.shape[1]))
     std = np.sqrt(np.diag(covariance))
     names = [item.name for item in problem.parameters.items if not item.held]
-    found = check(plan, turned).geometry.confounded
+    found = Check.of(turned).geometry.confounded
     assert {row.offset for row in found} == {f"delta{i}" for i in range(2, 7)}
     for row in found:
         own = names.index(row.offset)

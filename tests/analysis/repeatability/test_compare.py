@@ -17,9 +17,8 @@ from small_results import small_result
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.misfit import holm
+from zerobeam.analysis.repeatability.compare import Comparison, sample_of
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
-from zerobeam.analysis.repeatability.compare import compared as compared_runs
-from zerobeam.analysis.repeatability.compare import sample_of
 from zerobeam.analysis.repeatability.consistency import RunSample, against_others, consistency, drift, mean_of
 from zerobeam.analysis.repeatability.prior_free import without_prior
 from zerobeam.analysis.repeatability.repeat import Kind, Repeat
@@ -45,7 +44,7 @@ def compare(paths: Sequence[Path | str]) -> Json:
 
 
 def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
-    return ComparisonDocument.of(compared_runs(kind, repeats, seed)).to_json()
+    return ComparisonDocument.of(Comparison.of_repeats(kind, repeats, seed)).to_json()
 
 
 def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> RunSample:

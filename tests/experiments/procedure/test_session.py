@@ -93,7 +93,7 @@ def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) 
     rig = SimulatedRig(plan, CellFile(), 3)
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     truth = np.array([rig.provenance()[f"true delta{i} (deg)"] for i in range(2, 7)], dtype=float)
-    found = np.degrees(done.state.x[1:6])
+    found = np.degrees(done.state.fit.x[1:6])
     std = np.array([done.state.offset_std[f"delta{i}"] for i in range(2, 7)], dtype=float)
     assert np.all(std < 0.1)
     # Five numbers within 4 std each but for one time in 3,000; without any calibration some are off by 10.

@@ -16,7 +16,7 @@ import pytest
 from cells import good_plan
 from child import DEAF, child
 
-from zerobeam.analysis.so_far import SoFar
+from zerobeam.analysis.solution import Solution
 from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, CellFile, PlacedPsd, PsdInCell, RobotStop
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds_of
@@ -32,7 +32,7 @@ def silent(share: float) -> None:
 
 def without_time(run: CellRun) -> tuple[Any, ...]:
     """All of a run but the time that it took the computer."""
-    assert isinstance(run.state, SoFar)
+    assert isinstance(run.state, Solution)
     return (run.seed, run.truth, run.shots, run.refused, run.seconds, run.failure, run.state.offsets)
 
 
@@ -54,7 +54,7 @@ def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
     assert first.shots[0].joints_deg != other.shots[0].joints_deg
     assert first.state is not None
     assert other.state is not None
-    places = [state.x[PLAN.robot.n : PLAN.robot.n + 3] for state in (first.state, other.state)]
+    places = [state.fit.x[PLAN.robot.n : PLAN.robot.n + 3] for state in (first.state, other.state)]
     assert np.abs(places[0] - places[1]).max() > 1.0  # they stand 20 mm about the guess
     # With the same offsets stated, the noise is still another.
     same = Repeated(PLAN, BLIND.model_copy(update={"arm": ArmInCell(offsets_deg={"delta2": 0.5})}))

@@ -14,7 +14,7 @@ import pytest
 from plain_json import plain
 from scipy import stats
 
-from zerobeam.analysis.so_far import SoFar
+from zerobeam.analysis.solution import Solution
 from zerobeam.experiments.studies import cell as module
 from zerobeam.experiments.studies.answer import accuracy, held_share, share_interval, to_json
 from zerobeam.experiments.studies.campaign import CellRun, carried, seeds_of
@@ -44,7 +44,7 @@ def run() -> CellRun:
     return carried(plans()["optimal"].repeated, seeds_of(0, 1)[0])
 
 
-def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[SoFar]:
+def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[Solution]:
     """What `count` runs would say whose errors are `wider` than their stds."""
     rng = np.random.default_rng(seed)
     assert run.state is not None
@@ -60,7 +60,7 @@ def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[So
     return states
 
 
-def with_offsets(state: SoFar, offsets: Sequence[Any]) -> SoFar:
+def with_offsets(state: Solution, offsets: Sequence[Any]) -> Solution:
     changed = copy(state)
     vars(changed)["offsets"] = tuple(offsets)
     return changed
@@ -70,7 +70,7 @@ def unidentifiable(offset: Any) -> Any:
     return replace(offset, status="unidentifiable", estimate=None, std=None, interval95=None)
 
 
-def judged(plan: CellPlanStudied, run: CellRun, states: Sequence[SoFar | None]) -> dict[str, Any]:
+def judged(plan: CellPlanStudied, run: CellRun, states: Sequence[Solution | None]) -> dict[str, Any]:
     return plain(module.judged(plan, [run] * len(states), states))
 
 

@@ -54,7 +54,7 @@ def made(plan: Plan) -> tuple[str, dict[str, Any]]:
 
 def judged(plan: Plan) -> tuple[AimedPlan, Check]:
     turned = aim_plan(plan)
-    return turned, check(plan, turned)
+    return turned, Check.of(turned)
 
 
 def hostile_plan() -> Plan:

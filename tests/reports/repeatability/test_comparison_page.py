@@ -20,7 +20,7 @@ from repeated_runs import drawn, repeat, repeats, table_file
 from rich.console import Console
 
 from zerobeam.analysis.answer.findings import FileWarning
-from zerobeam.analysis.repeatability.compare import Comparison, compare, compared
+from zerobeam.analysis.repeatability.compare import Comparison, compare
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import BadInput
@@ -37,7 +37,7 @@ def answer(odd: float = 0.0) -> Comparison:
     """Five runs of three offsets, the fourth off by `odd` degrees in delta4."""
     values = drawn(5, seed=1)
     values[3, 2] += odd
-    return compared("runs", repeats(values), 0)
+    return Comparison.of_repeats("runs", repeats(values), 0)
 
 
 def lost() -> Comparison:
@@ -46,7 +46,7 @@ def lost() -> Comparison:
     values = drawn(3, seed=2)
     values[:, 1] = np.nan
     status = ("identified", "unidentifiable", "weak")
-    return compared("runs", repeats(values, covariance=holes, status=status), 0)
+    return Comparison.of_repeats("runs", repeats(values, covariance=holes, status=status), 0)
 
 
 def picture_of(told: Comparison) -> Picture:
@@ -151,7 +151,7 @@ def test_the_outlier_has_a_shape_and_a_word_besides_its_colour() -> None:
     assert "diamond" in odd.title
     assert "outlier" not in even.alt + even.title
     assert "◆ outlier" in printed(answer(odd=0.2))
-    nothing = compared("runs", [repeat(value) for value in drawn(1, seed=3)], 0)
+    nothing = Comparison.of_repeats("runs", [repeat(value) for value in drawn(1, seed=3)], 0)
     assert runs_picture(nothing) is None
 
 

@@ -20,7 +20,7 @@ from cells import good_plan, plan_of
 from command_line import plan_file
 from run_events import as_json
 
-from zerobeam.analysis.diagnostics.displacement import displacement
+from zerobeam.analysis.displacement import displacement
 from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
@@ -236,7 +236,7 @@ def outcome(case: Case, sessions: Sessions) -> str:
 def noticed(case: Case, sessions: Sessions) -> str:
     """What the statistics of the whole run say."""
     carried = sessions(case.what)[-1].carried
-    moved = carried.state.displaced
+    moved = carried.state.moved_target
     if moved is not None:
         points = " or ".join(f"{p.after_shot} and {p.before_shot}" for p in (moved.at, *moved.elsewhere))
         told = f"a displacement between measurements {points}"
@@ -308,7 +308,7 @@ def test_the_bump_is_found_where_it_was(sessions: Sessions) -> None:
     case = next(case for case in CASES if case.faults == BUMP and case.noticed)
     carried = sessions(case.what)[0].carried
     # Links within their tolerance explain as much, so that nothing is claimed; nominal geometry finds it.
-    assert carried.state.displaced is None
+    assert carried.state.moved_target is None
     moved = displacement(carried.state.fit)
     assert (moved.at.after_shot, moved.at.before_shot) == (2, 3)
     assert abs(moved.size_mm - 1.0) < 3 * moved.size_std_mm

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.arrays import Index, Matrix
-from ..estimation.fit import LikelihoodFit
-from ..recordings.recordings import by_targets
+from ..model.arrays import Index, Matrix
+from .estimation.fit import LikelihoodFit
+from .recordings.recordings import by_targets
 
 _SIGNIFICANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them

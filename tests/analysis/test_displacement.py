@@ -8,7 +8,7 @@ import pytest
 from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Residuals, displacement
+from zerobeam.analysis.displacement import Displacement, _displaced, _Residuals, displacement
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.model.arrays import Matrix
