@@ -114,15 +114,17 @@ def analyse(
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
     from ..model.files.run import read_run
-    from ..reports.terminal.answers import print_result
-    from ..words.result_json import to_json
 
     recorded = read_run(run)
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
     if as_json:
+        from ..words.result_json import to_json
+
         print_json(to_json(analysis.result))
     else:
+        from ..reports.terminal.answers import print_result
+
         print_result(out, analysis.result)
     raise typer.Exit(_status(analysis))
 

@@ -18,8 +18,9 @@ from ..model.errors import BadInput, missing_extra
 from ..model.files.run import Run
 from ..reports.output.html import card, text
 from ..reports.output.posterior_file import write_posterior
+from ..reports.run.fit import report_notes
 from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, worth_column
-from ..reports.run.report import ReportPaths, report_notes, write_report
+from ..reports.run.report import ReportPaths, write_report
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.findings import headline, likelihood_message, posterior_message

@@ -10,7 +10,6 @@ import json
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -32,7 +31,7 @@ from ..posterior.posterior import PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
 from ..status import Status, UnsoundResult, Verdict, known
-from .result import RESULT_SCHEMA, DistanceResult, Inputs
+from .result import RESULT_SCHEMA, DistanceResult, Inputs, NextSteps
 
 Interval = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]
@@ -405,31 +404,6 @@ class ExplanationDocument(DocumentPart):
     factor: float
     agrees: bool
     sentence: str
-
-
-@dataclass(frozen=True)
-class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
-
-    name: str
-    value: str
-    expanded_u: str
-
-
-@dataclass(frozen=True)
-class NextStep:
-    """A sentence, and the commands that do what it says."""
-
-    text: str
-    commands: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class NextSteps:
-    """`enter` is empty where nothing may be entered; the first of the `steps` then says why."""
-
-    enter: tuple[EnteredValue, ...]
-    steps: tuple[NextStep, ...]
 
 
 class ResultDocument(DocumentPart):
