@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import os
 import sys
 from pathlib import Path
@@ -201,9 +202,7 @@ def _passphrase(*, twice: bool = False) -> str:
 
 
 def _typed(question: str) -> str:
-    from getpass import getpass
-
     try:
-        return getpass(question)
+        return getpass.getpass(question)
     except EOFError:  # Ctrl-D
         return ""
