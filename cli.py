@@ -40,8 +40,8 @@ def main() -> NoReturn:
 
 def run(ended: Callable[[int], None] = lambda status: None) -> int:
     """The exit status of what `sys.argv` asks for; `ended` is told it while signals are still heard."""
-    # Few cycles, many objects: at the usual thresholds collecting takes some 5 % of a report's time.
-    gc.set_threshold(200_000, 20, 20)
+    # Few cycles, many objects: an analysis or a report makes fewer, and ends before any are collected.
+    gc.set_threshold(1_000_000, 20, 20)
     # Matrices are small: other threads of BLAS would only wait, and that busily.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Else pydantic looks through all that is installed for what might want to watch it.

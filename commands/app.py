@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -36,9 +38,6 @@ def app(
         say("Who has this address, with its token, may do all that the app does. Ctrl-C ends it.")
         if not browser:
             return
-        import threading
-        import webbrowser
-
         try:
             opened = leading_to(folder, address)
         except (OSError, BadInput) as error:

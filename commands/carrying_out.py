@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from enum import StrEnum
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
 from ..interruption import answered
 from ..model.errors import BadInput
 from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, say
@@ -133,7 +136,6 @@ def run(
     from ..experiments.plans.constraints import require_constraints
     from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
     from ..experiments.recording import Answers, RunRequest, record
-    from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
     from ..model.files.plan import read_plan
     from ..reports.terminal.answers import print_carried
     from ..reports.terminal.live import led_view, live_view
@@ -243,8 +245,6 @@ def controller(
     seed: Seed = 0,
 ) -> None:
     """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
-    import threading
-
     from ..controller.egm_server import PacketFaults
     from ..controller.sensor_server import CellSensors
     from ..controller.service import SimulatedController, own_plan
@@ -286,8 +286,6 @@ def controller(
 
 
 def _access(host: str | None, port: int, user: str | None, password: str | None) -> ControllerAccess:
-    import os
-
     from ..experiments.rigs.abb.access import find_access
     from ..experiments.rigs.abb.rws_client import require_extra
 

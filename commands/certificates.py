@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import os
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ import typer
 
 from ..model.errors import BadInput
 from .console import print_json, say
-from .history import Model, Serial, Url, opened
+from .history import Model, Serial, Url, histories, opened
 from .options import Json
 
 if TYPE_CHECKING:
@@ -21,31 +22,7 @@ VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
 _LONGEST = 1000  # bytes of a passphrase
 
 
-def key(
-    file: Annotated[
-        Path, typer.Argument(help="File for the private key; the public one is FILE.pub.", show_default=False)
-    ],
-    passphrase: Annotated[
-        bool,
-        typer.Option(
-            "--passphrase",
-            help=f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.",
-        ),
-    ] = False,
-) -> None:
-    """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
-    from ..experiments.history.signing import grouped, make_key, public_file, require_library
-
-    require_library()
-    made = make_key(file, _passphrase(twice=True) if passphrase else None)
-    if passphrase:
-        say(f"Private key, encrypted: {file}. Keep it to yourself.")
-    else:
-        say(f"Private key: {file}. Keep it to yourself: whoever can read it can sign.")
-    say(f"Public key: {public_file(file)}. Give it to whoever is to verify.")
-    say(f"Fingerprint: {grouped(made)}")
-
-
+@histories.command("certify")
 def certify(
     serial: Serial,
     private: Annotated[
@@ -80,6 +57,33 @@ def certify(
     say(f"Signed by: {grouped(by)}")
 
 
+@histories.command("key")
+def key(
+    file: Annotated[
+        Path, typer.Argument(help="File for the private key; the public one is FILE.pub.", show_default=False)
+    ],
+    passphrase: Annotated[
+        bool,
+        typer.Option(
+            "--passphrase",
+            help=f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.",
+        ),
+    ] = False,
+) -> None:
+    """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
+    from ..experiments.history.signing import grouped, make_key, public_file, require_library
+
+    require_library()
+    made = make_key(file, _passphrase(twice=True) if passphrase else None)
+    if passphrase:
+        say(f"Private key, encrypted: {file}. Keep it to yourself.")
+    else:
+        say(f"Private key: {file}. Keep it to yourself: whoever can read it can sign.")
+    say(f"Public key: {public_file(file)}. Give it to whoever is to verify.")
+    say(f"Fingerprint: {grouped(made)}")
+
+
+@histories.command("verify")
 def verify(
     files: Annotated[
         list[Path],
@@ -198,9 +202,7 @@ def _passphrase(*, twice: bool = False) -> str:
 
 
 def _typed(question: str) -> str:
-    from getpass import getpass
-
     try:
-        return getpass(question)
+        return getpass.getpass(question)
     except EOFError:  # Ctrl-D
         return ""

@@ -12,14 +12,16 @@ from typing import Any, TextIO, cast
 
 from ..interruption import obey
 from ..reports.style.console import Terminal
+from ..words.wording import shown, visible
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1, "violated": 1}
 FAULT = 3
 
 UNREAD = 141  # 128 + SIGPIPE, as a shell has it
 
-out = Terminal(highlight=False, soft_wrap=False)
-err = Terminal(stderr=True, highlight=False)
+# A file may be called a:bug:b: that is no picture of one.
+out = Terminal(highlight=False, emoji=False, soft_wrap=False)
+err = Terminal(stderr=True, highlight=False, emoji=False)
 
 
 class OutputLost(Exception):
@@ -119,15 +121,11 @@ def json_text(answer: dict[str, Any], indent: int | None = None) -> str:
 
 
 def _visible_json(text: str) -> str:
-    from ..words.wording import visible
-
     return visible(text, lambda letter: json.dumps(letter)[1:-1])
 
 
 def plain(message: object) -> str:
     """A message of several lines with nothing in it that a terminal would obey or a person not see."""
-    from ..words.wording import shown
-
     return "\n".join(shown(line) for line in str(message).split("\n"))
 
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ..model.errors import BadInput, missing_extra
+from ..reports.style.console import print_block
+from ..words.spreadsheet import csv_lines
 from .console import err, out, print_json, print_json_pieces, progress, say
 from .options import Force, Json, Seed
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
     from ..experiments.history.content import StoredResult
     from ..experiments.history.database import Database
     from ..experiments.history.entry import Entry
@@ -208,8 +208,6 @@ def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = Fa
 
 def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
     """What there is of an arm (serial number, model), or of all."""
-    from ..reports.style.console import print_block
-
     if arm is not None:
         say(f"{arm[0]}, {arm[1]}")
     for block in blocks:
@@ -260,7 +258,6 @@ def export(
     from ..experiments.history.store import events, find_arm, results
     from ..model.files.whole_file import write_whole
     from ..reports.history.lists import history_text, offset_rows
-    from ..words.spreadsheet import csv_lines
 
     if file.suffix not in (".csv", ".json"):
         raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")
@@ -372,8 +369,10 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
+    from ..experiments.history.arm_drift import arm_drift
     from ..experiments.history.entry import moment
-    from ..experiments.history.store import arms, find_arm
+    from ..experiments.history.store import arms, events, find_arm, results
+    from ..reports.history.arm_page import ArmHistory
     from ..reports.history.arm_page import headline as arm_headline
     from ..reports.history.fleet_page import headline as fleet_headline
     from ..reports.history.history_folder import (
@@ -394,7 +393,8 @@ def report(
         when = when or max((arm.last for arm in every if arm.last is not None), default=None)
 
         def of(arm: tuple[str, str]) -> ArmHistory:
-            return _history_of(history, arm, tolerance_mm, when)
+            stored, logged = tuple(results(history, arm)), tuple(events(history, arm))
+            return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, logged, when)
 
         if serial is not None:
             arm_history = of(find_arm(history, serial, model))
@@ -411,14 +411,3 @@ def report(
     else:
         say(f"{summary.word}. {summary.sentence}")
         say(f"Report: {folder / page}")
-
-
-def _history_of(
-    history: Database, arm: tuple[str, str], tolerance_mm: float, as_of: datetime | None
-) -> ArmHistory:
-    from ..experiments.history.arm_drift import arm_drift
-    from ..experiments.history.store import events, results
-    from ..reports.history.arm_page import ArmHistory
-
-    stored, logged = tuple(results(history, arm)), tuple(events(history, arm))
-    return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, logged, as_of)

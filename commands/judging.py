@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..experiments.demos import demo_runs
 from ..model.errors import BadInput, WorkersLost
 from .console import EXIT_STATUS, FAULT, err, out, print_json, print_picture, progress, say
 from .options import Json, Picture, PlanFile, RunFile, Scheduler, Seed, Workers, cluster_of
@@ -56,7 +57,6 @@ def demo(
     ] = Path("zerobeam-demo"),
 ) -> None:
     """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
-    from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_side_by_side
@@ -114,15 +114,17 @@ def analyse(
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
     from ..model.files.run import read_run
-    from ..reports.terminal.answers import print_result
-    from ..words.result_json import to_json
 
     recorded = read_run(run)
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
     if as_json:
+        from ..words.result_json import to_json
+
         print_json(to_json(analysis.result))
     else:
+        from ..reports.terminal.answers import print_result
+
         print_result(out, analysis.result)
     raise typer.Exit(_status(analysis))
 

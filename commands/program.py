@@ -8,6 +8,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable
+from importlib import import_module
 from importlib.metadata import version as installed
 from typing import Annotated, Any
 
@@ -16,18 +17,6 @@ from typer.core import TyperGroup
 
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
-from . import app as app_started
-from . import (
-    carrying_out,
-    certificates,
-    exporting,
-    history,
-    importing,
-    judging,
-    planning,
-    robots,
-    studying,
-)
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, plain, say
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
@@ -51,31 +40,32 @@ class _Commands(TyperGroup):
             raise _Stopped from None
 
 
-for certified in (certificates.certify, certificates.key, certificates.verify):
-    history.histories.command(certified.__name__)(certified)
+def _loaded(module: str) -> Any:
+    """A module of commands: loaded once one of them is called, or their help is asked for."""
+    return import_module(f".{module}", __package__)
+
+
+# Each command with its module, in which the function has its name; in the order of help.
 _COMMANDS = {
-    command.__name__: command
-    for command in (
-        judging.demo,
-        judging.check,
-        judging.analyse,
-        judging.report,
-        judging.compare,
-        judging.batch,
-        planning.plan,
-        planning.verify,
-        robots.robot,
-        carrying_out.run,
-        carrying_out.controller,
-        app_started.app,
-        judging.schema,
-    )
+    "demo": "judging",
+    "check": "judging",
+    "analyse": "judging",
+    "report": "judging",
+    "compare": "judging",
+    "batch": "judging",
+    "plan": "planning",
+    "verify": "planning",
+    "robot": "robots",
+    "run": "carrying_out",
+    "controller": "carrying_out",
+    "app": "app",
+    "schema": "judging",
 }
 _GROUPS: dict[str, Callable[[], typer.Typer]] = {
-    "import": importing.imports,
-    "study": lambda: studying.studies,
-    "export": exporting.exports,
-    "history": lambda: history.histories,
+    "import": lambda: _loaded("importing").imports(),
+    "study": lambda: _loaded("studying").studies,
+    "export": lambda: _loaded("exporting").exports(),
+    "history": lambda: _loaded("certificates").histories,  # the last of the modules of this group
 }
 
 
@@ -109,9 +99,9 @@ def _program(name_typed: str | None = None) -> typer.Typer:
     )
     app.callback()(_zerobeam)
     one = name_typed in _COMMANDS or name_typed in _GROUPS
-    for name, command in _COMMANDS.items():
+    for name, module in _COMMANDS.items():
         if name == name_typed or not one:
-            app.command()(command)
+            app.command(name)(getattr(_loaded(module), name))
     for name, group in _GROUPS.items():
         if name == name_typed or not one:
             app.add_typer(group(), name=name)

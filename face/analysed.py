@@ -18,8 +18,12 @@ from ..model.errors import BadInput, missing_extra
 from ..model.files.run import Run
 from ..reports.output.html import card, text
 from ..reports.output.posterior_file import write_posterior
-from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, worth_column
-from ..reports.run.report import ReportPaths, report_notes, write_report
+from ..reports.run.fit import report_notes
+from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_picture, offsets_worth, worth_column
+from ..reports.run.posterior_summary import posterior_picture
+from ..reports.run.report import ReportPaths, write_report
+from ..reports.run.residuals import residuals_picture
+from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.findings import headline, likelihood_message, posterior_message
@@ -194,14 +198,10 @@ class Plots:
 
     def offsets(self) -> Figure:
         """The offsets with their 95 % intervals, and how wide those are."""
-        from ..reports.run.parameters import offsets_picture
-
         return Figure(offsets_picture(self.solution.result))
 
     def residuals(self) -> Figure:
         """The residual of each measurement, in mm and divided by its standard deviation."""
-        from ..reports.run.residuals import residuals_picture
-
         return Figure(residuals_picture(self.solution.result))
 
     def posterior(self) -> Figure:
@@ -213,8 +213,6 @@ class Plots:
             There is nothing that may be drawn: the fit or the sampler did not converge, or the data determine
             no offset.
         """
-        from ..reports.run.posterior_summary import posterior_picture
-
         result = self.solution.result
         picture = posterior_picture(result, self.solution.draws)
         if picture is None:
@@ -233,8 +231,6 @@ class Plots:
         BadInput
             The fit did not converge.
         """
-        from ..reports.run.run_scene import run_turnable
-
         result = self.solution.result
         scene = run_turnable(result)
         if scene is None:

@@ -8,9 +8,8 @@ from __future__ import annotations
 import re
 import shlex
 
-from ..analysis.answer.document import EnteredValue, NextStep, NextSteps
 from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
-from ..analysis.answer.result import Result
+from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.displacement import Displacement
 from . import numbers
 from .wording import be, label, listed

@@ -230,3 +230,28 @@ class Result:
             raise UnsoundResult(
                 f"{', '.join(sorted(names))} cannot be determined, yet the result has {what} of it"
             )
+
+
+@dataclass(frozen=True)
+class EnteredValue:
+    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
+
+    name: str
+    value: str
+    expanded_u: str
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """A sentence, and the commands that do what it says."""
+
+    text: str
+    commands: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NextSteps:
+    """`enter` is empty where nothing may be entered; the first of the `steps` then says why."""
+
+    enter: tuple[EnteredValue, ...]
+    steps: tuple[NextStep, ...]

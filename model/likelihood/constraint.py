@@ -114,6 +114,16 @@ class ShotFunctions:
         # In another process they are made anew, or those that are there are taken.
         return shot_functions, (self.robot, self.tool, self.log_det, self.geometry)
 
+    @cached_property
+    def posture(self) -> Posture:
+        """The symbols that the functions of a posture share: to build them takes longer than the rest."""
+        return Posture(self.robot, self.geometry)
+
+    @cached_property
+    def weighted(self) -> _Weighted:
+        """Those of the terms of the log-likelihood."""
+        return _Weighted(self)
+
     def function(self, name: str) -> ca.Function:
         """The function of that name."""
         if name not in self._functions:
@@ -253,12 +263,12 @@ class _Weighted(_Shot):
 
 
 def _terms(functions: ShotFunctions) -> ca.Function:
-    shot = _Weighted(functions)
+    shot = functions.weighted
     return _function("terms", shot.inputs, {"quad": shot.quad, "logdet": shot.logdet})
 
 
 def _slopes(functions: ShotFunctions) -> ca.Function:
-    shot, n = _Weighted(functions), functions.robot.n
+    shot, n = functions.weighted, functions.robot.n
     gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
     noise_information = ca.SX(3, 1)
     if functions.log_det == "relative":
@@ -283,31 +293,31 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
 
 
 def _visible(functions: ShotFunctions) -> ca.Function:
-    posture, target = _posture(functions), ca.SX.sym("target", 3)
+    posture, target = functions.posture, ca.SX.sym("target", 3)
     return _function("seen", posture.inputs(target=target), {"y": posture.in_flange(target)})
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:
-    posture, target = _posture(functions), ca.SX.sym("target", 3)
+    posture, target = functions.posture, ca.SX.sym("target", 3)
     y = posture.in_flange(target)
     outputs = {"y": y, "jacobian": ca.jacobian(y, posture.q)}
     return _function("sighted", posture.inputs(target=target), outputs)
 
 
 def _position(functions: ShotFunctions) -> ca.Function:
-    posture, y = _posture(functions), ca.SX.sym("y", 3)
+    posture, y = functions.posture, ca.SX.sym("y", 3)
     return _function("place", posture.inputs(y=y), {"target": posture.in_base(y)})
 
 
 def _placed(functions: ShotFunctions) -> ca.Function:
-    posture, y = _posture(functions), ca.SX.sym("y", 3)
+    posture, y = functions.posture, ca.SX.sym("y", 3)
     target = posture.in_base(y)
     outputs = {"target": target, "jacobian": ca.jacobian(target, ca.vertcat(posture.arm, y))}
     return _function("placed", posture.inputs(y=y), outputs)
 
 
 def _beam(functions: ShotFunctions) -> ca.Function:
-    posture, tool = _posture(functions), functions.tool
+    posture, tool = functions.posture, functions.tool
     unknown = ca.SX.sym("tool", len(tool.free_axes))
     if tool.kind == "laser":
         origin, direction = posture.beam(tool, unknown)
@@ -317,7 +327,7 @@ def _beam(functions: ShotFunctions) -> ca.Function:
 
 
 def _hit(functions: ShotFunctions) -> ca.Function:
-    posture, unknown = _posture(functions), ca.SX.sym("tool", len(functions.tool.free_axes))
+    posture, unknown = functions.posture, ca.SX.sym("tool", len(functions.tool.free_axes))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
     origin, direction = posture.beam(functions.tool, unknown)
     length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
@@ -328,12 +338,12 @@ def _hit(functions: ShotFunctions) -> ca.Function:
 
 
 def _skeleton(functions: ShotFunctions) -> ca.Function:
-    posture = _posture(functions)
+    posture = functions.posture
     return _function("skeleton", posture.inputs(), {"points": posture.robot.skeleton(posture.theta)})
 
 
 def _axes(functions: ShotFunctions) -> ca.Function:
-    posture = _posture(functions)
+    posture = functions.posture
     return _function("axes", posture.inputs(), {"axes": posture.robot.axes(posture.theta)})
 
 
@@ -343,7 +353,7 @@ def _midpoint(functions: ShotFunctions) -> ca.Function:
     The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
     defined for parallel beams: callers leave those pairs out.
     """
-    one = _posture(functions)
+    one = functions.posture
     other = Posture(functions.robot, functions.geometry, one.arm)
     unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
     (o1, u1), (o2, u2) = (posture.beam(functions.tool, unknown) for posture in (one, other))
@@ -375,10 +385,6 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "axes": _axes,
     "midpoint": _midpoint,
 }
-
-
-def _posture(functions: ShotFunctions) -> Posture:
-    return Posture(functions.robot, functions.geometry)
 
 
 def _cholesky(covariance: ca.SX) -> ca.SX:

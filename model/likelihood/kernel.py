@@ -26,6 +26,7 @@ from typing import Any, NoReturn
 
 import casadi as ca
 import numpy as np
+import platformdirs
 
 from ..arrays import Index, Matrix
 from .c_source import GridInput, NoSource, every, grid_source
@@ -309,8 +310,6 @@ def cache_folder() -> Path:
     folder = os.environ.get("ZEROBEAM_CACHE")
     if folder:
         return Path(folder)
-    import platformdirs
-
     return Path(platformdirs.user_cache_dir("zerobeam"))
 
 

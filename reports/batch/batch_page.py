@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 from rich.console import Console
 from rich.text import Text
 
@@ -278,8 +279,6 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
     low, high = float(every.min()) / 1.05, float(every.max()) * 1.05
     room = max(1.1, math.sqrt(_LEAST_RANGE * low / high))
     edges = np.geomspace(low, high, _BINS + 1)
-    from matplotlib.ticker import MaxNLocator
-
     with style():
         figure = new_figure(2.2)
         axes = figure.subplots()

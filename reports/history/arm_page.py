@@ -40,6 +40,7 @@ from .drift_text import (
     offsets_block,
 )
 from .lists import day, events_table, offset_names
+from .trend_figure import AT_ONCE
 
 State = Literal["overdue", "jump without event", "jump", "misfit", "no due date", "on schedule"]
 
@@ -404,7 +405,5 @@ def _about(history: ArmHistory) -> Iterator[tuple[str, str]]:
 
 def figure_names(panels: int) -> list[str]:
     """What the figures of so many panels are called."""
-    from .trend_figure import AT_ONCE
-
     count = -(-panels // AT_ONCE)
     return ["trend"] if count == 1 else [f"trend-{number}" for number in range(1, count + 1)]

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 
+from matplotlib.ticker import MaxNLocator
+
 from ...experiments.history.arm_drift import NOT_SOON
 from ...experiments.history.fleet_drift import FleetDrift
 from ...words import numbers
@@ -184,8 +186,6 @@ def due_picture(rows: Sequence[ArmState], as_of: datetime) -> Picture | None:
     numbers = [overdue, *(number for _, _, number in months), later]
     if not any(numbers):
         return None
-    from matplotlib.ticker import MaxNLocator
-
     with style():
         figure = new_figure(2.1)
         axes = figure.subplots()

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ...analysis.drift.drift import Drift
 from ...analysis.drift.forecast import Band, bands
@@ -20,10 +25,6 @@ from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 from .drift_text import without_jump
 from .lists import day
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 AT_ONCE = 6  # panels of a figure
 _PANEL, _STRIP = 1.18, 0.36  # inches
@@ -59,8 +60,6 @@ def trend_pictures(arm: ArmDrift, events: Sequence[Event], never: Sequence[str])
 
 
 def _drawn(arm: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence[str]) -> Figure:
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
     known = [name in drift.series.names for name in names]
     panel = min(_PANEL, _HIGHEST / len(names))
     heights = [panel if flag else _STRIP for flag in known]
@@ -242,9 +241,6 @@ def _event_name(event: Event) -> str:
 
 
 def _legend(figure: Figure, arm: ArmDrift) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     blue = light("identified")
     keys = [
         Line2D([], [], color=blue, marker="o", markersize=3.8, linewidth=1.2, label="a result alone"),

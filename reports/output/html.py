@@ -9,17 +9,15 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from ..style.blocks import Page, Table
 from ..style.canvas import Picture, themed
 from ..style.palette import css_variables
 from ..style.typeface import FAMILY, Cut, font_file
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 TEMPLATES = Path(__file__).parent / "templates"
 _WEIGHTS: dict[Cut, str] = {
@@ -32,8 +30,6 @@ _WEIGHTS: dict[Cut, str] = {
 @functools.cache
 def template(name: str) -> Template:
     """A page of `templates`; what is filled in is escaped unless it is marked as ours."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import typst
+
 from ..style.blocks import Page
 from ..style.canvas import Picture
 from ..style.palette import PALETTE
@@ -25,8 +27,6 @@ def pdf(page: Page, pictures: Mapping[str, Picture]) -> bytes:
     Letters that the shipped typeface lacks are written as escapes, since a PDF cannot borrow them
     from the machine that shows it.
     """
-    import typst
-
     data = {
         "view": _writable(page),
         "pictures": {
@@ -57,8 +57,6 @@ def pdf(page: Page, pictures: Mapping[str, Picture]) -> bytes:
 
 def picture_bytes(picture: Picture, form: Literal["pdf", "png"]) -> bytes:
     """A figure alone, on a page of its own size; a PNG has 300 dots an inch and a white ground."""
-    import typst
-
     source = f'#set page(width: auto, height: auto, margin: 2mm)\n#image({json.dumps(picture.name)} + ".svg")'
     with tempfile.TemporaryDirectory(prefix="zerobeam-") as root:
         folder = Path(root)

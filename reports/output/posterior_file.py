@@ -20,6 +20,10 @@ from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 
+import h5netcdf
+import h5py
+import numpy as np
+
 from ...analysis.answer.result import Result
 from ...analysis.posterior.posterior import Draws
 from ...words.wording import clipped, shown
@@ -37,10 +41,6 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
 
     Draws are stored in 32 bits (7 digits, far below their Monte Carlo error).
     """
-    import h5netcdf
-    import h5py
-    import numpy as np
-
     ensembles, walkers, steps, _ = draws.values.shape
     size = (ensembles * walkers, steps)
     chains = draws.values.reshape(*size, -1)

@@ -14,10 +14,10 @@ from ...analysis.misfit import LACK_OF_FIT, LackOfFit
 from ...analysis.posterior.intervals import Intervals
 from ...analysis.solution import ParameterResult
 from ...words import numbers
-from ...words.findings import hold_out_message, likelihood_message
+from ...words.findings import finding_sentence, hold_out_message, likelihood_message
 from ...words.misfit import CAUSES, changed, criterion_sentence, diagnosis_said, explanation_sentence
 from ...words.numbers import times, unit_of
-from ...words.wording import NOT_DETERMINED, clipped, label, listed, person, sentence
+from ...words.wording import NOT_DETERMINED, clipped, ended, label, listed, person, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import noise_factors, other_tables
 
@@ -108,7 +108,7 @@ def misfit_factor(result: Result) -> str | None:
 def _verdict(result: Result, noise: str) -> list[str]:
     """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
     fit = result.likelihood
-    sentences = not_converged(fit)
+    sentences = _not_converged(fit)
     others = () if result.misfit is None else result.misfit.criteria
     beside = [
         f"{criterion_sentence(criterion, person)}."
@@ -134,7 +134,7 @@ def _verdict(result: Result, noise: str) -> list[str]:
     return sentences + beside
 
 
-def not_converged(fit: LikelihoodSummary) -> list[str]:
+def _not_converged(fit: LikelihoodSummary) -> list[str]:
     """What a reader must know of a fit that did not converge."""
     if fit.converged:
         return []
@@ -142,6 +142,15 @@ def not_converged(fit: LikelihoodSummary) -> list[str]:
         f"The fit did not converge ({sentence(fit.reason)}): do not use its numbers. "
         "Look at the residuals for a wrong measurement, or state a better guess of target and tool."
     ]
+
+
+def report_notes(result: Result) -> list[str]:
+    """What a reader must see, the gravest first; what the headline has said is not said again."""
+    first = None if result.misfit is None else result.misfit.criteria[0]
+    notes = [
+        ended(sentence(finding_sentence(finding, person))) for finding in result.findings if finding != first
+    ]
+    return _not_converged(result.likelihood) + notes
 
 
 def _distances(rows: Sequence[DistanceResult]) -> Table | None:

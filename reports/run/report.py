@@ -7,37 +7,27 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.findings import finding_sentence, headline
-from ...words.next_steps import next_steps
+from ...words.findings import headline
 from ...words.result_json import dumps, to_json
 from ...words.verdict import VERDICT_WORDS
-from ...words.wording import clipped, counted, ended, label, person, sentence
+from ...words.wording import clipped, counted, person, sentence
 from ..output import whole_folder
 from ..output.posterior_file import write_posterior
 from ..output.whole_folder import Kind, write_folder, write_page
 from ..scenes.turnable import STILL, still_picture
-from ..style.blocks import (
-    Block,
-    Commands,
-    Page,
-    Paragraph,
-    Section,
-    Verdict,
-    row_of,
-    section_of,
-    table_of,
-)
+from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
 from .fit import (
     diagnosis_section,
     fit_section,
     hold_out_section,
     intervals_section,
-    not_converged,
+    report_notes,
     robust_section,
 )
 from .geometry import geometry_section, ladder_picture
 from .inputs import head_facts, inputs_sections, traceability_section
+from .next_steps import next_steps_section
 from .parameters import offsets_picture, offsets_section, rehearsal_section
 from .placements import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
@@ -82,15 +72,6 @@ def report_page(result: Result) -> Page:
         [section for section in sections if section is not None],
         head_facts(result),
     )
-
-
-def report_notes(result: Result) -> list[str]:
-    """What a reader must see, the gravest first; what the headline has said is not said again."""
-    first = None if result.misfit is None else result.misfit.criteria[0]
-    notes = [
-        ended(sentence(finding_sentence(finding, person))) for finding in result.findings if finding != first
-    ]
-    return not_converged(result.likelihood) + notes
 
 
 def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
@@ -187,19 +168,3 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     return write_page(
         folder, "report", report_page(result), drawn, "report", answer=(RESULT, text), turnable=turnable
     )
-
-
-def next_steps_section(result: Result) -> Section:
-    """The section of the report, of any answer."""
-    advice = next_steps(result)
-    blocks: list[Block] = []
-    if advice.enter:
-        columns = ["joint", "add to the recorded position", "expanded U (k = 2)"]
-        rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
-        caption = "Values to enter: true position = recorded position + value"
-        blocks.append(table_of(caption, columns, rows))
-    for step in advice.steps:
-        blocks.append(Paragraph(step.text))
-        if step.commands:
-            blocks.append(Commands(step.commands))
-    return section_of("What to do", *blocks)

@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import chdtri
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.influence import ShotResult
@@ -146,8 +147,6 @@ def drawn_of(shots: Sequence[ShotResult]) -> dict[int, ShotResult]:
 
 def _limits(shots: Sequence[ShotResult]) -> list[float]:
     """Of the normalised residuals, below which noise leaves 95 % of them."""
-    from scipy.special import chdtri
-
     by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
     return [by_size[len(shot.miss_mm)] for shot in shots]
 

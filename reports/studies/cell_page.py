@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 
 from ...experiments.procedure.session import PHASES
 from ...experiments.studies.cell import CellPlan, CellSettings, CellStudy
@@ -48,9 +50,6 @@ from .study_blocks import (
     view_of,
     worst_cell,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 # Phases are no statuses: one hue, from dark to faint, and in the order of the legend.
 _SHADES = dict(zip(PHASES, (1.0, 0.66, 0.4, 0.2), strict=True))
@@ -256,8 +255,6 @@ def _time_in_words(plan: CellPlan) -> str:
 
 
 def _finish_times(axes: Axes, count: int, limit: float, longest: float) -> None:
-    from matplotlib.patches import Patch
-
     axes.set_ylim(count - 0.65, -0.72)
     axes.set_yticks([])
     axes.set_xlim(0, 1.03 * max(limit, longest))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from scipy import stats
 
 from ...experiments.studies.answer import ObservedParameter, Share
@@ -25,9 +27,6 @@ from ..style.canvas import WIDTH, Picture, bare_y, hatched, new_figure, style, t
 from ..style.palette import light
 from ..style.typeface import in_font
 from .study_blocks import NOT_DETERMINED, Judged, percent, share, standing, worst_at
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Rows = list[tuple[Judged, ObservedParameter | None]]  # a row without a parameter heads a part
 
@@ -387,8 +386,6 @@ def _bias(axes: Axes, y: float, row: CoveredParameter, role: str, shape: str) ->
 
 
 def _finish_ratios(left: Axes, right: Axes, names: list[tuple[int, str]], count: int) -> None:
-    from matplotlib.lines import Line2D
-
     left.set_ylim(count - 0.3, -0.7)
     name_rows(left, names, 9)
     right.tick_params(axis="y", labelleft=False)

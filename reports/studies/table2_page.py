@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ...experiments.studies.table2 import PaperTable, ScatterParameter, Table2Plan, Table2Study
 from ...model.arrays import NORMAL_95
@@ -39,10 +43,6 @@ from .study_blocks import (
     spread_range,
     view_of,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _PAPER, _OURS = -0.2, 0.19  # the positions of the two in a row
 
@@ -266,9 +266,6 @@ def _ours(axes: Axes, y: float, row: ScatterParameter) -> None:
 
 
 def _finish(figure: Figure, axes: Axes, rows: list[tuple[int, ScatterParameter]], count: int) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     axes.set_ylim(count - 0.4, -0.55)
     name_rows(axes, [(y, label(row.name, 9)) for y, row in rows], 9)
     bare_y(axes)

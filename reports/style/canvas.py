@@ -146,8 +146,8 @@ def to_svg(figure: Figure, name: str) -> str:
         figure.set_layout_engine(None)
     written = io.BytesIO()
     figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
-    root = ElementTree.fromstring(written.getvalue())
-    whole = ElementTree.tostring(root, encoding="unicode")
+    whole = written.getvalue().decode()
+    root = ElementTree.fromstring(whole)
     used = set(re.findall(r"url\(#([^)]+)\)", whole)) | {
         element.attrib[f"{{{_XLINK}}}href"].removeprefix("#")
         for element in root.iter()

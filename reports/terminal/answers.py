@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from textwrap import wrap
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -11,15 +12,14 @@ from rich.text import Text
 
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
-from ...experiments.plans.make import MadePlan
-from ...experiments.procedure.events import Ended
 from ...words import numbers
 from ...words.findings import headline
 from ...words.geometry import worth_sentence
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
-from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
+from ..run.fit import diagnosis_section, hold_out_section, intervals_section, report_notes, robust_section
 from ..run.geometry import geometry_lines
+from ..run.next_steps import next_steps_section
 from ..run.parameters import (
     offsets_caption,
     offsets_table,
@@ -31,10 +31,13 @@ from ..run.parameters import (
 )
 from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
-from ..run.report import next_steps_section, report_notes
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
 from .check import print_directions, print_notes, print_verdict
+
+if TYPE_CHECKING:
+    from ...experiments.plans.make import MadePlan
+    from ...experiments.procedure.events import Ended
 
 _MOST_ROWS = 40
 

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from zerobeam.commands import console
-from zerobeam.commands.console import progress
+from zerobeam.commands.console import progress, say
 
 
 @pytest.fixture
@@ -51,3 +51,8 @@ def test_nothing_is_shown_where_there_is_no_terminal(monkeypatch: pytest.MonkeyP
     with progress("analyse") as tell:
         tell("fit", 0.5)
     assert text.getvalue() == ""
+
+
+def test_a_name_between_colons_is_no_picture(capsys: pytest.CaptureFixture[str]) -> None:
+    say("run a:bug:b.jsonl")
+    assert capsys.readouterr().out == "run a:bug:b.jsonl\n"

@@ -5,9 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
 
 from ....analysis.status import Status
 from ....experiments.studies.sweeps.grid_answer import Fit, GridAxis, GridCase, GridStudy
@@ -29,11 +34,6 @@ from .grid_words import (
     value_text,
 )
 from .marks import UNCERTAINTY, Dot, gap_handles, hatch, in_font_within, legend_above, write_gap
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MOST_PANELS = 6
 _MOST_WRITTEN = 12  # cells across a figure that numbers can be read in
@@ -115,8 +115,6 @@ def _cell(
     sizes: tuple[float, float] | None,
 ) -> None:
     """One cell; `sizes` are those of its number and of words, points, where they can be read."""
-    from matplotlib.patches import Rectangle
-
     x, y = map(float, at)
     mark, _ = standing(case)
 
@@ -157,9 +155,6 @@ def _finish(axes: Axes, across: GridAxis, columns: list[int], up: GridAxis, rows
 
 def _legend(figure: Figure, study: GridStudy, bounds: tuple[float, float] | None) -> None:
     """The shades with their numbers, and what the other marks mean."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     handles: list[Artist] = []
     if bounds is not None:
         low, high = bounds

@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, Fit, GridCase, GridStudy
 from ....words import numbers
@@ -14,12 +20,6 @@ from ...style.palette import light
 from ...style.typeface import in_font
 from ..study_blocks import NOT_DETERMINED
 from .grid_words import NO_PLAN, rmse_interval, shown_unit, tolerance
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 Drawn = TypeVar("Drawn")
 
@@ -43,8 +43,6 @@ class Dot:
 
     def handle(self, label: str) -> Line2D:
         """The entry of a legend."""
-        from matplotlib.lines import Line2D
-
         return Line2D([], [], marker=self.shape, linewidth=1.1, label=label, **self._look())
 
     def _look(self) -> Any:
@@ -114,8 +112,6 @@ def write_gap(axes: Axes, x: float, y: float, words: str, **options: Any) -> Non
 
 def gap_handles(gaps: Iterable[str]) -> list[Artist]:
     """Entries of a legend for gaps of these words."""
-    from matplotlib.patches import Patch
-
     return [hatch(Patch, words=words, edgecolor=light("muted"), linewidth=0.4, label=words) for words in gaps]
 
 
@@ -149,8 +145,6 @@ def legend_above(figure: Figure, handles: list[Artist] | None, ncols: int) -> No
 
 def legend(figure: Figure, study: GridStudy, gaps: set[str], **prediction: Any) -> None:
     """The legend of the marks that occur; `prediction` has the properties of that of the prediction."""
-    from matplotlib.lines import Line2D
-
     handles: list[Artist] = [Line2D([], [], color=light("identified"), label="predicted u", **prediction)]
     handles += [dot.handle(f"RMSE of the {fit} fit, 95 %") for fit, dot in FITS.items() if study.has(fit)]
     limits = dict.fromkeys(
