@@ -129,10 +129,7 @@ def test_a_wrong_column_says_which(client: TestClient, recorded: Path) -> None:
     assert error["key"] == ["columns", 1]
     assert "line 2: column 2 is not a finite number" in error["what"]
     error = refused(
-        client,
-        "POST",
-        "/api/columns",
-        {"files": ["shots.csv"], "robot": "irb1600", "reversed_joints": [7]},
+        client, "POST", "/api/columns", {"files": ["shots.csv"], "robot": "irb1600", "reversed_joints": [7]}
     )
     assert error["key"] == ["reversed_joints", 0]
 

@@ -104,11 +104,7 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
 def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:
     """The control: with the other end open it would wait for lines for ever."""
     command = [*ZEROBEAM, "run", str(root / "plan.yaml"), "-o", str(root / "n.jsonl"), "--rig=manual"]
-    own = {
-        "stdin": subprocess.PIPE,
-        "stderr": subprocess.PIPE,
-        "env": os.environ | {ATTENDED: "1"},
-    }
+    own = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE, "env": os.environ | {ATTENDED: "1"}}
     with child([*command, "--json-lines"], **own) as process:
         assert process.stdin is not None
         assert process.stdout is not None

@@ -198,7 +198,7 @@ def _hostile() -> Analysis:
             "targets": {HOSTILE_NAMES[-1]: StatedTarget(guess_mm=(900.0, 0.0, 0.0), sigma_mm=100.0)},
             "distances": (apart,),
             "provenance": dict.fromkeys(HOSTILE_NAMES, everything),
-        },
+        }
     )
     run = replace(
         run,

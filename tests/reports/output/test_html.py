@@ -9,15 +9,7 @@ import re
 from itertools import pairwise
 
 import pytest
-from example_results import (
-    EXAMPLES,
-    FORBIDDEN,
-    drawn,
-    good,
-    hostile,
-    misfit,
-    x_pattern,
-)
+from example_results import EXAMPLES, FORBIDDEN, drawn, good, hostile, misfit, x_pattern
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.answer.result import Result

@@ -9,12 +9,7 @@ import re
 
 import pypdf
 import pytest
-from example_results import (
-    EXAMPLES,
-    FORBIDDEN,
-    drawn,
-    good,
-)
+from example_results import EXAMPLES, FORBIDDEN, drawn, good
 from study_text import cells, text_of
 
 from zerobeam.analysis.answer.result import Result

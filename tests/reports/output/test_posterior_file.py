@@ -102,10 +102,6 @@ def test_names_that_become_alike_stay_apart(tmp_path: Path, count: int) -> None:
     of = draws(good())
     names = tuple(f"a{'/?*'[i]}b" for i in range(count))
     few = dataclasses.replace(
-        of,
-        names=names,
-        units=of.units[:count],
-        status=of.status[:count],
-        values=of.values[..., :count],
+        of, names=names, units=of.units[:count], status=of.status[:count], values=of.values[..., :count]
     )
     assert len(written(tmp_path, good(), few).data_vars) == count
