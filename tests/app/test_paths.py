@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 import typer.main
 from app_jobs import begun, ended
-from arm_with_meshes import URDF
 from cells import good_plan
 from command_line import plan_file
 from starlette.testclient import TestClient
@@ -105,18 +104,9 @@ BOXES = {"floor_mm": 0.0, "boxes": {}}
 # By end point and field.
 REQUESTS: dict[str, Ask] = {
     **{
-        f"GET {path} file": _get(path)
-        for path in (
-            "/api/plan",
-            "/api/obstacles",
-            "/api/header",
-            "/api/result",
-            "/api/posterior",
-            "/api/run",
-        )
+        f"GET /api/{name} file": _get(f"/api/{name}")
+        for name in ("plan", "obstacles", "header", "result", "posterior", "run", "file", "archive")
     },
-    "GET /api/file file": _get("/api/file"),
-    "GET /api/archive file": _get("/api/archive"),
     "PUT /api/file file": lambda client, plan, name: client.put(
         "/api/file", params={"file": name}, content=b"x"
     ),
@@ -213,10 +203,10 @@ def test_the_table_has_every_field(client: TestClient) -> None:
         assert path in named | without, path
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "", "."])
 @pytest.mark.usefixtures("unchanged")
 def test_no_request_leads_out(client: TestClient, there: Path, content: dict[str, Any], name: str) -> None:
-    named = NAMES[name].replace("ABSOLUTE", str(there.parent / "outside.yaml"))
+    named = NAMES.get(name, name).replace("ABSOLUTE", str(there.parent / "outside.yaml"))
     for asked, ask in REQUESTS.items():
         if asked.startswith("GET /report") and name in ("absolute", "system", "traversal", "inner traversal"):
             continue  # a client makes another address of it
@@ -226,8 +216,8 @@ def test_no_request_leads_out(client: TestClient, there: Path, content: dict[str
         ), asked
         assert SECRET not in answer.text, asked
         assert str(there) not in answer.text.replace(named, ""), asked
-    (line,) = [row["path"] for row in client.get("/api/files").json() if row["path"] == "plan.yaml"]
-    assert line
+    listed = {row["path"] for row in client.get("/api/files").json()}
+    assert listed == {"plan.yaml", "run.jsonl", "arm.yaml", "posterior.nc"}
 
 
 def test_the_control_of_requests(client: TestClient, there: Path, content: dict[str, Any]) -> None:
@@ -283,26 +273,20 @@ def test_the_control_of_runs(client: TestClient, there: Path) -> None:
 
 
 @pytest.mark.usefixtures("unchanged")
-def test_no_plan_header_or_urdf_leads_out(client: TestClient, there: Path) -> None:
+def test_no_plan_or_header_leads_out(client: TestClient, there: Path) -> None:
     plan = good_plan(3)
-    made = [there / "p.yaml", there / "h.yaml", there / "arm.urdf"]
+    made = [there / "p.yaml", there / "h.yaml"]
     plan_file(made[0], plan)
     made[0].write_text(made[0].read_text().replace("robot: irb1600", "robot: ../outside.yaml"))
     made[1].write_text(
         made[0].read_text().partition("postures_deg")[0].replace("schema: zerobeam/plan/1\n", "")
     )
-    made[2].write_text(URDF.format(last="../outside.stl"))
-    (there.parent / "outside.stl").write_text(SECRET)
-    (there / "upper.obj").symlink_to(there.parent / "outside.stl")
     for path in ("/api/plan", "/api/header"):
         for file in ("p.yaml", "h.yaml"):
             answer = client.get(path, params={"file": file})
             assert answer.status_code == 400
             assert SECRET not in answer.text
-    shown = client.post("/api/meshes", json={"robot": _urdf("arm.urdf")}).json()
-    assert shown["meshes"] == []
-    assert sum("not below the app's folder" in note for note in shown["notes"]) == 2
-    for file in (*made, there / "upper.obj", there.parent / "outside.stl"):
+    for file in made:
         file.unlink()
 
 
@@ -341,11 +325,8 @@ def _commands() -> Iterator[tuple[list[str], dict[str, str], list[str]]]:
     """The words, the options that name files, and the files of each command that jobs carry out."""
     for name, (files, options) in ALLOWED.items():
         needed = {key: "new" for key, kind in options.items() if kind == "write"}
-        yield (
-            list(name),
-            needed | {key: "plan.yaml" for key, kind in options.items() if kind == "read"},
-            ["plan.yaml"] * files,
-        )
+        read = {key: "plan.yaml" for key, kind in options.items() if kind == "read"}
+        yield list(name), needed | read, ["plan.yaml"] * files
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -395,14 +376,19 @@ def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:
             job_command(folder, command)
 
 
-def test_an_option_that_takes_a_path_is_one_that_is_resolved() -> None:
+def test_every_allowed_option_exists_and_one_that_takes_a_path_is_resolved() -> None:
     """By the commands' own types; an option of which a value is text cannot name a file."""
     found = set()
-    for name, (_, options) in ALLOWED.items():
+    for name, (files, options) in ALLOWED.items():
         command: Any = typer.main.get_command(app)
         words = list(name)
         while hasattr(command, "commands"):
             command = command.commands[words.pop(0)]
+        known = {text for own in command.params for text in (*own.opts, *own.secondary_opts)}
+        assert set(options) <= known, name
+        assert ("--out" in options) == ("--out" in known), name
+        asked = [own for own in command.params if own.param_type_name == "argument"]
+        assert len(words) + files <= len(asked) or any(own.nargs == -1 for own in asked), name
         hints = typing.get_type_hints(inspect.unwrap(command.callback))
         for own in command.params:
             for key in set(own.opts) & set(options):

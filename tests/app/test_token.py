@@ -94,10 +94,6 @@ def test_the_address_opens_the_page_and_leaves_a_cookie(stranger: TestClient) ->
     assert stranger.get("/api/files", headers=both).status_code == 200
 
 
-def test_a_program_states_the_token(stranger: TestClient) -> None:
-    assert stranger.get("/api/files", headers={"authorization": f"Bearer {TOKEN}"}).status_code == 200
-
-
 def test_the_cookie_is_of_the_port_that_the_browser_asks(stranger: TestClient) -> None:
     """Not that of the server: two servers behind two tunnels have two cookies."""
     for port, host in ((9001, "localhost:9001"), (80, "localhost")):
