@@ -104,9 +104,6 @@ def test_an_odd_file_is_one_clear_error(quick: str) -> None:
         assert tab.value("document.getElementById('result-work').hidden")
 
 
-# ── a folder with real reports ────────────────────────────────────────────────────────────────
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Runs of one serial number, two with reports and two without; one that the model does not describe."""

@@ -229,8 +229,6 @@ def _sbc(rng: np.random.Generator, name: str, control: bool, width: float) -> Js
     }
 
 
-# ── the simulated cell ────────────────────────────────────────────────────────────────────────
-
 RUNS = 200
 # name, words, control, shots, stds of δ2 … δ6 (NaN: not determined), the intervals' width, mean seconds by
 # phase, spread of the total, shots saved by the adaptive order
@@ -363,8 +361,6 @@ def _cell_parameter(rng: np.random.Generator, name: str, std: float, width: floa
         },
     }  # fmt: skip
 
-
-# ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
 
 _TABLE_2 = (
     (-1.136002, -0.653953, 0.133136, 0.065242, -0.040463),

@@ -23,7 +23,6 @@ from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.repeatability.compare import Comparison, compare, compared
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
-from zerobeam.model.errors import BadInput
 from zerobeam.reports.output.html import html
 from zerobeam.reports.repeatability.comparison_folder import write_comparison
 from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison, runs_picture
@@ -130,11 +129,6 @@ def test_the_folder(tmp_path: Path) -> None:
         for cell in row:
             assert cell in text
             assert cell in typeset
-    foreign = tmp_path / "other"
-    foreign.mkdir()
-    (foreign / "mine.txt").write_text("mine")
-    with pytest.raises(BadInput, match="holds other things"):
-        write_comparison(foreign, told)
 
 
 def test_a_number_for_what_a_run_does_not_determine_cannot_be_made() -> None:

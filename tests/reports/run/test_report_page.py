@@ -57,9 +57,6 @@ def everything(result: Result) -> str:
     return " ".join(strings(report_page(result)))
 
 
-# ── offsets, and what cannot be determined ────────────────────────────────────────────────────
-
-
 def test_an_identified_offset_shows_estimate_interval_and_status() -> None:
     assert row_of(table(section(good(), "Offsets")), "J2 (δ2)") == [
         "J2 (δ2)",
@@ -118,9 +115,6 @@ def test_the_unknown_names_combination_kind_reason_and_remedy() -> None:
     assert "Nothing that was asked for" in paragraphs(section(good(), "What cannot be determined"))
     weak = paragraphs(section(misfit(), "What cannot be determined"))
     assert "the model does not describe them: nothing here is validated" in weak
-
-
-# ── how well the model fits ───────────────────────────────────────────────────────────────────
 
 
 @pytest.mark.parametrize(
@@ -213,9 +207,6 @@ def test_against_a_fitted_noise_the_fit_is_not_said_to_agree_with_the_stated_one
     assert "agree with the stated noise" in paragraphs(section(good(), "Fit quality"))
 
 
-# ── the posterior, and intervals by three methods ─────────────────────────────────────────────
-
-
 def test_an_unconverged_posterior_is_not_shown() -> None:
     own = section(unconverged(), "Posterior")
     assert tables(own) == []
@@ -245,9 +236,6 @@ def test_with_noise_factors_the_profile_is_not_defined_and_the_rest_is_compared(
     assert "noise.joint: do not rely on one" in paragraphs(own)
 
 
-# ── the residuals ─────────────────────────────────────────────────────────────────────────────
-
-
 def test_of_many_measurements_the_worst_are_shown_and_the_reader_is_told() -> None:
     result = misfit()
     own = section(result, "Residuals")
@@ -272,9 +260,6 @@ def test_the_measurement_of_the_most_influence_is_named_and_shown() -> None:
     assert own.rows[-1].cells[0].text == str(heavy.shot)
     assert len(own.rows) == 21
     assert own.caption.endswith("and the most influential measurement")
-
-
-# ── second opinions ───────────────────────────────────────────────────────────────────────────
 
 
 def test_a_robust_fit_names_its_outliers_and_weighs_every_measurement() -> None:
@@ -372,9 +357,6 @@ def test_held_out_targets_are_judged_in_plain_words() -> None:
     assert "No judgement: the fit without them did not converge: too many steps." in paragraphs(own)
 
 
-# ── inputs, and the page as a whole ───────────────────────────────────────────────────────────
-
-
 def test_inputs_carry_hash_seed_versions_and_provenance() -> None:
     inputs = facts(section(good(), "Inputs"))
     assert inputs["SHA-256 of the run"] == good().inputs.sha256
@@ -403,7 +385,3 @@ def test_offsets_are_called_as_the_pendant_does(name: str) -> None:
     text = " ".join((*strings(page.verdict), *page.notes, *strings(own)))
     assert "delta" not in text
     assert label("delta2") in text
-
-
-def test_the_same_result_gives_the_same_page() -> None:
-    assert report_page(hostile()) == report_page(hostile())

@@ -112,9 +112,6 @@ def blocks(view: View) -> list[Block]:
     return [block for section in view.sections for block in section.all]
 
 
-# ── what must be seen ─────────────────────────────────────────────────────────────────────────
-
-
 @pytest.mark.parametrize("name", GOLDEN)
 def test_a_study_in_the_terminal(name: str) -> None:
     assert_golden(f"study_{name}.txt", printed(answer_of(name)))
@@ -147,9 +144,6 @@ def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles == [section.title for section in view.sections if section.level == 1]
     assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
-
-
-# ── what must not be said ─────────────────────────────────────────────────────────────────────
 
 
 def unidentifiable(content: Json) -> Iterator[Json]:
@@ -224,9 +218,6 @@ def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
         )
 
 
-# ── one file, no network, names as text ───────────────────────────────────────────────────────
-
-
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.long] * (name in SLOW)) for name in MADE]
 )
@@ -279,9 +270,6 @@ def test_names_give_the_terminal_no_commands() -> None:
     text = printed(content)
     assert "[bold red]beware[/bold red] \\x1b[2J" in text
     assert "\x1b" not in text
-
-
-# ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
 def test_what_leads_up_to_the_first_figure_stays_with_the_heading_unless_it_is_a_table() -> None:
