@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
@@ -12,7 +13,7 @@ import pytest
 from app_page import SCREENS, app, give, root, wait
 from arm_with_meshes import URDF, stl
 from cells import good_plan, pattern_plan
-from chromium import Tab, chromium
+from chromium import LAPTOP, Size, Tab, chromium
 from command_line import plan_file
 
 from zerobeam.experiments.plans.obstacles import read_obstacles
@@ -46,14 +47,20 @@ def address(folder: Path) -> Iterator[str]:
         yield served.address
 
 
-@pytest.fixture
-def tab(address: str) -> Iterator[Tab]:
-    """plan.yaml, opened by its address."""
-    with chromium().opened(f"{address}#plan/plan.yaml") as opened:
+@contextmanager
+def plan(address: str, size: Size = LAPTOP) -> Iterator[Tab]:
+    """plan.yaml, opened by its address and checked."""
+    with chromium().opened(f"{address}#plan/plan.yaml", size) as opened:
         wait(opened, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
         yield opened
         assert faults(opened) == []
         assert opened.dialogs == []
+
+
+@pytest.fixture
+def tab(address: str) -> Iterator[Tab]:
+    with plan(address) as opened:
+        yield opened
 
 
 def element(name: str) -> str:
@@ -78,8 +85,7 @@ def rows(tab: Tab, name: str) -> list[list[str]]:
 
 @pytest.mark.parametrize("size", SCREENS)
 def test_everything_opened_leaves_nobody_out(address: str, size: str) -> None:
-    with chromium().opened(f"{address}#plan/plan.yaml", SCREENS[size]) as tab:
-        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
+    with plan(address, SCREENS[size]) as tab:
         for name in ("make", "adds-table", "beside-with", "plan-constraints", "obstacles-open", "program"):
             show(tab, name)
         give(tab, element("beside-with"), "x.yaml")
@@ -305,8 +311,7 @@ def test_a_changed_joint_leaves_the_rows_of_other_postures_alone(tab: Tab) -> No
 
 
 def test_a_plan_is_made_edited_compared_and_saved_by_the_keyboard_alone(address: str, folder: Path) -> None:
-    with chromium().opened(f"{address}#plan/plan.yaml") as tab:
-        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
+    with plan(address) as tab:
         reach(tab, "#make-box > summary")
         press(tab, "Enter")
         for name, value in {"shots": "6", "candidates": "300", "file": "by-keys.yaml"}.items():
@@ -380,7 +385,7 @@ def test_a_box_is_dragged_in_the_picture(tab: Tab) -> None:
 
 
 def test_axes_frames_and_meshes_of_the_chosen_posture(address: str, folder: Path) -> None:
-    plan = {
+    content = {
         "schema": "zerobeam/plan/1",
         "robot": {"urdf": "arm.urdf", "base": "base", "tip": "flange"},
         "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
@@ -388,7 +393,7 @@ def test_axes_frames_and_meshes_of_the_chosen_posture(address: str, folder: Path
         "targets": {"psd": {"guess_mm": [1500, 0, 400]}},
         "postures_deg": [[0, 0], [10, 5], [-10, 5]],
     }
-    (folder / "sub" / "urdf.yaml").write_text(json.dumps(plan))
+    (folder / "sub" / "urdf.yaml").write_text(json.dumps(content))
     with chromium().opened(f"{address}#plan") as tab:
         wait(tab, "document.querySelector('#plan-open optgroup')")
         tab.value(

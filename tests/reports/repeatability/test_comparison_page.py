@@ -18,6 +18,7 @@ from example_results import HOSTILE_NAMES
 from pages import Page, assert_fetches_nothing
 from repeated_runs import drawn, repeat, repeats, table_file
 from rich.console import Console
+from study_text import tables_of, texts_of
 
 from zerobeam.analysis.answer.findings import FileWarning
 from zerobeam.analysis.repeatability.compare import Comparison, compare, compared
@@ -61,13 +62,8 @@ def printed(told: Comparison) -> str:
 
 
 def table(view: blocks.Page, caption: str) -> list[list[str]]:
-    (found,) = [
-        block
-        for section in view.sections
-        for block in section.all
-        if isinstance(block, blocks.Table) and block.caption.startswith(caption)
-    ]
-    return [[cell.text for cell in row.cells] for row in found.rows]
+    (found,) = tables_of(view, caption)
+    return texts_of(found)
 
 
 def number(text: str) -> float:
