@@ -48,18 +48,8 @@ NAMES = {
 }
 # The fields of what is sent in which a person names a file, and those in which nobody does.
 PATHS = {"file", "files", "robot", "beside", "run", "posterior", "plan", "header"}
-OTHERS = {
-    "scene",
-    "obstacles",
-    "postures",
-    "header_row",
-    "delimiter",
-    "decimal",
-    "columns",
-    "units",
-    "lengths",
-}
-OTHERS |= {"reversed_joints", "j3", "joints_deg", "without", "ranges"}
+OTHERS = {"scene", "obstacles", "postures", "header_row", "delimiter", "decimal", "columns", "units"}
+OTHERS |= {"lengths", "reversed_joints", "j3", "joints_deg", "without", "ranges"}
 
 
 def _urdf(name: str) -> dict[str, str]:
@@ -73,27 +63,24 @@ def _get(path: str) -> Ask:
     return lambda client, plan, name: client.get(path, params={"file": name})
 
 
-def _send(method: str, path: str, **body: Any) -> Ask:
+def _send(method: str, path: str, body: dict[str, Any]) -> Ask:
     """`NAME` and `URDF` in the body are the name and a chain of it, `PLAN` a plan with more."""
 
-    def filled(value: Any, plan: dict[str, Any], name: str) -> Any:
+    def filled(value: Any, words: dict[str, Any]) -> Any:
         if isinstance(value, dict):
-            return {key: filled(each, plan, name) for key, each in value.items()}
+            return {key: filled(each, words) for key, each in value.items()}
         if isinstance(value, list):
-            return [filled(each, plan, name) for each in value]
-        plans = {
-            "PLAN": plan,
-            "PLAN OF": plan | {"robot": name},
-            "PLAN OF URDF": plan | {"robot": _urdf(name)},
-        }
-        headers = {f"HEADER{key[4:]}": _header(own) for key, own in plans.items()}
-        return (
-            ({"NAME": name, "URDF": _urdf(name)} | plans | headers).get(value, value)
-            if isinstance(value, str)
-            else value
-        )
+            return [filled(each, words) for each in value]
+        return words.get(value, value) if isinstance(value, str) else value
 
-    return lambda client, plan, name: client.request(method, path, json=filled(body, plan, name))
+    def ask(client: TestClient, plan: dict[str, Any], name: str) -> Any:
+        plans = {"": plan, " OF": plan | {"robot": name}, " OF URDF": plan | {"robot": _urdf(name)}}
+        words = {"NAME": name, "URDF": _urdf(name)}
+        for which, content in plans.items():
+            words |= {f"PLAN{which}": content, f"HEADER{which}": _header(content)}
+        return client.request(method, path, json=filled(body, words))
+
+    return ask
 
 
 def _header(plan: dict[str, Any]) -> dict[str, Any]:
@@ -101,42 +88,43 @@ def _header(plan: dict[str, Any]) -> dict[str, Any]:
 
 
 BOXES = {"floor_mm": 0.0, "boxes": {}}
-# By end point and field.
+# What is sent, by end point and field.
+SENT: dict[str, dict[str, Any]] = {
+    "PUT /api/plan file": {"file": "NAME", "plan": "PLAN"},
+    "PUT /api/plan plan": {"file": "new.yaml", "plan": "PLAN OF"},
+    "PUT /api/plan plan of URDF": {"file": "new.yaml", "plan": "PLAN OF URDF"},
+    "PUT /api/obstacles file": {"file": "NAME", "obstacles": BOXES},
+    "PUT /api/header file": {"file": "NAME", "header": "HEADER"},
+    "PUT /api/header header": {"file": "new.yaml", "header": "HEADER OF"},
+    "PUT /api/header header of URDF": {"file": "new.yaml", "header": "HEADER OF URDF"},
+    "POST /api/header/check file": {"file": "NAME", "header": "HEADER"},
+    "POST /api/header/check header": {"file": "new.yaml", "header": "HEADER OF"},
+    "POST /api/check file": {"file": "NAME", "plan": "PLAN"},
+    "POST /api/check plan": {"plan": "PLAN OF"},
+    "POST /api/check plan of URDF": {"plan": "PLAN OF URDF"},
+    "POST /api/without file": {"file": "NAME", "plan": "PLAN", "postures": [0]},
+    "POST /api/without plan": {"plan": "PLAN OF", "postures": [0]},
+    "POST /api/recording file": {"file": "NAME"},
+    "POST /api/columns files": {"files": ["NAME"], "robot": "irb1600"},
+    "POST /api/columns robot": {"files": ["plan.yaml"], "robot": "NAME"},
+    "POST /api/columns robot URDF": {"files": ["plan.yaml"], "robot": "URDF"},
+    "POST /api/columns beside": {"files": ["plan.yaml"], "robot": "irb1600", "beside": "NAME"},
+    "POST /api/robot robot": {"robot": "NAME"},
+    "POST /api/robot robot URDF": {"robot": "URDF"},
+    "POST /api/meshes robot": {"robot": "URDF"},
+    "POST /api/refit run": {"run": "NAME"},
+    "POST /api/brush posterior": {"posterior": "NAME", "run": "run.jsonl", "ranges": {}},
+    "POST /api/brush run": {"posterior": "posterior.nc", "run": "NAME", "ranges": {}},
+}
 REQUESTS: dict[str, Ask] = {
     **{
         f"GET /api/{name} file": _get(f"/api/{name}")
         for name in ("plan", "obstacles", "header", "result", "posterior", "run", "file", "archive")
     },
+    **{key: _send(*key.split()[:2], body) for key, body in SENT.items()},
     "PUT /api/file file": lambda client, plan, name: client.put(
         "/api/file", params={"file": name}, content=b"x"
     ),
-    "PUT /api/plan file": _send("PUT", "/api/plan", file="NAME", plan="PLAN"),
-    "PUT /api/plan plan": _send("PUT", "/api/plan", file="new.yaml", plan="PLAN OF"),
-    "PUT /api/plan plan of URDF": _send("PUT", "/api/plan", file="new.yaml", plan="PLAN OF URDF"),
-    "PUT /api/obstacles file": _send("PUT", "/api/obstacles", file="NAME", obstacles=BOXES),
-    "PUT /api/header file": _send("PUT", "/api/header", file="NAME", header="HEADER"),
-    "PUT /api/header header": _send("PUT", "/api/header", file="new.yaml", header="HEADER OF"),
-    "PUT /api/header header of URDF": _send("PUT", "/api/header", file="new.yaml", header="HEADER OF URDF"),
-    "POST /api/header/check file": _send("POST", "/api/header/check", file="NAME", header="HEADER"),
-    "POST /api/header/check header": _send("POST", "/api/header/check", file="new.yaml", header="HEADER OF"),
-    "POST /api/check file": _send("POST", "/api/check", file="NAME", plan="PLAN"),
-    "POST /api/check plan": _send("POST", "/api/check", plan="PLAN OF"),
-    "POST /api/check plan of URDF": _send("POST", "/api/check", plan="PLAN OF URDF"),
-    "POST /api/without file": _send("POST", "/api/without", file="NAME", plan="PLAN", postures=[0]),
-    "POST /api/without plan": _send("POST", "/api/without", plan="PLAN OF", postures=[0]),
-    "POST /api/recording file": _send("POST", "/api/recording", file="NAME"),
-    "POST /api/columns files": _send("POST", "/api/columns", files=["NAME"], robot="irb1600"),
-    "POST /api/columns robot": _send("POST", "/api/columns", files=["plan.yaml"], robot="NAME"),
-    "POST /api/columns robot URDF": _send("POST", "/api/columns", files=["plan.yaml"], robot="URDF"),
-    "POST /api/columns beside": _send(
-        "POST", "/api/columns", files=["plan.yaml"], robot="irb1600", beside="NAME"
-    ),
-    "POST /api/robot robot": _send("POST", "/api/robot", robot="NAME"),
-    "POST /api/robot robot URDF": _send("POST", "/api/robot", robot="URDF"),
-    "POST /api/meshes robot": _send("POST", "/api/meshes", robot="URDF"),
-    "POST /api/refit run": _send("POST", "/api/refit", run="NAME"),
-    "POST /api/brush posterior": _send("POST", "/api/brush", posterior="NAME", run="run.jsonl", ranges={}),
-    "POST /api/brush run": _send("POST", "/api/brush", posterior="posterior.nc", run="NAME", ranges={}),
     "GET /report": lambda client, plan, name: client.get(f"/report/{name.replace(chr(0), '%00')}"),
     "GET /shown": lambda client, plan, name: client.get(f"/shown/{'0' * 32}/{name.replace(chr(0), '%00')}"),
 }

@@ -140,6 +140,7 @@ class Tab:
         self.messages: list[str] = []
         self.requests: list[str] = []
         self._shown: list[str] = []
+        self._session: Any = None
 
     def accept(self, dialog: Any) -> None:
         """Until it is closed the page stands still."""
@@ -147,11 +148,15 @@ class Tab:
         dialog.accept()
 
     def call(self, method: str, **parameters: Any) -> Any:
-        """A command of the DevTools protocol that Playwright has no function for."""
+        """A command of the DevTools protocol that Playwright has no function for.
+
+        All of a tab go through one session: a finger that moves must have touched in the same one.
+        """
 
         def send() -> Any:
-            page = self.target.page
-            return page.context.new_cdp_session(page).send(method, parameters)
+            if self._session is None:
+                self._session = self.target.page.context.new_cdp_session(self.target.page)
+            return self._session.send(method, parameters)
 
         return self._browser.do(send)
 

@@ -86,7 +86,6 @@ FIGURES = {
     "sweep_map": {"map"},
     "sweep_pattern_map": {"map", "ratio"},
 }
-SLOW = ("disagreeing", "hostile")  # whose many figures take long to draw
 # The numbers that a study claims of one parameter.
 ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std", "coverage")
 CLAIMS = {
@@ -218,9 +217,7 @@ def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
         )
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in SLOW)) for name in MADE]
-)
+@pytest.mark.parametrize("name", [name for name in MADE if name != "disagreeing"])  # its figures take long
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     view, drawn = study_page(answer_of(name)), drawn_of(name)
     assert set(drawn) == FIGURES.get(name, set(drawn))
