@@ -163,7 +163,7 @@ def test_the_page_offers_to_resume_once_a_killed_server_is_back(server: App, fol
         wait(tab, f"{NOW}.startsWith('The connection to the server is lost.')")
         port = int(root(server.address).rstrip("/").rpartition(":")[2])
         with app(folder, port) as again:
-            with chromium().opened(again.address):
+            with chromium().opened(again.address, beside=tab):
                 """Its new token becomes the cookie of all tabs."""
             tab.call("Page.bringToFront")  # else it is not painted
             wait(tab, RESUME, 60)

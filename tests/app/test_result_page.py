@@ -373,7 +373,7 @@ def test_the_pages_of_the_history_are_made_and_shown(folder: Path, tmp_path: Pat
         assert [own["serial"] for own in answer["arms"]] == ["16-5"]
         assert answer["as_of"] == tab.value("document.getElementById('drift-day').value")
         wait(tab, "document.getElementById('drift-alone').href.endsWith('fleet.html')")
-        with chromium().opened(f"{root(address)}report/history/fleet.html", size) as page:
+        with chromium().opened(f"{root(address)}report/history/fleet.html", size, beside=tab) as page:
             page.value("document.querySelector('th a').click()")
             wait(page, "document.title === 'Arm 16-5'")
         arm = "document.getElementById('drift-arm')"
