@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
 import socket
-import subprocess
 import sys
 import time
 import urllib.error
@@ -13,12 +11,10 @@ import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from app_page import request, root
-from child import ZEROBEAM, child
+from app_page import App, app, request, root
 
 MB = 10**6
 LONGEST = 64 * MB  # of one body
@@ -28,11 +24,7 @@ PROC = pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /
 pytestmark = [pytest.mark.long, PROC]
 
 
-@dataclass(frozen=True)
-class Server:
-    process: subprocess.Popen[str]
-    address: str
-
+class Server(App):
     @property
     def port(self) -> int:
         return int(root(self.address).rstrip("/").rpartition(":")[2])
@@ -45,8 +37,7 @@ class Server:
         return int(found[1]) * 1024
 
     def files(self) -> set[str]:
-        with urllib.request.urlopen(request(self.address, "api/files"), timeout=60) as answer:
-            return {row["path"] for row in json.load(answer)}
+        return {row["path"] for row in self.ask("files")}
 
     def answers_again(self) -> bool:
         """Whether it does within half a minute: it has to see first that somebody is gone."""
@@ -73,10 +64,8 @@ class Server:
 
 @pytest.fixture
 def server(root: Path) -> Iterator[Server]:
-    command = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir", str(root)]
-    with child(command, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        yield Server(process, process.stdout.readline().removeprefix("The app: ").strip())
+    with app(root) as opened:
+        yield Server(*opened)
 
 
 def answered(connection: socket.socket) -> int:

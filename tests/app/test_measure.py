@@ -8,7 +8,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pytest
 from app_jobs import begun, ended, events
 from cells import good_plan
 from child import ZEROBEAM, child
@@ -35,7 +34,7 @@ def asking(client: TestClient, job: str) -> None:
         time.sleep(0.02)
 
 
-def test_a_run_by_hand_is_led_and_paused(client: TestClient, root: Path) -> None:
+def test_a_run_by_hand_is_led_paused_and_gone_on_with(client: TestClient, root: Path) -> None:
     plan = good_plan(3)
     plan_file(root / "short.yaml", plan)
     rows = [", ".join(map(repr, row)) for row in (plan.postures * plan.robot.display).tolist()]
@@ -53,21 +52,11 @@ def test_a_run_by_hand_is_led_and_paused(client: TestClient, root: Path) -> None
     state = client.get("/api/run", params={"file": "hand.jsonl"}).json()
     assert (state["recorded"], state["postures"], state["ended"]) == ([0], 3, False)
     assert state["resume"] == open_run["resume"]
-
-
-@pytest.mark.long
-def test_a_run_by_hand_is_gone_on_with(client: TestClient, root: Path) -> None:
-    plan = good_plan(3)
-    plan_file(root / "short.yaml", plan)
-    rows = [", ".join(map(repr, row)) for row in (plan.postures * plan.robot.display).tolist()]
-    for words in (f"{rows[0]}\npause", "\n".join(rows[1:])):
-        unfinished = client.get("/api/unfinished").json()
-        first = ["run", "short.yaml", "-o=h.jsonl", "--rig=manual"]
-        job = begun(client, *(unfinished[0]["resume"] if unfinished else first))
-        asking(client, job)
-        line(client, job, words)
-        assert ended(client, job)["state"] == "done"
-    assert [shot.shot for shot in read_run(root / "h.jsonl").shots] == [0, 1, 2]
+    job = begun(client, *open_run["resume"])
+    asking(client, job)
+    line(client, job, "\n".join(rows[1:]))
+    assert ended(client, job)["state"] == "done"
+    assert [shot.shot for shot in read_run(root / "hand.jsonl").shots] == [0, 1, 2]
     assert client.get("/api/unfinished").json() == []
 
 
@@ -106,11 +95,7 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
 def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:
     """The control: with the other end open it would wait for lines for ever."""
     command = [*ZEROBEAM, "run", str(root / "plan.yaml"), "-o", str(root / "n.jsonl"), "--rig=manual"]
-    own = {
-        "stdin": subprocess.PIPE,
-        "stderr": subprocess.PIPE,
-        "env": os.environ | {ATTENDED: "1"},
-    }
+    own = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE, "env": os.environ | {ATTENDED: "1"}}
     with child([*command, "--json-lines"], **own) as process:
         assert process.stdin is not None
         assert process.stdout is not None

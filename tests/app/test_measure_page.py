@@ -12,18 +12,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from app_page import App, app, give, root, touch, wait
+from app_page import SCREENS, App, app, give, root, touch, wait
 from cells import good_plan
 from child import ZEROBEAM, child
-from chromium import LAPTOP, PHONE, Size, Tab, chromium
+from chromium import LAPTOP, Size, Tab, chromium
 from command_line import plan_file, zerobeam
 
 from zerobeam.model.files.run import read_run
 
 pytestmark = pytest.mark.browser
 
-TABLET = Size(820, 1180, dark=True)
-SIZES = {"laptop": LAPTOP, "tablet": TABLET, "phone": PHONE}
 NAME = "<img src=x onerror=alert(1)>.yaml"
 NOW = "document.getElementById('measure-now').textContent"
 STOP = "document.getElementById('measure-stop')"
@@ -105,10 +103,10 @@ def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> Non
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", SCREENS)
 def test_the_place_leaves_nobody_out(server: App, size: str) -> None:
     """Before, while, and after; by touch where there is no mouse. Nothing is asked of others."""
-    with measure(server, "long.yaml", size=SIZES[size]) as tab:
+    with measure(server, "long.yaml", size=SCREENS[size]) as tab:
         assert (tab.accessibility(), tab.overflow()) == ([], 0)
         start(tab)
         wait(tab, ROWS)
@@ -165,7 +163,7 @@ def test_the_page_offers_to_resume_once_a_killed_server_is_back(server: App, fol
         wait(tab, f"{NOW}.startsWith('The connection to the server is lost.')")
         port = int(root(server.address).rstrip("/").rpartition(":")[2])
         with app(folder, port) as again:
-            with chromium().opened(again.address):
+            with chromium().opened(again.address, beside=tab):
                 """Its new token becomes the cookie of all tabs."""
             tab.call("Page.bringToFront")  # else it is not painted
             wait(tab, RESUME, 60)
@@ -181,7 +179,7 @@ def test_the_page_offers_to_resume_once_a_killed_server_is_back(server: App, fol
 def test_a_person_is_led_and_a_doubt_is_said_at_the_field(server: App, folder: Path, size: str) -> None:
     plan = good_plan(3)
     rows = [", ".join(f"{value:.4f}" for value in row) for row in plan.postures * plan.robot.display]
-    with measure(server, NAME, "manual", SIZES[size]) as tab:
+    with measure(server, NAME, "manual", SCREENS[size]) as tab:
         give(tab, "document.getElementById('measure-file')", "hand.jsonl")
         start(tab)
         wait(tab, f"{ASKED}.startsWith('Posture 1 of 3')")
@@ -226,7 +224,7 @@ def test_a_robot_moves_once_a_person_has_confirmed(server: App, folder: Path, tm
         assert there.stdout is not None
         lines = itertools.takewhile(lambda line: "Ctrl-C" not in line, there.stdout)
         numbers = [re.findall(r"\d+", line)[-1] for line in lines]
-        with measure(server, "two.yaml", "abb", TABLET) as tab:
+        with measure(server, "two.yaml", "abb", SCREENS["tablet"]) as tab:
             stated = dict(zip(("port", "egm-port", "sensor-port"), numbers, strict=True))
             stated |= {"host": "127.0.0.1", "password": "robotics", "speed": "1"}
             for name, value in stated.items():

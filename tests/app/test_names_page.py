@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from app_page import app, give, wait
 from cells import good_plan
-from child import ZEROBEAM, child
 from chromium import LAPTOP, Tab, chromium
 from command_line import zerobeam
 
@@ -57,10 +55,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(folder: Path) -> Iterator[str]:
-    command = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir", str(folder)]
-    with child(command, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().removeprefix("The app: ").strip()
+    with app(folder) as server:
+        yield server.address
+
+
+def choose(tab: Tab, which: str, value: str) -> None:
+    field = f"document.getElementById({which!r})"
+    wait(tab, f"[...{field}.options].some((o) => o.value === {json.dumps(value)})")
+    give(tab, field, value)
 
 
 @contextmanager
@@ -72,22 +74,6 @@ def place(address: str, where: str) -> Iterator[Tab]:
         assert tab.value("document.querySelectorAll('img').length") == 0
         assert tab.dialogs == []
         assert tab.console == []
-
-
-def wait(tab: Tab, condition: str) -> None:
-    end = time.monotonic() + 30
-    while not tab.value(f"Boolean({condition})"):
-        assert time.monotonic() < end, f"never: {condition}; {tab.text}"
-        time.sleep(0.05)
-
-
-def choose(tab: Tab, which: str, value: str) -> None:
-    field = f"document.getElementById({which!r})"
-    wait(tab, f"[...{field}.options].some((o) => o.value === {json.dumps(value)})")
-    tab.value(
-        f"(() => {{ {field}.value = {json.dumps(value)};"
-        f" {field}.dispatchEvent(new Event('change', {{bubbles: true}})); }})()"
-    )
 
 
 def test_import(address: str) -> None:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from app_page import app, give, root, wait
+from app_page import SCREENS, app, give, root, wait
 from cells import good_plan, pattern_plan
-from chromium import LAPTOP, PHONE, Size, Tab, chromium
+from chromium import LAPTOP, Size, Tab, chromium
 from command_line import plan_file
 
 from zerobeam.model.files.plan import read_plan
 
 pytestmark = pytest.mark.browser
 
-SIZES = {"laptop": LAPTOP, "tablet": Size(820, 1180, dark=True), "phone": PHONE}
-NAME = "<img src=x onerror=alert(1)>.yaml"
 U2 = "document.querySelector('#plan-table [data-of=delta2] .u').textContent"
 VERDICT = "document.getElementById('plan-verdict').textContent"
 SAVED = "document.getElementById('plan-saved').textContent"
@@ -26,12 +23,11 @@ SAVED = "document.getElementById('plan-saved').textContent"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """plan.yaml, a copy whose name is a piece of HTML, and the X-Pattern, in which joint 1 does not move."""
+    """plan.yaml, and the X-Pattern, in which joint 1 does not move."""
     chromium()
     made = tmp_path_factory.mktemp("page") / "dir"
     made.mkdir()
     plan_file(made / "plan.yaml", good_plan(7))
-    shutil.copy(made / "plan.yaml", made / NAME)
     plan_file(made / "x.yaml", pattern_plan("x"))
     return made
 
@@ -54,20 +50,6 @@ def plan(address: str, file: str, size: Size = LAPTOP) -> Iterator[Tab]:
 
 def joint(number: int, kind: str = "range", place: str = "plan") -> str:
     return f"document.querySelector('#{place}-joints [data-joint=\"{number - 1}\"] input[type={kind}]')"
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("size", SIZES)
-def test_both_places_load_from_the_server_alone_and_leave_nobody_out(address: str, size: str) -> None:
-    with plan(address, "plan.yaml", SIZES[size]) as tab:
-        for place in ("plan", "robot"):
-            tab.value(f"location.hash = '{place}'")
-            wait(tab, f"document.querySelector('#{place}:not([hidden]) .joint')")
-            assert tab.accessibility() == []
-            assert tab.overflow() == 0
-        assert tab.console == []
-        assert tab.asked
-        assert [url for url in tab.asked if not url.startswith(root(address))] == []
 
 
 def test_u_follows_a_joint_and_undo_takes_it_back(address: str) -> None:
@@ -159,14 +141,6 @@ def test_a_plan_is_begun_with_a_robot(address: str) -> None:
 
 
 @pytest.mark.long
-def test_a_name_is_shown_as_it_is(address: str) -> None:
-    with plan(address, NAME) as tab:
-        assert tab.value("document.getElementById('plan-file').value") == NAME
-        assert tab.value("document.querySelectorAll('img').length") == 0
-        assert tab.dialogs == []
-
-
-@pytest.mark.long
 def test_the_pose_follows_the_joints_of_a_robot(address: str) -> None:
     with chromium().opened(f"{address}#robot") as tab:
         wait(tab, "document.querySelector('#robot-pose td')")
@@ -176,3 +150,14 @@ def test_the_pose_follows_the_joints_of_a_robot(address: str) -> None:
         give(tab, joint(1, place="robot"), 90)
         wait(tab, f"{pose}.includes('232.90 mm, −817.20 mm, 62.80 mm')")
         assert tab.console == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("size", SCREENS)
+def test_the_place_robot_loads_from_the_server_alone_and_leaves_nobody_out(address: str, size: str) -> None:
+    """The place Plan, opened up, is in test_plan_page.py."""
+    with chromium().opened(f"{address}#robot", SCREENS[size]) as tab:
+        wait(tab, "document.querySelector('#robot:not([hidden]) .joint')")
+        assert (tab.accessibility(), tab.overflow(), tab.console) == ([], 0, [])
+        assert tab.asked
+        assert [url for url in tab.asked if not url.startswith(root(address))] == []

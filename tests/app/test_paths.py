@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 import typer.main
 from app_jobs import begun, ended
-from arm_with_meshes import URDF
 from cells import good_plan
 from command_line import plan_file
 from starlette.testclient import TestClient
@@ -49,18 +48,8 @@ NAMES = {
 }
 # The fields of what is sent in which a person names a file, and those in which nobody does.
 PATHS = {"file", "files", "robot", "beside", "run", "posterior", "plan", "header"}
-OTHERS = {
-    "scene",
-    "obstacles",
-    "postures",
-    "header_row",
-    "delimiter",
-    "decimal",
-    "columns",
-    "units",
-    "lengths",
-}
-OTHERS |= {"reversed_joints", "j3", "joints_deg", "without", "ranges"}
+OTHERS = {"scene", "obstacles", "postures", "header_row", "delimiter", "decimal", "columns", "units"}
+OTHERS |= {"lengths", "reversed_joints", "j3", "joints_deg", "without", "ranges"}
 
 
 def _urdf(name: str) -> dict[str, str]:
@@ -74,27 +63,24 @@ def _get(path: str) -> Ask:
     return lambda client, plan, name: client.get(path, params={"file": name})
 
 
-def _send(method: str, path: str, **body: Any) -> Ask:
+def _send(method: str, path: str, body: dict[str, Any]) -> Ask:
     """`NAME` and `URDF` in the body are the name and a chain of it, `PLAN` a plan with more."""
 
-    def filled(value: Any, plan: dict[str, Any], name: str) -> Any:
+    def filled(value: Any, words: dict[str, Any]) -> Any:
         if isinstance(value, dict):
-            return {key: filled(each, plan, name) for key, each in value.items()}
+            return {key: filled(each, words) for key, each in value.items()}
         if isinstance(value, list):
-            return [filled(each, plan, name) for each in value]
-        plans = {
-            "PLAN": plan,
-            "PLAN OF": plan | {"robot": name},
-            "PLAN OF URDF": plan | {"robot": _urdf(name)},
-        }
-        headers = {f"HEADER{key[4:]}": _header(own) for key, own in plans.items()}
-        return (
-            ({"NAME": name, "URDF": _urdf(name)} | plans | headers).get(value, value)
-            if isinstance(value, str)
-            else value
-        )
+            return [filled(each, words) for each in value]
+        return words.get(value, value) if isinstance(value, str) else value
 
-    return lambda client, plan, name: client.request(method, path, json=filled(body, plan, name))
+    def ask(client: TestClient, plan: dict[str, Any], name: str) -> Any:
+        plans = {"": plan, " OF": plan | {"robot": name}, " OF URDF": plan | {"robot": _urdf(name)}}
+        words = {"NAME": name, "URDF": _urdf(name)}
+        for which, content in plans.items():
+            words |= {f"PLAN{which}": content, f"HEADER{which}": _header(content)}
+        return client.request(method, path, json=filled(body, words))
+
+    return ask
 
 
 def _header(plan: dict[str, Any]) -> dict[str, Any]:
@@ -102,51 +88,43 @@ def _header(plan: dict[str, Any]) -> dict[str, Any]:
 
 
 BOXES = {"floor_mm": 0.0, "boxes": {}}
-# By end point and field.
+# What is sent, by end point and field.
+SENT: dict[str, dict[str, Any]] = {
+    "PUT /api/plan file": {"file": "NAME", "plan": "PLAN"},
+    "PUT /api/plan plan": {"file": "new.yaml", "plan": "PLAN OF"},
+    "PUT /api/plan plan of URDF": {"file": "new.yaml", "plan": "PLAN OF URDF"},
+    "PUT /api/obstacles file": {"file": "NAME", "obstacles": BOXES},
+    "PUT /api/header file": {"file": "NAME", "header": "HEADER"},
+    "PUT /api/header header": {"file": "new.yaml", "header": "HEADER OF"},
+    "PUT /api/header header of URDF": {"file": "new.yaml", "header": "HEADER OF URDF"},
+    "POST /api/header/check file": {"file": "NAME", "header": "HEADER"},
+    "POST /api/header/check header": {"file": "new.yaml", "header": "HEADER OF"},
+    "POST /api/check file": {"file": "NAME", "plan": "PLAN"},
+    "POST /api/check plan": {"plan": "PLAN OF"},
+    "POST /api/check plan of URDF": {"plan": "PLAN OF URDF"},
+    "POST /api/without file": {"file": "NAME", "plan": "PLAN", "postures": [0]},
+    "POST /api/without plan": {"plan": "PLAN OF", "postures": [0]},
+    "POST /api/recording file": {"file": "NAME"},
+    "POST /api/columns files": {"files": ["NAME"], "robot": "irb1600"},
+    "POST /api/columns robot": {"files": ["plan.yaml"], "robot": "NAME"},
+    "POST /api/columns robot URDF": {"files": ["plan.yaml"], "robot": "URDF"},
+    "POST /api/columns beside": {"files": ["plan.yaml"], "robot": "irb1600", "beside": "NAME"},
+    "POST /api/robot robot": {"robot": "NAME"},
+    "POST /api/robot robot URDF": {"robot": "URDF"},
+    "POST /api/meshes robot": {"robot": "URDF"},
+    "POST /api/refit run": {"run": "NAME"},
+    "POST /api/brush posterior": {"posterior": "NAME", "run": "run.jsonl", "ranges": {}},
+    "POST /api/brush run": {"posterior": "posterior.nc", "run": "NAME", "ranges": {}},
+}
 REQUESTS: dict[str, Ask] = {
     **{
-        f"GET {path} file": _get(path)
-        for path in (
-            "/api/plan",
-            "/api/obstacles",
-            "/api/header",
-            "/api/result",
-            "/api/posterior",
-            "/api/run",
-        )
+        f"GET /api/{name} file": _get(f"/api/{name}")
+        for name in ("plan", "obstacles", "header", "result", "posterior", "run", "file", "archive")
     },
-    "GET /api/file file": _get("/api/file"),
-    "GET /api/archive file": _get("/api/archive"),
+    **{key: _send(*key.split()[:2], body) for key, body in SENT.items()},
     "PUT /api/file file": lambda client, plan, name: client.put(
         "/api/file", params={"file": name}, content=b"x"
     ),
-    "PUT /api/plan file": _send("PUT", "/api/plan", file="NAME", plan="PLAN"),
-    "PUT /api/plan plan": _send("PUT", "/api/plan", file="new.yaml", plan="PLAN OF"),
-    "PUT /api/plan plan of URDF": _send("PUT", "/api/plan", file="new.yaml", plan="PLAN OF URDF"),
-    "PUT /api/obstacles file": _send("PUT", "/api/obstacles", file="NAME", obstacles=BOXES),
-    "PUT /api/header file": _send("PUT", "/api/header", file="NAME", header="HEADER"),
-    "PUT /api/header header": _send("PUT", "/api/header", file="new.yaml", header="HEADER OF"),
-    "PUT /api/header header of URDF": _send("PUT", "/api/header", file="new.yaml", header="HEADER OF URDF"),
-    "POST /api/header/check file": _send("POST", "/api/header/check", file="NAME", header="HEADER"),
-    "POST /api/header/check header": _send("POST", "/api/header/check", file="new.yaml", header="HEADER OF"),
-    "POST /api/check file": _send("POST", "/api/check", file="NAME", plan="PLAN"),
-    "POST /api/check plan": _send("POST", "/api/check", plan="PLAN OF"),
-    "POST /api/check plan of URDF": _send("POST", "/api/check", plan="PLAN OF URDF"),
-    "POST /api/without file": _send("POST", "/api/without", file="NAME", plan="PLAN", postures=[0]),
-    "POST /api/without plan": _send("POST", "/api/without", plan="PLAN OF", postures=[0]),
-    "POST /api/recording file": _send("POST", "/api/recording", file="NAME"),
-    "POST /api/columns files": _send("POST", "/api/columns", files=["NAME"], robot="irb1600"),
-    "POST /api/columns robot": _send("POST", "/api/columns", files=["plan.yaml"], robot="NAME"),
-    "POST /api/columns robot URDF": _send("POST", "/api/columns", files=["plan.yaml"], robot="URDF"),
-    "POST /api/columns beside": _send(
-        "POST", "/api/columns", files=["plan.yaml"], robot="irb1600", beside="NAME"
-    ),
-    "POST /api/robot robot": _send("POST", "/api/robot", robot="NAME"),
-    "POST /api/robot robot URDF": _send("POST", "/api/robot", robot="URDF"),
-    "POST /api/meshes robot": _send("POST", "/api/meshes", robot="URDF"),
-    "POST /api/refit run": _send("POST", "/api/refit", run="NAME"),
-    "POST /api/brush posterior": _send("POST", "/api/brush", posterior="NAME", run="run.jsonl", ranges={}),
-    "POST /api/brush run": _send("POST", "/api/brush", posterior="posterior.nc", run="NAME", ranges={}),
     "GET /report": lambda client, plan, name: client.get(f"/report/{name.replace(chr(0), '%00')}"),
     "GET /shown": lambda client, plan, name: client.get(f"/shown/{'0' * 32}/{name.replace(chr(0), '%00')}"),
 }
@@ -213,10 +191,10 @@ def test_the_table_has_every_field(client: TestClient) -> None:
         assert path in named | without, path
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "", "."])
 @pytest.mark.usefixtures("unchanged")
 def test_no_request_leads_out(client: TestClient, there: Path, content: dict[str, Any], name: str) -> None:
-    named = NAMES[name].replace("ABSOLUTE", str(there.parent / "outside.yaml"))
+    named = NAMES.get(name, name).replace("ABSOLUTE", str(there.parent / "outside.yaml"))
     for asked, ask in REQUESTS.items():
         if asked.startswith("GET /report") and name in ("absolute", "system", "traversal", "inner traversal"):
             continue  # a client makes another address of it
@@ -226,8 +204,8 @@ def test_no_request_leads_out(client: TestClient, there: Path, content: dict[str
         ), asked
         assert SECRET not in answer.text, asked
         assert str(there) not in answer.text.replace(named, ""), asked
-    (line,) = [row["path"] for row in client.get("/api/files").json() if row["path"] == "plan.yaml"]
-    assert line
+    listed = {row["path"] for row in client.get("/api/files").json()}
+    assert listed == {"plan.yaml", "run.jsonl", "arm.yaml", "posterior.nc"}
 
 
 def test_the_control_of_requests(client: TestClient, there: Path, content: dict[str, Any]) -> None:
@@ -283,26 +261,20 @@ def test_the_control_of_runs(client: TestClient, there: Path) -> None:
 
 
 @pytest.mark.usefixtures("unchanged")
-def test_no_plan_header_or_urdf_leads_out(client: TestClient, there: Path) -> None:
+def test_no_plan_or_header_leads_out(client: TestClient, there: Path) -> None:
     plan = good_plan(3)
-    made = [there / "p.yaml", there / "h.yaml", there / "arm.urdf"]
+    made = [there / "p.yaml", there / "h.yaml"]
     plan_file(made[0], plan)
     made[0].write_text(made[0].read_text().replace("robot: irb1600", "robot: ../outside.yaml"))
     made[1].write_text(
         made[0].read_text().partition("postures_deg")[0].replace("schema: zerobeam/plan/1\n", "")
     )
-    made[2].write_text(URDF.format(last="../outside.stl"))
-    (there.parent / "outside.stl").write_text(SECRET)
-    (there / "upper.obj").symlink_to(there.parent / "outside.stl")
     for path in ("/api/plan", "/api/header"):
         for file in ("p.yaml", "h.yaml"):
             answer = client.get(path, params={"file": file})
             assert answer.status_code == 400
             assert SECRET not in answer.text
-    shown = client.post("/api/meshes", json={"robot": _urdf("arm.urdf")}).json()
-    assert shown["meshes"] == []
-    assert sum("not below the app's folder" in note for note in shown["notes"]) == 2
-    for file in (*made, there / "upper.obj", there.parent / "outside.stl"):
+    for file in made:
         file.unlink()
 
 
@@ -341,11 +313,8 @@ def _commands() -> Iterator[tuple[list[str], dict[str, str], list[str]]]:
     """The words, the options that name files, and the files of each command that jobs carry out."""
     for name, (files, options) in ALLOWED.items():
         needed = {key: "new" for key, kind in options.items() if kind == "write"}
-        yield (
-            list(name),
-            needed | {key: "plan.yaml" for key, kind in options.items() if kind == "read"},
-            ["plan.yaml"] * files,
-        )
+        read = {key: "plan.yaml" for key, kind in options.items() if kind == "read"}
+        yield list(name), needed | read, ["plan.yaml"] * files
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -395,14 +364,19 @@ def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:
             job_command(folder, command)
 
 
-def test_an_option_that_takes_a_path_is_one_that_is_resolved() -> None:
+def test_every_allowed_option_exists_and_one_that_takes_a_path_is_resolved() -> None:
     """By the commands' own types; an option of which a value is text cannot name a file."""
     found = set()
-    for name, (_, options) in ALLOWED.items():
+    for name, (files, options) in ALLOWED.items():
         command: Any = typer.main.get_command(app)
         words = list(name)
         while hasattr(command, "commands"):
             command = command.commands[words.pop(0)]
+        known = {text for own in command.params for text in (*own.opts, *own.secondary_opts)}
+        assert set(options) <= known, name
+        assert ("--out" in options) == ("--out" in known), name
+        asked = [own for own in command.params if own.param_type_name == "argument"]
+        assert len(words) + files <= len(asked) or any(own.nargs == -1 for own in asked), name
         hints = typing.get_type_hints(inspect.unwrap(command.callback))
         for own in command.params:
             for key in set(own.opts) & set(options):

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
 import pytest
-from app_page import app, give, root, wait
+from app_page import SCREENS, app, give, root, wait
 from arm_with_meshes import URDF, stl
 from cells import good_plan, pattern_plan
-from chromium import LAPTOP, PHONE, Size, Tab, chromium
+from chromium import LAPTOP, Size, Tab, chromium
 from command_line import plan_file
 
 from zerobeam.experiments.plans.obstacles import read_obstacles
@@ -20,7 +21,6 @@ from zerobeam.model.files.plan import read_plan
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
-SIZES = {"laptop": LAPTOP, "tablet": Size(820, 1180, dark=True), "phone": PHONE}
 HTML = "<img src=x onerror=alert(1)>"
 U2 = "document.querySelector('#plan-table [data-of=delta2] .u').textContent"
 SETTLED = "!document.querySelector('#plan .pending')"
@@ -47,14 +47,20 @@ def address(folder: Path) -> Iterator[str]:
         yield served.address
 
 
-@pytest.fixture
-def tab(address: str) -> Iterator[Tab]:
-    """plan.yaml, opened by its address."""
-    with chromium().opened(f"{address}#plan/plan.yaml") as opened:
+@contextmanager
+def plan(address: str, size: Size = LAPTOP) -> Iterator[Tab]:
+    """plan.yaml, opened by its address and checked."""
+    with chromium().opened(f"{address}#plan/plan.yaml", size) as opened:
         wait(opened, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
         yield opened
         assert faults(opened) == []
         assert opened.dialogs == []
+
+
+@pytest.fixture
+def tab(address: str) -> Iterator[Tab]:
+    with plan(address) as opened:
+        yield opened
 
 
 def element(name: str) -> str:
@@ -77,10 +83,9 @@ def rows(tab: Tab, name: str) -> list[list[str]]:
     return [[" ".join(cell.split()) for cell in row] for row in found]
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", SCREENS)
 def test_everything_opened_leaves_nobody_out(address: str, size: str) -> None:
-    with chromium().opened(f"{address}#plan/plan.yaml", SIZES[size]) as tab:
-        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
+    with plan(address, SCREENS[size]) as tab:
         for name in ("make", "adds-table", "beside-with", "plan-constraints", "obstacles-open", "program"):
             show(tab, name)
         give(tab, element("beside-with"), "x.yaml")
@@ -94,6 +99,11 @@ def test_everything_opened_leaves_nobody_out(address: str, size: str) -> None:
             " && e.getBoundingClientRect().height < 39).map((e) => e.textContent)"
         )
         assert low == []
+        clipped = tab.value(
+            "[...document.querySelectorAll('#plan .joint input[type=number]')].filter((e) => {"
+            " e.value = '-145.0028'; return e.scrollWidth > e.clientWidth; }).length"
+        )
+        assert clipped == 0
         assert tab.console == []
         assert [url for url in tab.asked if not url.startswith(root(address))] == []
 
@@ -155,9 +165,11 @@ def test_what_each_posture_adds_follows_the_plan(tab: Tab) -> None:
     wait(tab, "document.querySelectorAll('#adds-table tbody tr').length === 6")
 
 
-def test_the_target_is_dragged_by_mouse_and_by_touch(tab: Tab) -> None:
-    field = "document.querySelector('#plan-targets input[type=number]')"
-    # Where the target is drawn is found by moving the pointer until it would move something.
+def drag(tab: Tab) -> tuple[float, float]:
+    """Move the topmost thing that can be moved 40 pixels to the right; where it was taken hold of.
+
+    It is found by moving the pointer until the cursor says so.
+    """
     found = tab.value(
         "(() => { const c = document.querySelector('canvas'), box = c.getBoundingClientRect();"
         " for (let y = box.top; y < box.bottom; y += 6) for (let x = box.left; x < box.right; x += 6) {"
@@ -167,12 +179,18 @@ def test_the_target_is_dragged_by_mouse_and_by_touch(tab: Tab) -> None:
     )
     assert found is not None
     x, y = found
-    before, u = float(tab.value(f"{field}.value")), tab.value(U2)
     mouse = {"button": "left", "buttons": 1, "clickCount": 1}
     tab.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **mouse)
     for step in range(1, 6):
         tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 8 * step, y=y, **mouse)
     tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, y=y, **mouse)
+    return x, y
+
+
+def test_the_target_is_dragged_by_mouse_and_by_touch(tab: Tab) -> None:
+    field = "document.querySelector('#plan-targets input[type=number]')"
+    before, u = float(tab.value(f"{field}.value")), tab.value(U2)
+    x, y = drag(tab)
     wait(tab, f"{U2} !== {u!r} && {SETTLED}")
     after = float(tab.value(f"{field}.value"))
     assert abs(after - before) > 20
@@ -280,17 +298,6 @@ def test_meshes_axes_and_frames_of_a_urdf(address: str) -> None:
         assert tab.dialogs == []
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_a_field_shows_all_digits_of_what_it_has(address: str, size: str) -> None:
-    with chromium().opened(f"{address}#plan/plan.yaml", SIZES[size]) as tab:
-        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
-        clipped = tab.value(
-            "[...document.querySelectorAll('#plan .joint input[type=number]')].filter((e) => {"
-            " e.value = '-145.0028'; return e.scrollWidth > e.clientWidth; }).length"
-        )
-        assert clipped == 0
-
-
 def test_a_changed_joint_leaves_the_rows_of_other_postures_alone(tab: Tab) -> None:
     tab.value(
         "window.rewritten = new Set(); new MutationObserver((all) => { for (const one of all)"
@@ -304,8 +311,7 @@ def test_a_changed_joint_leaves_the_rows_of_other_postures_alone(tab: Tab) -> No
 
 
 def test_a_plan_is_made_edited_compared_and_saved_by_the_keyboard_alone(address: str, folder: Path) -> None:
-    with chromium().opened(f"{address}#plan/plan.yaml") as tab:
-        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
+    with plan(address) as tab:
         reach(tab, "#make-box > summary")
         press(tab, "Enter")
         for name, value in {"shots": "6", "candidates": "300", "file": "by-keys.yaml"}.items():
@@ -369,19 +375,7 @@ def test_a_box_is_dragged_in_the_picture(tab: Tab) -> None:
     )
     wait(tab, "window.drawn?.[0]?.max[2] === 700")
     before = tab.value(corners)
-    found = tab.value(
-        "(() => { const c = document.querySelector('canvas'), box = c.getBoundingClientRect(), all = [];"
-        " for (let y = box.top; y < box.bottom; y += 6) for (let x = box.left; x < box.right; x += 6) {"
-        " c.dispatchEvent(new PointerEvent('pointermove', {clientX: x, clientY: y, pointerType: 'mouse'}));"
-        " if (c.style.cursor === 'move') all.push([x, y]); } return all[0]; })()"  # the topmost
-    )
-    assert found is not None
-    x, y = found
-    mouse = {"button": "left", "buttons": 1, "clickCount": 1}
-    tab.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **mouse)
-    for step in range(1, 6):
-        tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 8 * step, y=y, **mouse)
-    tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, y=y, **mouse)
+    drag(tab)
     after = tab.value(corners)
     moved = [b - a for a, b in zip(before, after, strict=True)]
     assert moved[:3] == moved[3:]
@@ -391,7 +385,7 @@ def test_a_box_is_dragged_in_the_picture(tab: Tab) -> None:
 
 
 def test_axes_frames_and_meshes_of_the_chosen_posture(address: str, folder: Path) -> None:
-    plan = {
+    content = {
         "schema": "zerobeam/plan/1",
         "robot": {"urdf": "arm.urdf", "base": "base", "tip": "flange"},
         "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
@@ -399,7 +393,7 @@ def test_axes_frames_and_meshes_of_the_chosen_posture(address: str, folder: Path
         "targets": {"psd": {"guess_mm": [1500, 0, 400]}},
         "postures_deg": [[0, 0], [10, 5], [-10, 5]],
     }
-    (folder / "sub" / "urdf.yaml").write_text(json.dumps(plan))
+    (folder / "sub" / "urdf.yaml").write_text(json.dumps(content))
     with chromium().opened(f"{address}#plan") as tab:
         wait(tab, "document.querySelector('#plan-open optgroup')")
         tab.value(

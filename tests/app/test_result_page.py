@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -14,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app_page import root
-from child import ZEROBEAM, child
+from app_page import SCREENS, app, root, wait
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
 
 import zerobeam as zb
@@ -25,7 +23,6 @@ from zerobeam.model.files.run import write_run
 
 pytestmark = pytest.mark.browser
 
-SIZES = {"laptop": Size(1440, 900), "tablet": Size(820, 1180, dark=True), "phone": PHONE}
 NAME = "<img src=x onerror=alert(1)>"
 VERDICT = "document.getElementById('result-verdict').textContent"
 WITHOUT = "document.getElementById('result-without').textContent"
@@ -35,22 +32,6 @@ CHANGES = (
     ".map((e) => e.textContent)"
 )
 DRAWN = "document.querySelector('#result-plot canvas').toDataURL()"
-
-
-@contextmanager
-def served(folder: Path) -> Iterator[str]:
-    chromium()
-    command = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir", str(folder)]
-    with child(command, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().removeprefix("The app: ").strip()
-
-
-def wait(tab: Tab, condition: str, seconds: float = 30) -> None:
-    end = time.monotonic() + seconds
-    while not tab.value(f"Boolean({condition})"):
-        assert time.monotonic() < end, f"never: {condition}"
-        time.sleep(0.02)
 
 
 @contextmanager
@@ -71,11 +52,12 @@ def cell(name: str, column: str) -> str:
 
 @pytest.fixture(scope="module")
 def quick(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    chromium()
     folder = tmp_path_factory.mktemp("result-page") / "dir"
     shutil.copytree(reported, folder)
     shutil.copytree(folder / "good", folder / NAME)
-    with served(folder) as address:
-        yield address
+    with app(folder) as server:
+        yield server.address
 
 
 def test_a_measurement_is_left_out_and_taken_back(quick: str, reported: Path) -> None:
@@ -122,12 +104,10 @@ def test_an_odd_file_is_one_clear_error(quick: str) -> None:
         assert tab.value("document.getElementById('result-work').hidden")
 
 
-# ── a folder with real reports ────────────────────────────────────────────────────────────────
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Runs of one serial number, two with reports and two without; one that the model does not describe."""
+    chromium()
     made = tmp_path_factory.mktemp("results") / "dir"
     made.mkdir()
     good = zb.read_run(demo_runs()[0].path)
@@ -162,15 +142,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(folder: Path) -> Iterator[str]:
-    with served(folder) as place:
-        yield place
+    with app(folder) as server:
+        yield server.address
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("file", ["run0/result.json", "odd/result.json"])
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", SCREENS)
 def test_it_loads_from_the_server_alone_and_leaves_nobody_out(address: str, size: str, file: str) -> None:
-    with result(address, file, SIZES[size]) as tab:
+    with result(address, file, SCREENS[size]) as tab:
         tab.value(f"{box(1)}.click()")
         wait(tab, "!document.getElementById('result-refit').hidden")
         assert tab.accessibility() == []
@@ -375,12 +355,13 @@ def test_a_notebook_of_this_machine_frames_its_own_app_alone(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
+@pytest.mark.parametrize("size", SCREENS.values(), ids=SCREENS)
 def test_the_pages_of_the_history_are_made_and_shown(folder: Path, tmp_path: Path, size: Size) -> None:
     there = tmp_path / "dir"
     shutil.copytree(folder, there)
     shutil.rmtree(there / "history", ignore_errors=True)
-    with served(there) as address, chromium().opened(f"{address}#result", size) as tab:
+    with app(there) as server, chromium().opened(f"{server.address}#result", size) as tab:
+        address = server.address
         wait(tab, "document.getElementById('drift-about').textContent.includes('of 1 arm')")
         tab.value("document.getElementById('drift-do').click()")
         wait(tab, "document.getElementById('drift-frame').src", 120)
@@ -392,7 +373,7 @@ def test_the_pages_of_the_history_are_made_and_shown(folder: Path, tmp_path: Pat
         assert [own["serial"] for own in answer["arms"]] == ["16-5"]
         assert answer["as_of"] == tab.value("document.getElementById('drift-day').value")
         wait(tab, "document.getElementById('drift-alone').href.endsWith('fleet.html')")
-        with chromium().opened(f"{root(address)}report/history/fleet.html", size) as page:
+        with chromium().opened(f"{root(address)}report/history/fleet.html", size, beside=tab) as page:
             page.value("document.querySelector('th a').click()")
             wait(page, "document.title === 'Arm 16-5'")
         arm = "document.getElementById('drift-arm')"

@@ -94,12 +94,6 @@ def test_base_and_tip_are_links_of_the_file(
     assert said in answer.json()["error"]["what"]
 
 
-def test_joints_are_as_many_as_the_robot_has(client: TestClient) -> None:
-    error = client.post("/api/robot", json={"robot": "ur5e", "joints_deg": [1, 2]}).json()["error"]
-    assert "another number of joints" in error["what"]
-    assert (error["found"], error["allowed"]) == ("2 joint values", "6")
-
-
 def test_boxes_cylinders_and_spheres_are_drawn_where_links_have_them(client: TestClient, cell: Path) -> None:
     path = cell / "sub" / "arm.urdf"
     mesh = '<geometry><mesh filename="package://cell/base.stl"/></geometry></visual>'

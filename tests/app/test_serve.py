@@ -13,24 +13,20 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
-from app_page import request, root
-from child import ZEROBEAM, child
+from app_page import App, app, request, root
 from command_line import zerobeam
 
 from zerobeam.app.server.serve import listening
 
-APP = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir"]
-
 
 @pytest.fixture
-def started(root: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    with child([*APP, str(root)], stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        yield process, process.stdout.readline().removeprefix("The app: ").strip()
+def started(root: Path) -> Iterator[App]:
+    with app(root) as opened:
+        yield opened
 
 
-def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[str], str]) -> None:
-    process, address = started
+def test_it_answers_many_and_ends_with_ctrl_c(started: App) -> None:
+    address, process = started
     port = int(root(address).removesuffix("/").rpartition(":")[2])
     with ExitStack() as opened:
         for _ in range(700):
@@ -58,8 +54,8 @@ def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[st
     assert (process.returncode, err) == (130, "stopped\n")
 
 
-def test_ctrl_c_ends_jobs_and_those_who_follow_them(started: tuple[subprocess.Popen[str], str]) -> None:
-    process, address = started
+def test_ctrl_c_ends_jobs_and_those_who_follow_them(started: App) -> None:
+    address, process = started
     body = json.dumps({"command": ["analyse", "run.jsonl", "--ess", "100000"]}).encode()
     with urlopen(request(address, "api/jobs", body)) as answer:
         job = json.load(answer)["id"]

@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 from urllib.request import Request, urlopen
 
 from child import ZEROBEAM, child
-from chromium import Tab
+from chromium import LAPTOP, PHONE, Size, Tab
+
+SCREENS = {"laptop": LAPTOP, "tablet": Size(820, 1180, dark=True), "phone": PHONE}
 
 
 def root(address: str) -> str:
@@ -77,7 +79,7 @@ def give(tab: Tab, element: str, value: object) -> None:
 
 def touch(tab: Tab, element: str) -> None:
     """A finger on the middle of an element, and off again."""
-    tab.value(f"{element}.scrollIntoView({{block: 'center'}})")
+    tab.value(f"{element}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
     middle = "(({x, y, width, height}) => [x + width / 2, y + height / 2])"
     x, y = tab.value(f"{middle}({element}.getBoundingClientRect())")
     tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])

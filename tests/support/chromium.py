@@ -104,22 +104,28 @@ class Chromium:
         self._thread.shutdown()
 
     @contextlib.contextmanager
-    def opened(self, file: Path | str, size: Size = LAPTOP, script: bool = True) -> Iterator[Tab]:
-        """A file, or what is at an address, loaded, in a tab of its own."""
+    def opened(
+        self, file: Path | str, size: Size = LAPTOP, script: bool = True, beside: Tab | None = None
+    ) -> Iterator[Tab]:
+        """A file, or what is at an address, loaded, in a tab of its own; with the cookies (and the settings)
+        of the tab `beside` it, else with none."""
         address = file if isinstance(file, str) else file.resolve().as_uri()
-        tab = self.do(lambda: self._open(address, size, script))
+        context = beside.target.page.context if beside else self.do(lambda: self._context(size, script))
+        tab = self.do(lambda: self._open(address, context, size))
         try:
             yield tab
         finally:
-            self.do(tab.target.page.context.close)
+            self.do(tab.target.page.close if beside else context.close)
 
-    def _open(self, address: str, size: Size, script: bool) -> Tab:
-        context = self._browser.new_context(
+    def _context(self, size: Size, script: bool) -> Any:
+        return self._browser.new_context(
             viewport={"width": size.width, "height": size.height},
             is_mobile=not size.print and size.width < 600,
             java_script_enabled=script,
             color_scheme="dark" if size.dark else "light",
         )
+
+    def _open(self, address: str, context: Any, size: Size) -> Tab:
         page = context.new_page()
         page.set_default_timeout(_PATIENCE_MS)
         page.emulate_media(media="print" if size.print else "screen")
@@ -140,6 +146,7 @@ class Tab:
         self.messages: list[str] = []
         self.requests: list[str] = []
         self._shown: list[str] = []
+        self._session: Any = None
 
     def accept(self, dialog: Any) -> None:
         """Until it is closed the page stands still."""
@@ -147,11 +154,15 @@ class Tab:
         dialog.accept()
 
     def call(self, method: str, **parameters: Any) -> Any:
-        """A command of the DevTools protocol that Playwright has no function for."""
+        """A command of the DevTools protocol that Playwright has no function for.
+
+        All of a tab go through one session: a finger that moves must have touched in the same one.
+        """
 
         def send() -> Any:
-            page = self.target.page
-            return page.context.new_cdp_session(page).send(method, parameters)
+            if self._session is None:
+                self._session = self.target.page.context.new_cdp_session(self.target.page)
+            return self._session.send(method, parameters)
 
         return self._browser.do(send)
 

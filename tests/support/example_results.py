@@ -198,7 +198,7 @@ def _hostile() -> Analysis:
             "targets": {HOSTILE_NAMES[-1]: StatedTarget(guess_mm=(900.0, 0.0, 0.0), sigma_mm=100.0)},
             "distances": (apart,),
             "provenance": dict.fromkeys(HOSTILE_NAMES, everything),
-        },
+        }
     )
     run = replace(
         run,
@@ -238,18 +238,19 @@ def analysed(name: str) -> Example:
     return _MADE[name]
 
 
-_MAKERS: dict[str, Callable[[], Analysis]] = {
-    "good": _good,
-    "x_pattern": _x_pattern,
-    "uncalibrated": _uncalibrated,
-    "misfit": _misfit,
-    "unconverged": _unconverged,
-    "outlier": _outlier,
-    "held_out": _held_out,
-    "separate": _separate,
-    "geometry": _geometry,
-    "hostile": _hostile,
-}
+_ALL = (
+    _good,
+    _x_pattern,
+    _uncalibrated,
+    _misfit,
+    _unconverged,
+    _outlier,
+    _held_out,
+    _separate,
+    _geometry,
+    _hostile,
+)
+_MAKERS: dict[str, Callable[[], Analysis]] = {maker.__name__.removeprefix("_"): maker for maker in _ALL}
 
 
 class _Examples(Mapping[str, Result]):
@@ -268,15 +269,8 @@ class _Examples(Mapping[str, Result]):
 EXAMPLES = _Examples()
 
 
-def _example(name: str) -> Callable[[], Result]:
-    return lambda: EXAMPLES[name]
-
-
-good, x_pattern, uncalibrated, misfit, unconverged = map(
-    _example, ("good", "x_pattern", "uncalibrated", "misfit", "unconverged")
-)
-outlier, held_out, separate, geometry, hostile = map(
-    _example, ("outlier", "held_out", "separate", "geometry", "hostile")
+good, x_pattern, uncalibrated, misfit, unconverged, outlier, held_out, separate, geometry, hostile = (
+    functools.partial(EXAMPLES.__getitem__, name) for name in EXAMPLES
 )
 
 

@@ -86,16 +86,17 @@ def _harmful(answer: Json) -> Json:
 
 
 def hostile() -> Json:
-    """Names and words that would do harm if they were markup, a path or a command."""
+    """Names and words that would do harm if they were markup, a path or a command; one plan is enough."""
     answer = _harmful(agreeing())
+    del answer["plans"][:2]
     answer["versions"][HOSTILE_NAMES[0]] = HOSTILE_NAMES[1]
-    for plan, name, robot in zip(answer["plans"], HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
-        plan["name"], plan["robot"], plan["words"] = name, robot, HOSTILE_NAMES[1]
-        plan["estimators"][3]["name"] = HOSTILE_NAMES[9]
-        plan["estimators"][3]["sentence"] = HOSTILE_NAMES[7]
-        plan["estimators"][0]["parameters"][1]["name"] = HOSTILE_NAMES[0]
-        plan["sbc"][0]["sentence"] = HOSTILE_NAMES[7]
-        plan["sbc"][0]["parameters"][1]["name"] = HOSTILE_NAMES[4]
+    (plan,) = answer["plans"]
+    plan["name"], plan["robot"], plan["words"] = HOSTILE_NAMES[0], HOSTILE_NAMES[9], HOSTILE_NAMES[1]
+    plan["estimators"][3]["name"] = HOSTILE_NAMES[9]
+    plan["estimators"][3]["sentence"] = HOSTILE_NAMES[7]
+    plan["estimators"][0]["parameters"][1]["name"] = HOSTILE_NAMES[0]
+    plan["sbc"][0]["sentence"] = HOSTILE_NAMES[7]
+    plan["sbc"][0]["parameters"][1]["name"] = HOSTILE_NAMES[4]
     return answer
 
 
@@ -229,8 +230,6 @@ def _sbc(rng: np.random.Generator, name: str, control: bool, width: float) -> Js
     }
 
 
-# ── the simulated cell ────────────────────────────────────────────────────────────────────────
-
 RUNS = 200
 # name, words, control, shots, stds of δ2 … δ6 (NaN: not determined), the intervals' width, mean seconds by
 # phase, spread of the total, shots saved by the adaptive order
@@ -363,8 +362,6 @@ def _cell_parameter(rng: np.random.Generator, name: str, std: float, width: floa
         },
     }  # fmt: skip
 
-
-# ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
 
 _TABLE_2 = (
     (-1.136002, -0.653953, 0.133136, 0.065242, -0.040463),

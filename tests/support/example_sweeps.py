@@ -195,10 +195,7 @@ def _axis(key: str, label: str, unit: str, values: Sequence[int | str]) -> GridA
 
 
 def _positions(across: Sequence[int], along: Sequence[int]) -> list[GridAxis]:
-    return [
-        _axis("target.xyz_mm.x", "PSD x", "mm", across),
-        _axis("target.xyz_mm.y", "PSD y", "mm", along),
-    ]
+    return [_axis("target.xyz_mm.x", "PSD x", "mm", across), _axis("target.xyz_mm.y", "PSD y", "mm", along)]
 
 
 def _answer(name: str, title: str, axes: list[GridAxis], cases: list[GridCase]) -> GridStudy:

@@ -13,7 +13,6 @@ from arms_over_years import FIRST, LOST, arm_history, happened, over_years
 from chromium import PAPER, PHONE, Size, chromium
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.model.errors import BadInput
 from zerobeam.reports.history.arm_page import ArmHistory, arm_page, fleet_arm, headline
 from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
 from zerobeam.reports.history.trend_figure import trend_pictures
@@ -220,7 +219,7 @@ def test_names_hold_anything(serial: str, tmp_path: Path) -> None:
     (folder,) = tmp_path.iterdir()
     assert re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9_-]*-)?[0-9a-f]{12}", folder.name)
     assert {one.name for one in folder.iterdir()} == {
-        *("arm.html", "arm.pdf", "arm.json", "offsets.csv", "figures"),
+        *("arm.html", "arm.pdf", "arm.json", "offsets.csv", "figures")
     }
     page = Page((folder / "arm.html").read_text(encoding="utf-8"))
     assert not page.scripts
@@ -233,13 +232,6 @@ def test_names_of_folders_differ_where_arms_do() -> None:
     same = {safe_name(*arm) for arm in (("a-1", "x"), ("A-1", "x"), ("a-1", "y"), ("a 1", "x"), ("a", "1x"))}
     assert len({name.casefold() for name in same}) == 5
     assert len(safe_name("x" * 10_000, "y" * 10_000)) <= 60
-
-
-def test_what_is_not_ours_is_never_replaced(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("keep")
-    with pytest.raises(BadInput, match="holds other things"):
-        write_arm(tmp_path, arm_history(over_years(1)))
-    assert [one.name for one in tmp_path.iterdir()] == ["mine.txt"]
 
 
 @pytest.mark.long

@@ -38,7 +38,6 @@ from zerobeam.reports.history.certificate import (
     write_certificate,
 )
 from zerobeam.reports.history.certificate_page import certificate_page
-from zerobeam.reports.output import whole_folder as page_files
 from zerobeam.reports.output.html import html
 from zerobeam.words.result_json import to_json
 
@@ -225,34 +224,6 @@ def test_names_do_no_harm(tmp_path: Path) -> None:
         assert not set("\x00\u202e\ud800") & set(said)
     # `provenance` was made fit to be shown when the result was added.
     assert stated(folder)["serial"].startswith("<script>")
-
-
-@pytest.mark.parametrize(
-    "fault",
-    [OSError(28, "No space left on device"), pytest.param(KeyboardInterrupt(), marks=pytest.mark.long)],
-)
-def test_a_fault_leaves_what_was_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException
-) -> None:
-    folder = written(tmp_path, a_result())
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-
-    def fail(*_: object) -> bytes:
-        raise fault
-
-    monkeypatch.setattr(page_files, "pdf", fail)
-    with pytest.raises((BadInput, KeyboardInterrupt)):
-        written(tmp_path, a_result())
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-    assert not list(tmp_path.glob(".zerobeam*"))
-
-
-def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "certificate").mkdir()
-    (tmp_path / "certificate" / "plant.key").write_text("mine")
-    with pytest.raises(BadInput, match="holds other things"):
-        written(tmp_path, a_result())
-    assert [path.name for path in (tmp_path / "certificate").iterdir()] == ["plant.key"]
 
 
 def test_a_history_says_whether_it_still_holds_the_result(tmp_path: Path) -> None:

@@ -9,12 +9,7 @@ import re
 
 import pypdf
 import pytest
-from example_results import (
-    EXAMPLES,
-    FORBIDDEN,
-    drawn,
-    good,
-)
+from example_results import EXAMPLES, FORBIDDEN, drawn, good
 from study_text import cells, text_of
 
 from zerobeam.analysis.answer.result import Result
@@ -80,25 +75,10 @@ def test_the_same_result_gives_the_same_bytes() -> None:
     assert pdf(shown, figures) == pdf(shown, figures)
 
 
-def test_no_unidentifiable_parameter_has_a_number() -> None:
-    """The decisive test, on the text of the PDF."""
-    for name in ("x_pattern", "hostile"):
-        text = text_of_example(name)
-        assert "J2 (δ2) not determined by these data unidentifiable" in text
-        assert f"{abs(FORBIDDEN):.2f}" not in text
-        assert "4.98" not in text
-        assert "9.77" not in text
-
-
-def test_an_unconverged_posterior_is_a_sentence() -> None:
-    text = text_of_example("unconverged")
-    assert "No posterior is shown: the posterior has not converged" in text
-    assert "Posterior of the offsets: each alone" not in text
-    assert "Posterior of the offsets: each alone" in text_of_example("good")
-
-
-def test_typst_markup_in_names_is_text() -> None:
+def test_typst_markup_in_names_is_text_and_what_is_not_determined_has_no_number() -> None:
     text = text_of_example("hostile")
+    assert "J2 (δ2) not determined by these data unidentifiable" in text
+    assert not {f"{abs(FORBIDDEN):.2f}", "4.98", "9.77"} & set(re.findall(r"\d+\.\d\d", text))
     assert '#import "/etc/passwd": *; $x^2$ *bold* `raw` @cite <label>' in text
     assert "root:" not in text
     assert "<script>alert('x')</script>" in text

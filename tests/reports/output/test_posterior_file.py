@@ -26,9 +26,10 @@ def written(tmp_path: Path, result: Result, of: Draws | None = None) -> xarray.D
     return group
 
 
-def test_draws_come_back_chain_by_chain_with_their_units(tmp_path: Path) -> None:
-    of = draws(good())
-    dataset = written(tmp_path, good())
+def test_draws_come_back_once_chain_by_chain_with_their_units_and_where_they_come_from(
+    tmp_path: Path,
+) -> None:
+    of, dataset = draws(good()), written(tmp_path, good())
     ensembles, walkers, steps, _ = of.values.shape
     assert dict(dataset.sizes) == {"chain": ensembles * walkers, "draw": steps}
     assert list(dataset.data_vars) == list(of.names)
@@ -37,45 +38,26 @@ def test_draws_come_back_chain_by_chain_with_their_units(tmp_path: Path) -> None
     np.testing.assert_allclose(dataset["psd.x"].values[chain], of.values[2, 7, :, column], rtol=1e-6)
     assert dataset["psd.x"].attrs["units"] == "mm"
     assert dataset["delta2"].attrs["units"] == "degree"
-
-
-def test_each_chain_says_its_ensemble_and_walker(tmp_path: Path) -> None:
-    dataset = written(tmp_path, good())
+    assert (tmp_path / "posterior.nc").stat().st_size < 1.5 * of.values.size * 4
     assert set(dataset.coords) == {"chain", "draw", "ensemble", "walker"}
     ensemble, walker = (dataset.coords[name].values for name in ("ensemble", "walker"))
-    walkers = draws(good()).values.shape[1]
     np.testing.assert_array_equal(ensemble * walkers + walker, dataset.coords["chain"].values)
     np.testing.assert_array_equal(np.unique(ensemble, return_counts=True), [range(4), [walkers] * 4])
-    assert "not independent" in dataset.attrs["chain_order"]
-    assert dataset.attrs["rhat_max"] == good().posterior.rhat_max
+    stated = dataset.attrs
+    assert (stated["ensembles"], stated["walkers"]) == (ensembles, walkers)
+    assert "not independent" in stated["chain_order"]
+    assert (stated["converged"], stated["rhat_max"]) == ("yes", good().posterior.rhat_max)
+    assert (stated["sha256"], stated["seed"]) == (good().inputs.sha256, "20140803")
+    assert f"numpy {good().inputs.versions['numpy']}" in stated["versions"]
 
 
-def test_the_draws_are_in_the_file_once(tmp_path: Path) -> None:
-    of = draws(good())
-    written(tmp_path, good())
-    assert (tmp_path / "posterior.nc").stat().st_size < 1.5 * of.values.size * 4
-
-
-def test_it_says_where_it_comes_from(tmp_path: Path) -> None:
-    attributes = written(tmp_path, good()).attrs
-    assert attributes["sha256"] == good().inputs.sha256
-    assert attributes["seed"] == "20140803"
-    assert f"numpy {good().inputs.versions['numpy']}" in attributes["versions"]
-    assert attributes["converged"] == "yes"
-    assert (attributes["ensembles"], attributes["walkers"]) == draws(good()).values.shape[:2]
-
-
-def test_what_the_prior_alone_says_is_marked(tmp_path: Path) -> None:
+def test_what_the_data_do_not_determine_is_marked_and_has_the_priors_own_draws(tmp_path: Path) -> None:
+    """Not the sampler's: those are narrow where the priors of others make them so."""
     dataset = written(tmp_path, x_pattern())
     sources = {name: variable.attrs["source"] for name, variable in dataset.data_vars.items()}
     assert {name for name, source in sources.items() if source == "prior"} == {"delta2", "psd.x", "psd.z"}
     assert "draws of the prior" in dataset["delta2"].attrs["comment"]
     assert "comment" not in dataset["delta3"].attrs
-
-
-def test_what_the_data_do_not_determine_has_the_priors_own_draws(tmp_path: Path) -> None:
-    """Not the sampler's: those are narrow where the priors of others make them so."""
-    dataset = written(tmp_path, x_pattern())
     (prior,) = [own for own in draws(x_pattern()).prior_only if own.name == "delta2"]
     values = dataset["delta2"].values
     assert (prior.mean, prior.std) == (0.0, pytest.approx(5.0))
@@ -102,10 +84,6 @@ def test_names_that_become_alike_stay_apart(tmp_path: Path, count: int) -> None:
     of = draws(good())
     names = tuple(f"a{'/?*'[i]}b" for i in range(count))
     few = dataclasses.replace(
-        of,
-        names=names,
-        units=of.units[:count],
-        status=of.status[:count],
-        values=of.values[..., :count],
+        of, names=names, units=of.units[:count], status=of.status[:count], values=of.values[..., :count]
     )
     assert len(written(tmp_path, good(), few).data_vars) == count

@@ -27,9 +27,6 @@ def section(result: Result) -> Section:
     return found
 
 
-# ── the first page ────────────────────────────────────────────────────────────────────────────
-
-
 def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     heads = [column.text for column in offsets_table(good()).columns]
     assert heads == ["name", "estimate", "95 % interval", "status", "u", "u if the arm deviates"]
@@ -70,9 +67,6 @@ def test_the_first_page_lists_no_link() -> None:
     page = report_page(geometry())
     (first,) = [own for own in page.sections if own.title == "Offsets"]
     assert not re.search(r"link \d", " ".join(strings(first)))
-
-
-# ── the section ───────────────────────────────────────────────────────────────────────────────
 
 
 def test_nominal_geometry_has_no_section() -> None:

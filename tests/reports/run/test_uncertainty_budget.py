@@ -176,9 +176,6 @@ def test_it_can_be_set(example):
     assert pdf(page, {}).startswith(b"%PDF")
 
 
-# ── traceability ──────────────────────────────────────────────────────────────────────────────
-
-
 def form(kind="laser", **provenance):
     found = EXAMPLES["good"]
     header = found.inputs.header | {"provenance": provenance, "tool": {"kind": kind}}

@@ -1,4 +1,4 @@
-"""The folder of a study: in a browser and on paper, whole or not at all, and nobody else's files."""
+"""The folder of a study: its files, in a browser and on paper; output/test_whole_folder.py has the rest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from example_studies import agreeing, cell_study, disagreeing, hostile, typed
 from made_once import made_once
 
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.output import whole_folder
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
 from zerobeam.reports.studies.study_folder import check_target, write_study
@@ -33,19 +32,6 @@ WHOLE = {
     "figures/accuracy.svg",
     *(f"figures/{kind}_{plan}.svg" for kind in ("coverage", "ranks") for plan in (1, 2, 3)),
 }
-
-
-@pytest.fixture
-def drawn_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are drawn once for all tests of the folder, which are about its files."""
-    answer = typed(agreeing())
-    drawn = made_once("figures of a study agreeing", lambda: study_of(answer).pictures(answer))
-    study = dataclasses.replace(STUDIES["coverage"], drawn=lambda _: [*drawn.values()])
-    monkeypatch.setitem(STUDIES, "coverage", study)
-
-
-def everything(root: Path) -> set[str]:
-    return {str(path.relative_to(root)) for path in root.rglob("*")}
 
 
 @pytest.mark.browser
@@ -67,82 +53,27 @@ def test_the_widest_tables_fit_on_paper(tmp_path: Path) -> None:
         assert tab.overflow() == 0
 
 
-# ── whole or not at all ───────────────────────────────────────────────────────────────────────
-
-
-def test_all_files_are_there_and_nothing_else(tmp_path: Path, drawn_before: None) -> None:
-    paths = write_study(str(tmp_path / "a" / "out"), typed(agreeing()))  # a name as a string will do
+def test_all_files_are_there_over_those_of_before_and_stay_when_a_number_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The figures are drawn once: this is about the files."""
+    answer, out = typed(agreeing()), tmp_path / "a" / "out"
+    drawn = made_once("figures of a study agreeing", lambda: study_of(answer).pictures(answer))
+    study = dataclasses.replace(STUDIES["coverage"], drawn=lambda _: [*drawn.values()])
+    monkeypatch.setitem(STUDIES, "coverage", study)
+    for of in (typed(disagreeing()), answer):
+        paths = write_study(str(out), of)  # a name as a string will do
+    endless = agreeing()
+    endless["plans"][0]["estimators"][0]["parameters"][0]["bias"] = float("nan")
+    with pytest.raises(ValueError, match="JSON"):
+        write_study(out, typed(endless))
     assert json.loads(paths.study.read_text(encoding="utf-8")) == agreeing()
-    assert everything(tmp_path / "a" / "out") == WHOLE
+    assert {str(path.relative_to(out)) for path in out.rglob("*")} == WHOLE
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"out"}
     assert paths.pdf.read_bytes().startswith(b"%PDF")
     assert paths.html.read_text(encoding="utf-8").startswith("<!doctype html>")
     assert len(paths.figures) == 7
     assert all(path.exists() for path in paths.figures)
-
-
-def test_a_study_of_ours_is_replaced_and_a_fault_leaves_it_as_it_was(
-    tmp_path: Path, drawn_before: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = tmp_path / "out"
-    write_study(out, typed(agreeing()))
-    (out / ".DS_Store").write_bytes(b"")
-    write_study(out, typed(disagreeing()))
-    assert everything(out) == WHOLE
-    before = (out / "study.html").read_bytes()
-    assert b"Does not agree." in before
-
-    endless = agreeing()
-    endless["plans"][0]["estimators"][0]["parameters"][0]["bias"] = float("nan")
-    with pytest.raises(ValueError, match="JSON"):
-        write_study(out, typed(endless))
-
-    def full(*_: object) -> bytes:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("zerobeam.reports.output.whole_folder.pdf", full)
-    with pytest.raises(BadInput, match="No space left"):
-        write_study(out, typed(agreeing()))
-    assert (out / "study.html").read_bytes() == before
-    assert {path.name for path in tmp_path.iterdir()} == {"out"}
-
-
-def test_an_interruption_leaves_nothing(
-    tmp_path: Path, drawn_before: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(whole_folder, "_swap", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        write_study(tmp_path / "a" / "out", typed(agreeing()))
-    assert everything(tmp_path) == set()
-
-
-def test_what_is_not_a_study_of_ours_is_refused_and_left_alone(tmp_path: Path, refused: Refused) -> None:
-    file = tmp_path / "file"
-    file.write_text("mine")
-    other = tmp_path / "other"
-    other.mkdir()
-    (other / "thesis.tex").write_text("mine")
-    alike = tmp_path / "alike"
-    alike.mkdir()
-    (alike / "study.json").write_text('{"schema": "someone/else/1"}')
-    report = tmp_path / "report"
-    report.mkdir()
-    (report / "result.json").write_text('{"schema": "zerobeam/result/1"}')
-    for folder, why in (
-        (file, "is a file"),
-        (other, "thesis.tex"),
-        (alike, "not written by zerobeam"),
-        (report, "result.json"),
-    ):
-        assert why in str(refused(check_target, folder))
-        assert why in str(refused(write_study, folder, typed(agreeing())))
-    assert everything(tmp_path) == {
-        "file", "other", "other/thesis.tex", "alike", "alike/study.json", "report", "report/result.json"
-    }  # fmt: skip
-    check_target(tmp_path / "absent")
 
 
 def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Refused) -> None:
@@ -168,6 +99,7 @@ def test_of_a_study_that_is_not_known_no_table_is_replaced(
 ) -> None:
     (tmp_path / "study.json").write_text(f'{{"schema": "zerobeam/study/1", "study": {named}}}')
     check_target(tmp_path)
+    check_target(tmp_path / "absent")
     (tmp_path / "coverage.csv").write_text("mine")
     assert "coverage.csv" in str(refused(check_target, tmp_path))
 
@@ -175,4 +107,4 @@ def test_of_a_study_that_is_not_known_no_table_is_replaced(
 def test_an_answer_of_no_known_study_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="one of coverage, cell, table2"):
         write_study(tmp_path / "a" / "out", dataclasses.replace(typed(cell_study()), study="another"))
-    assert everything(tmp_path) == set()
+    assert list(tmp_path.iterdir()) == []

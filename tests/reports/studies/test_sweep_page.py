@@ -25,12 +25,7 @@ from pages import Page
 from study_text import is_rounded, printed, tables_of, untrue, words
 
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.sweeps.grid_answer import (
-    CaseParameter,
-    GridCase,
-    GridStudy,
-    RunErrors,
-)
+from zerobeam.experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy, RunErrors
 from zerobeam.reports.output.html import html
 from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page
 from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
@@ -66,9 +61,6 @@ def texts(row: Row) -> list[str]:
     return [cell.text for cell in row.cells]
 
 
-# ── which study it is ─────────────────────────────────────────────────────────────────────────
-
-
 def test_an_answer_with_axes_and_cases_is_a_sweep_whatever_its_name() -> None:
     study = shots_sweep()
     for name in ("my own", "../../x", "coverage", "\x00"):
@@ -79,9 +71,6 @@ def test_an_answer_with_axes_and_cases_is_a_sweep_whatever_its_name() -> None:
     assert study_of_file({"study": "coverage", "plans": []}) is STUDIES["coverage"]
     for answer in ({"study": "my own"}, {"study": "x", "axes": 3, "cases": []}, ["axes", "cases"], None):
         assert study_of_file(answer) is None
-
-
-# ── the same numbers everywhere ───────────────────────────────────────────────────────────────
 
 
 def expected(one: CaseParameter) -> list[float]:
@@ -176,9 +165,6 @@ def test_the_interval_of_an_rmse_is_that_of_chi_squared() -> None:
     low, high = rmse_interval(RunErrors(100, 2.0, 0.0, 0.2))
     assert low == pytest.approx(2 * (100 / 129.561) ** 0.5, rel=1e-5)
     assert high == pytest.approx(2 * (100 / 74.222) ** 0.5, rel=1e-5)
-
-
-# ── what must be seen ─────────────────────────────────────────────────────────────────────────
 
 
 def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
@@ -295,9 +281,6 @@ def test_a_tolerance_that_differs_from_case_to_case_is_not_drawn_as_one() -> Non
 def test_ticks_are_round_numbers_within_the_scale() -> None:
     assert log_ticks(0.009, 0.12) == pytest.approx([0.01, 0.02, 0.05, 0.1])
     assert log_ticks(0.004, 20) == pytest.approx([0.01, 0.1, 1, 10])
-
-
-# ── what must not be said ─────────────────────────────────────────────────────────────────────
 
 
 @pytest.mark.parametrize("name", ["patterns", "shots", "map"])
