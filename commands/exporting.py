@@ -66,7 +66,10 @@ def _offsets_command(kind: OffsetFile) -> Command:
         choices = {option.name: options.pop(option.name) for option in own}
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
-            return {file: kind.text(recorded, calibration, **choices)}, ()
+            from ..model.files.whole_file import schema_line
+
+            head = "" if kind.schema is None else schema_line(file, kind.schema)
+            return {file: head + kind.text(recorded, calibration, **choices)}, ()
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
         _export(run, file, texts, read, kind.holds, as_data=kind.as_data, **options)
