@@ -60,10 +60,10 @@ def exports() -> typer.Typer:
 
 
 def _offsets_command(kind: OffsetFile) -> Command:
-    own = options_of(kind.text)
+    kind_options = options_of(kind.text)
 
     def export(run: RunFile, file: ExportFile, **options: Any) -> None:
-        choices = {option.name: options.pop(option.name) for option in own}
+        choices = {option.name: options.pop(option.name) for option in kind_options}
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             from ..model.files.whole_file import schema_line
@@ -74,7 +74,7 @@ def _offsets_command(kind: OffsetFile) -> Command:
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
         _export(run, file, texts, read, kind.holds, as_data=kind.as_data, **options)
 
-    return with_parameters(export, [*options_of(export), *own, *options_of(_export)])
+    return with_parameters(export, [*options_of(export), *kind_options, *options_of(_export)])
 
 
 def _export(

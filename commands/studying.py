@@ -69,8 +69,8 @@ def _command(name: str, about: str | None = None) -> Callable[[Settings], Settin
 
     def made(settings: Settings) -> Settings:
         def command(folder: StudyFolder, **options: Any) -> None:
-            own = {option.name: options.pop(option.name) for option in settings_options}
-            _carry_out(partial(settings, **own), folder, **options)
+            chosen = {option.name: options.pop(option.name) for option in settings_options}
+            _carry_out(partial(settings, **chosen), folder, **options)
 
         settings_options = options_of(settings)
         parameters = [*options_of(command), *settings_options, *options_of(_carry_out)]

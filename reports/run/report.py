@@ -8,6 +8,7 @@ from pathlib import Path
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
 from ...words.findings import finding_sentence, headline
+from ...words.fit import not_converged
 from ...words.next_steps import next_steps
 from ...words.result_json import dumps, to_json
 from ...words.verdict import VERDICT_WORDS
@@ -33,7 +34,6 @@ from .fit import (
     fit_section,
     hold_out_section,
     intervals_section,
-    not_converged,
     robust_section,
 )
 from .geometry import geometry_section, ladder_picture
