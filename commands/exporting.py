@@ -1,9 +1,8 @@
 """`zerobeam export`: offsets of a run in the form in which they are applied, plans and whole programs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -47,19 +46,6 @@ _PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]  # of the files; notes
 
 
-@dataclass(frozen=True)
-class Allowed:
-    """Exceptions that options allow, and names to leave out; `holds` and `as_data` are those of the kind of
-    file."""
-
-    weak: bool
-    displaced: bool
-    unvalidated: bool
-    without: Sequence[str]
-    holds: Holds
-    as_data: bool = False
-
-
 def exports() -> typer.Typer:
     """The commands of the group: one for each kind of offset file, plans, programs."""
     group = typer.Typer(
@@ -74,38 +60,42 @@ def exports() -> typer.Typer:
 
 
 def _offsets_command(kind: OffsetFile) -> Command:
-    def export(
-        run: RunFile,
-        file: ExportFile,
-        allow_weak: AllowWeak = False,
-        allow_displaced: AllowDisplaced = False,
-        unvalidated: Unvalidated = False,
-        without: Without = None,
-        force: Force = False,
-        as_json: Json = False,
-        **options: object,
-    ) -> None:
+    kind_options = options_of(kind.text)
+
+    def export(run: RunFile, file: ExportFile, **options: Any) -> None:
+        choices = {option.name: options.pop(option.name) for option in kind_options}
+
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
-            return {file: kind.text(recorded, calibration, **options)}, ()
+            from ..model.files.whole_file import schema_line
 
-        allowed = Allowed(allow_weak, allow_displaced, unvalidated, without or (), kind.holds, kind.as_data)
-        read = [option for option in options.values() if isinstance(option, Path)]
-        _export(run, file, allowed, force, as_json, texts, read)
+            head = "" if kind.schema is None else schema_line(file, kind.schema)
+            return {file: head + kind.text(recorded, calibration, **choices)}, ()
 
-    run, file, *rest = options_of(export)
-    return with_parameters(export, [run, file, *options_of(kind.text), *rest])
+        read = [choice for choice in choices.values() if isinstance(choice, Path)]
+        _export(run, file, texts, read, kind.holds, as_data=kind.as_data, **options)
+
+    return with_parameters(export, [*options_of(export), *kind_options, *options_of(_export)])
 
 
 def _export(
     run: Path,
     file: Path,
-    allowed: Allowed,
-    force: bool,
-    as_json: bool,
     texts: Callable[["Run", "RobotCalibration"], Texts],
     read: Sequence[Path],
+    holds: Holds,
+    *,
+    as_data: bool = False,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    unvalidated: Unvalidated = False,
+    without: Without = None,
+    force: Force = False,
+    as_json: Json = False,
 ) -> None:
-    """Judge a run, write what may be applied, say what was written; never over a file that is `read`."""
+    """Judge a run, write what may be applied, say what was written; never over a file that is `read`.
+
+    `holds` and `as_data` are those of the kind of file. Its options are those of every command that calls it.
+    """
     from ..experiments.makers.calibration import calibration
     from ..experiments.makers.generic.offsets_data import document
     from ..model.files.robot_file import robot_path
@@ -118,12 +108,12 @@ def _export(
     refuse_existing(file, force=force, keep=keep)
     judged = calibration(
         recorded,
-        allow_weak=allowed.weak,
-        allow_displaced=allowed.displaced,
-        unvalidated=allowed.unvalidated,
-        as_data=allowed.as_data,
-        without=allowed.without,
-        holds=allowed.holds,
+        allow_weak=allow_weak,
+        allow_displaced=allow_displaced,
+        unvalidated=unvalidated,
+        as_data=as_data,
+        without=without or (),
+        holds=holds,
     )
     files, notes = texts(recorded, judged)
     for path in files:
@@ -283,12 +273,7 @@ def _program_command() -> Command:
                 show_default=False,
             ),
         ] = None,
-        allow_weak: AllowWeak = False,
-        allow_displaced: AllowDisplaced = False,
-        unvalidated: Unvalidated = False,
-        without: Without = None,
-        force: Force = False,
-        as_json: Json = False,
+        **options: Any,
     ) -> None:
         """Entering the offsets at the controller corrects all programs at once; this corrects one program,
         for controllers where that is not possible.
@@ -306,7 +291,6 @@ def _program_command() -> Command:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             return corrected.files, corrected.notes
 
-        allowed = Allowed(allow_weak, allow_displaced, unvalidated, without or (), "links")
-        _export(run, file, allowed, force, as_json, texts, paths)
+        _export(run, file, texts, paths, "links", **options)
 
-    return export_program
+    return with_parameters(export_program, [*options_of(export_program), *options_of(_export)])

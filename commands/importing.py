@@ -186,11 +186,11 @@ def import_ur_calibration(
 ) -> None:
     """A robot file of an individual UR arm: nominal rows and its factory calibration."""
     from ..experiments.makers.universal_robots.kinematics import calibrated_text, read_ur_calibration
-    from ..model.files.whole_file import refuse_existing, write_whole
+    from ..model.files.whole_file import refuse_existing, schema_line, write_whole
 
     refuse_existing(file)
     arm = read_ur_calibration(calibration, robot)
-    write_whole(file, calibrated_text(arm, calibration))
+    write_whole(file, schema_line(file, "robot") + calibrated_text(arm, calibration))
     rms, most = arm.apart_mm
     out.print(
         f"The flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal {robot}.",

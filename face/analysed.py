@@ -18,7 +18,6 @@ from ..model.errors import BadInput, missing_extra
 from ..model.files.run import Run
 from ..reports.output.html import card, text
 from ..reports.output.posterior_file import write_posterior
-from ..reports.run.fit import report_notes
 from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_picture, offsets_worth, worth_column
 from ..reports.run.posterior_summary import posterior_picture
 from ..reports.run.report import ReportPaths, write_report
@@ -27,6 +26,7 @@ from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.findings import headline, likelihood_message, posterior_message
+from ..words.fit import report_notes
 from ..words.numbers import unit_of
 from ..words.result_json import to_json
 from ..words.verdict import VERDICT_WORDS

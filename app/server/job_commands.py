@@ -31,71 +31,45 @@ class AskedLine(FileModel):
 
 Kind = Literal["read", "write", "value", "values", "flag"]  # values: it may be stated several times
 
-_ANALYSE: dict[str, Kind] = {"--seed": "value", "--ess": "value", "--robust": "value", "--hold-out": "values"}
-_EXPORT: dict[str, Kind] = {
-    "--out": "write",
-    "--allow-weak": "flag",
-    "--allow-displaced": "flag",
-    "--unvalidated": "flag",
-    "--without": "values",
-}
-_PLAN: dict[str, Kind] = {
-    "--out": "write",
-    "--header": "read",
-    "--obstacles": "read",
-    **dict.fromkeys(
-        (
-            "--target",
-            "--shots",
-            "--candidates",
-            "--criterion",
-            "--tolerance",
-            "--max-shots",
-            "--facing",
-            "--acceptance",
-            "--beam",
-            "--margin",
-            "--seed",
-        ),
-        "value",
-    ),
-}
+
+def _options(*groups: tuple[Kind, str]) -> dict[str, Kind]:
+    """The kind of each option; a group is a kind and the options that are of it."""
+    return {option: kind for kind, options in groups for option in options.split()}
+
+
+_ANALYSE = _options(("value", "--seed --ess --robust"), ("values", "--hold-out"))
+_EXPORT = _options(
+    ("write", "--out"), ("flag", "--allow-weak --allow-displaced --unvalidated"), ("values", "--without")
+)
+_PLAN = _options(
+    ("write", "--out"),
+    ("read", "--header --obstacles"),
+    ("value", "--target --shots --candidates --criterion --tolerance --max-shots --facing --acceptance"),
+    ("value", "--beam --margin --seed"),
+)
 RIGS = ("simulated", "manual", "abb")
-_IMPORT: dict[str, Kind] = {
-    "--out": "write",
-    "--header": "read",
-    "--plan": "read",
-    "--target": "values",
-    "--dry-run": "flag",
-}
-_POINTS: dict[str, Kind] = {**_IMPORT, "--points": "value"}
-_DWELLS: dict[str, Kind] = {
-    **_IMPORT,
-    **dict.fromkeys(("--still-deg", "--still-s", "--still-mm"), "value"),
-}
-_TABLES: dict[str, Kind] = {
-    **_DWELLS,
-    **dict.fromkeys(("--delimiter", "--decimal", "--marker-column"), "value"),
-}
-_CSV: dict[str, Kind] = {
-    **_TABLES,
-    **dict.fromkeys(("--header-row", "--small-angles"), "flag"),
-    **dict.fromkeys(
-        (
-            "--units",
-            "--lengths",
-            "--columns",
-            "--reversed",
-            "--j3",
-            "--target-column",
-            "--spot-columns",
-            "--shot-column",
-            "--time-column",
-            "--time-units",
-        ),
-        "value",
-    ),
-}
+_RUN = _options(
+    ("write", "--out"),
+    ("value", "--rig"),
+    ("read", "--cell --arm"),
+    ("flag", "--camera --no-camera --resume --adaptive"),
+    ("value", "--tolerance"),
+    ("flag", "--closing"),
+    ("value", "--seed"),
+    ("read", "--sensors"),
+    ("value", "--host --port --egm-port --sensor-port --user --speed --laser --units --j3"),
+)
+_IMPORT = _options(
+    ("write", "--out"), ("read", "--header --plan"), ("values", "--target"), ("flag", "--dry-run")
+)
+_POINTS = _IMPORT | _options(("value", "--points"))
+_DWELLS = _IMPORT | _options(("value", "--still-deg --still-s --still-mm"))
+_TABLES = _DWELLS | _options(("value", "--delimiter --decimal --marker-column"))
+_CSV = _TABLES | _options(
+    ("flag", "--header-row --small-angles"),
+    ("value", "--units --lengths --columns --reversed --j3 --target-column --spot-columns --shot-column"),
+    ("value", "--time-column --time-units"),
+)
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
@@ -103,72 +77,32 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("plan", "x"): (0, _PLAN),
     ("plan", "y"): (0, _PLAN),
     ("plan", "optimal"): (0, _PLAN),
-    ("plan", "verify"): (
-        1,
-        {"--out": "write", "--shots": "value", "--tolerance": "value", "--seed": "value"},
-    ),
+    ("plan", "verify"): (1, _options(("write", "--out"), ("value", "--shots --tolerance --seed"))),
     ("analyse",): (1, _ANALYSE),
-    ("report",): (1, {"--out": "write", **_ANALYSE}),
-    ("compare",): (2, {"--out": "write", "--seed": "value"}),
-    ("history", "add"): (1, {"--db": "write", "--replace": "flag"}),
+    ("report",): (1, _options(("write", "--out")) | _ANALYSE),
+    ("compare",): (2, _options(("write", "--out"), ("value", "--seed"))),
+    ("history", "add"): (1, _options(("write", "--db"), ("flag", "--replace"))),
     ("history", "report"): (
         0,
-        {
-            "--out": "write",
-            "--db": "write",
-            **dict.fromkeys(("--tolerance-mm", "--as-of", "--model"), "value"),
-        },
+        _options(("write", "--out --db"), ("value", "--tolerance-mm --as-of --model")),
     ),
-    ("run",): (
-        1,
-        {
-            "--out": "write",
-            "--rig": "value",
-            "--cell": "read",
-            "--arm": "read",
-            "--camera": "flag",
-            "--no-camera": "flag",
-            "--resume": "flag",
-            "--adaptive": "flag",
-            "--tolerance": "value",
-            "--closing": "flag",
-            "--seed": "value",
-            "--sensors": "read",
-            **dict.fromkeys(
-                (
-                    "--host",
-                    "--port",
-                    "--egm-port",
-                    "--sensor-port",
-                    "--user",
-                    "--speed",
-                    "--laser",
-                    "--units",
-                    "--j3",
-                ),
-                "value",
-            ),
-        },
-    ),
+    ("run",): (1, _RUN),
     ("import", "csv"): (1, _CSV),
-    **{("import", "log", kind): (1, {**_TABLES, "--j3": "value"}) for kind in ("ur", "egm", "robodk")},
-    ("import", "ros"): (
-        1,
-        {**_DWELLS, **dict.fromkeys(("--columns", "--topic", "--marker-topic"), "value")},
-    ),
-    ("import", "rapid"): (1, {**_POINTS, "--tool": "value", "--frame": "value"}),
+    **{
+        ("import", "log", kind): (1, _TABLES | _options(("value", "--j3")))
+        for kind in ("ur", "egm", "robodk")
+    },
+    ("import", "ros"): (1, _DWELLS | _options(("value", "--columns --topic --marker-topic"))),
+    ("import", "rapid"): (1, _POINTS | _options(("value", "--tool --frame"))),
     ("import", "kuka"): (1, _POINTS),
-    ("import", "fanuc"): (1, {**_POINTS, "--j3": "value", "--register": "value"}),
+    ("import", "fanuc"): (1, _POINTS | _options(("value", "--j3 --register"))),
     ("import", "universal-robots"): (1, _IMPORT),
-    ("import", "robodk"): (1, {**_IMPORT, "--j3": "value"}),
+    ("import", "robodk"): (1, _IMPORT | _options(("value", "--j3"))),
     **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
     **{
         ("export", "plan", form): (
             1,
-            {
-                "--out": "write",
-                **dict.fromkeys(("--speed", "--zone", "--tool", "--j3", "--register"), "value"),
-            },
+            _options(("write", "--out"), ("value", "--speed --zone --tool --j3 --register")),
         )
         for form in ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf")
     },

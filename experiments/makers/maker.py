@@ -61,12 +61,14 @@ class NamedFormat(Protocol):
 @dataclass(frozen=True)
 class OffsetFile:
     """`zerobeam export NAME`: `text` makes the file of a run and its calibration; its docstring is the help,
-    its other parameters are options. `as_data`: the file states every status."""
+    its other parameters are options. `as_data`: the file states every status. `schema`: the name of its
+    published schema, if an editor is to complete its keys."""
 
     name: str
     text: Callable[..., str]
     holds: Holds = "offsets"
     as_data: bool = False
+    schema: str | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from ...model.arrays import Mask, Matrix
 from ...model.files.plan_file import Box, Obstacles
 from ...model.files.validation import read_model
-from ...model.files.whole_file import refuse_existing, write_whole
+from ...model.files.whole_file import refuse_existing, schema_line, write_whole
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 
@@ -40,7 +40,7 @@ def write_obstacles(path: Path, obstacles: Obstacles, *, force: bool = False) ->
     yaml = YAML()
     yaml.default_flow_style = None
     yaml.dump(obstacles.model_dump(mode="json"), text)
-    write_whole(path, text.getvalue(), force=force)
+    write_whole(path, schema_line(path, "obstacles") + text.getvalue(), force=force)
 
 
 class Clearance:

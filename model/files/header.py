@@ -33,7 +33,7 @@ from .validation import (
     validate,
     without_length,
 )
-from .whole_file import short_in_one_line, write_whole, yaml_text
+from .whole_file import schema_line, short_in_one_line, write_whole, yaml_text
 
 
 def _direction(value: object) -> object:
@@ -455,7 +455,7 @@ def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/p
 def write_header(path: Path, header: Header) -> None:
     """Write a header as a YAML file of its own, whole; BadInput if the path exists."""
     content = header.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
-    write_whole(path, yaml_text(short_in_one_line(content)))
+    write_whole(path, schema_line(path, "header") + yaml_text(short_in_one_line(content)))
 
 
 def check_header(

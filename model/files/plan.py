@@ -34,7 +34,7 @@ from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import check_distances, unknown_targets
 from .validation import validate
-from .whole_file import flow, refuse_existing, short_in_one_line, write_whole, yaml_text
+from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -366,7 +366,8 @@ def write_plan(
     check_header(header, robot, file=None, line=lambda _: None)
     _check_postures(header, robot, rows, targets, [0] * len(rows), None)
     check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-    write_whole(path, _plan_text(header, rows, targets, via_deg, constraints), force=force)
+    text = _plan_text(header, rows, targets, via_deg, constraints)
+    write_whole(path, schema_line(path, "plan") + text, force=force)
 
 
 def _plan_text(

@@ -205,6 +205,13 @@ def lock(file: FileIO) -> bool:
 # YAML as people write it
 
 
+def schema_line(path: Path, name: str) -> str:
+    """The first line of a YAML file that lets an editor complete its keys: it names NAME.schema.json, where
+    that is beside the file (`zerobeam schema NAME > NAME.schema.json`); nothing where it is not."""
+    schema = path.with_name(f"{name}.schema.json")
+    return f"# yaml-language-server: $schema={schema.name}\n" if schema.is_file() else ""
+
+
 def yaml_text(content: Mapping[str, object]) -> str:
     """Content of a file as YAML."""
     yaml = YAML()

@@ -6,18 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...analysis.answer.findings import HeldOutMisfit
 from ...analysis.answer.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
-from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
-from ...analysis.misfit import LACK_OF_FIT, LackOfFit
 from ...analysis.posterior.intervals import Intervals
 from ...analysis.solution import ParameterResult
 from ...words import numbers
-from ...words.findings import finding_sentence, hold_out_message, likelihood_message
-from ...words.misfit import CAUSES, changed, criterion_sentence, diagnosis_said, explanation_sentence
+from ...words.findings import likelihood_message
+from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
+from ...words.misfit import CAUSES, changed, diagnosis_said, explanation_sentence
 from ...words.numbers import times, unit_of
-from ...words.wording import NOT_DETERMINED, clipped, ended, label, listed, person, sentence
+from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import noise_factors, other_tables
 
@@ -33,7 +31,7 @@ def fit_section(result: Result) -> Section:
         sides.append(_midpoint_facts(midpoint))
     columns = ["quantity", "beam-residual likelihood", "midpoint cost (eq. 8)"]
     rows = [row_of(name, *(side.get(name, _NO_COST) for side in sides)) for name in sides[0]]
-    sentences = _verdict(result, "fitted" if separate else "stated")
+    sentences = goodness_of_fit(result, "fitted" if separate else "stated")
     if (message := likelihood_message(likelihood)) is not None:
         sentences.append(f"{message[0].upper()}{message[1:]}.")
     if not midpoint.available:
@@ -97,62 +95,6 @@ def _both_estimates(parameters: Sequence[ParameterResult]) -> Table | None:
     return table_of("Offsets by both costs", columns, rows) if rows else None
 
 
-def misfit_factor(result: Result) -> str | None:
-    """How many times the stated noise the residuals are; None where they agree with it."""
-    for finding in result.findings:
-        if isinstance(finding, LackOfFit):
-            return numbers.significant(finding.factor, 2)
-    return None
-
-
-def _verdict(result: Result, noise: str) -> list[str]:
-    """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
-    fit = result.likelihood
-    sentences = _not_converged(fit)
-    others = () if result.misfit is None else result.misfit.criteria
-    beside = [
-        f"{criterion_sentence(criterion, person)}."
-        for criterion in others
-        if not isinstance(criterion, LackOfFit)
-    ]
-    if fit.p_value is None or not fit.dof:
-        return sentences + beside
-    measure = (
-        f"χ²\u00a0{numbers.significant(fit.chi2)}, {fit.dof}\u00a0dof, p\u00a0{numbers.p_value(fit.p_value)}"
-    )
-    if (times := misfit_factor(result)) is not None:
-        sentences.append(
-            f"Lack of fit: residuals are {times} times the {noise} noise ({measure}). The geometry, the"
-            " noise or single measurements are not as stated, and the intervals do not cover that error."
-        )
-    elif fit.p_value > 1 - LACK_OF_FIT:
-        sentences.append(
-            f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated."
-        )
-    else:
-        sentences.append(f"The residuals agree with the {noise} noise ({measure}).")
-    return sentences + beside
-
-
-def _not_converged(fit: LikelihoodSummary) -> list[str]:
-    """What a reader must know of a fit that did not converge."""
-    if fit.converged:
-        return []
-    return [
-        f"The fit did not converge ({sentence(fit.reason)}): do not use its numbers. "
-        "Look at the residuals for a wrong measurement, or state a better guess of target and tool."
-    ]
-
-
-def report_notes(result: Result) -> list[str]:
-    """What a reader must see, the gravest first; what the headline has said is not said again."""
-    first = None if result.misfit is None else result.misfit.criteria[0]
-    notes = [
-        ended(sentence(finding_sentence(finding, person))) for finding in result.findings if finding != first
-    ]
-    return _not_converged(result.likelihood) + notes
-
-
 def _distances(rows: Sequence[DistanceResult]) -> Table | None:
     columns = ["between", "stated", "its u", "after the fit", "its u"]
     shown_rows = []
@@ -199,41 +141,6 @@ def robust_section(result: Result) -> Section | None:
         return None
     table = _robust_table(result, robust) if robust.converged else None
     return section_of("Robust fit", Paragraph(robust_sentence(result, robust)), table)
-
-
-def robust_sentence(result: Result, robust: Robust) -> str:
-    """What the robust fit is and found."""
-    if not robust.converged:
-        return f"The robust fit did not converge ({sentence(robust.reason)}) and is not shown."
-    if robust.loss == "huber":
-        threshold = numbers.significant(robust.tuning)
-        sentences = [
-            f"Huber’s loss: a normalised residual beyond {threshold} weighs less, the larger the less."
-        ]
-    else:
-        nu = numbers.exact(robust.tuning)
-        sentences = [
-            f"Student’s loss with {nu} degrees of freedom: the larger a residual, the less it weighs."
-        ]
-    sentences.append("A measurement of weight 1 counts as in the likelihood fit.")
-    sentences.append(_outliers(result, robust))
-    if robust.noise_scale is not None:
-        sentences.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated.")
-    if robust.with_uncertainty:
-        sentences.append("Its intervals follow from the residuals as they are, not from the stated noise.")
-    else:
-        sentences.append(
-            "It has no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns."
-        )
-    return " ".join(sentences)
-
-
-def _outliers(result: Result, robust: Robust) -> str:
-    if not robust.outliers:
-        return "No outlier."
-    weights = {shot.shot: weight for shot, weight in zip(result.shots, robust.weights, strict=True)}
-    named = [f"{number} (weight {numbers.fixed(weights[number], 2)})" for number in robust.outliers]
-    return f"Outlier{'' if len(named) == 1 else 's'}: {listed(named)}."
 
 
 def _robust_table(result: Result, robust: Robust) -> Table:
@@ -290,22 +197,6 @@ def hold_out_section(result: Result) -> Section | None:
         *map(Paragraph, hold_out_sentences(result, held_out)),
         Facts(rows),
     )
-
-
-def hold_out_sentences(result: Result, held_out: HoldOut) -> list[str]:
-    """How it went."""
-    sentences = []
-    misfit = next((finding for finding in result.findings if isinstance(finding, HeldOutMisfit)), None)
-    if misfit is not None:
-        sentences.append(
-            f"The residuals are {numbers.significant(misfit.factor, 2)} times what noise and fit explain: the"
-            " offsets do not carry over to these targets as stated."
-        )
-    elif held_out.p_value is not None:
-        sentences.append("The residuals agree with noise and fit: they do not contradict the offsets.")
-    if (message := hold_out_message(held_out)) is not None:
-        sentences.append(f"No judgement: {sentence(message)}.")
-    return sentences
 
 
 def intervals_section(result: Result) -> Section | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
 from ...words.findings import headline
+from ...words.fit import report_notes
 from ...words.result_json import dumps, to_json
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import clipped, counted, person, sentence
@@ -22,7 +23,6 @@ from .fit import (
     fit_section,
     hold_out_section,
     intervals_section,
-    report_notes,
     robust_section,
 )
 from .geometry import geometry_section, ladder_picture

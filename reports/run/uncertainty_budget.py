@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.budget import Budget, BudgetRow
 from ...words import numbers
+from ...words.fit import misfit_factor
 from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from .fit import misfit_factor
 from .parameters import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others

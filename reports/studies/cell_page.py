@@ -30,7 +30,6 @@ from .coverage_figures import coverage_picture
 from .study_blocks import (
     BY_CHANCE,
     ERROR_COLUMNS,
-    ERRORS,
     LONGEST_NAME,
     NOT_GIVEN,
     PlainRow,
@@ -38,13 +37,13 @@ from .study_blocks import (
     how_it_was_done,
     meanings,
     noise_in_words,
+    parameter_columns,
     percent,
     plan_in_words,
     plan_title,
     rows_of,
     seconds,
     share_and_errors,
-    share_columns,
     standing_cell,
     verdicts,
     view_of,
@@ -300,15 +299,7 @@ def parameter_rows(answer: CellStudy) -> Iterator[PlainRow]:
     """One row for each plan and parameter; nothing but names where the plan does not determine it."""
     for plan in answer.plans:
         for row in plan.parameters:
-            yield {
-                "plan": plan.name,
-                "control": plan.control,
-                "parameter": row.name,
-                **columns_of(row, "unit", "status"),
-                "level": answer.settings.level,
-                **share_columns(row.coverage),
-                **columns_of(row, *ERRORS),
-            }
+            yield parameter_columns(plan, row, answer.settings.level, plan=plan.name)
 
 
 def time_rows(answer: CellStudy) -> Iterator[PlainRow]:

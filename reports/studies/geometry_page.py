@@ -36,7 +36,6 @@ from .coverage_figures import coverage_picture, head_rows, name_rows
 from .study_blocks import (
     BY_CHANCE,
     ERROR_COLUMNS,
-    ERRORS,
     LONGEST_NAME,
     NOT_DETERMINED,
     NOT_GIVEN,
@@ -45,12 +44,12 @@ from .study_blocks import (
     how_it_was_done,
     meanings,
     noise_in_words,
+    parameter_columns,
     percent,
     plan_in_words,
     plan_title,
     rows_of,
     share_and_errors,
-    share_columns,
     spread,
     standing,
     standing_cell,
@@ -391,16 +390,9 @@ def parameter_rows(answer: GeometryStudy) -> Iterator[PlainRow]:
     for plan in answer.plans:
         for estimator in plan.estimators:
             for row in estimator.parameters:
-                yield {
-                    "plan": plan.name,
-                    "geometry": estimator.name,
-                    "control": estimator.control,
-                    "parameter": row.name,
-                    **columns_of(row, "unit", "status"),
-                    "level": answer.settings.level,
-                    **share_columns(row.coverage),
-                    **columns_of(row, *ERRORS, "z", "z_low", "z_high", "checked_std"),
-                }
+                more = ("z", "z_low", "z_high", "checked_std")
+                names = {"plan": plan.name, "geometry": estimator.name}
+                yield parameter_columns(estimator, row, answer.settings.level, *more, **names)
 
 
 def plan_rows(answer: GeometryStudy) -> Iterator[PlainRow]:

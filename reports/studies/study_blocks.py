@@ -315,3 +315,18 @@ def columns_of(thing: object, *keys: str, prefix: str = "") -> PlainRow:
 
 def share_columns(entry: Share | None) -> PlainRow:
     return columns_of(entry, *_SHARE)
+
+
+def parameter_columns(
+    part: Marked, row: ParameterWithShare, level: float, *keys: str, **of_part: object
+) -> PlainRow:
+    """A parameter, its share and errors as columns, behind those `of_part`; `keys` are more attributes."""
+    return {
+        **of_part,
+        "control": part.control,
+        "parameter": row.name,
+        **columns_of(row, "unit", "status"),
+        "level": level,
+        **share_columns(row.coverage),
+        **columns_of(row, *ERRORS, *keys),
+    }

@@ -14,10 +14,11 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.findings import headline
+from ...words.fit import report_notes
 from ...words.geometry import worth_sentence
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
-from ..run.fit import diagnosis_section, hold_out_section, intervals_section, report_notes, robust_section
+from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
 from ..run.geometry import geometry_lines
 from ..run.next_steps import next_steps_section
 from ..run.parameters import (

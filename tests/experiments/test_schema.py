@@ -4,8 +4,16 @@ import sys
 from pathlib import Path
 
 import pytest
+from cells import good_plan, simulated
+from command_line import plan_file, zerobeam
+from jsonschema import Draft202012Validator
+from ruamel.yaml import YAML
 
+from zerobeam.experiments.plans.obstacles import write_obstacles
 from zerobeam.experiments.schema import FILE_SCHEMAS, SCHEMA_NAMES, json_schema
+from zerobeam.model.files.header import write_header
+from zerobeam.model.files.plan_file import Box, Obstacles
+from zerobeam.model.files.run import write_run
 
 UNITS = {
     "_mm": "millimetres",
@@ -74,3 +82,40 @@ def test_the_tables_of_the_page_are_those_of_the_models():
         assert page.count("<!-- keys ") == page.count("<!-- end -->") > 0
         assert tables.written(page) == page, f"{path.name}: run python docs/file_tables.py"
     assert "| std of random offsets" in tables.table("cell")
+
+
+WRITTEN = ("plan", "header", "obstacles", "robot")
+
+
+def write_each(folder):
+    """A YAML file of every kind that zerobeam writes, NAME.yaml."""
+    plan = good_plan()
+    plan_file(folder / "plan.yaml", plan)
+    write_header(folder / "header.yaml", plan.header)
+    table = Box(name="table", min_mm=(600, -400, -50), max_mm=(1300, 400, -10))
+    write_obstacles(folder / "obstacles.yaml", Obstacles(boxes=[table]))
+    _, run = simulated(plan)
+    write_run(folder / "run.jsonl", run.header, run.shots)
+    zerobeam("export", "robot", folder / "run.jsonl", "-o", folder / "robot.yaml")
+
+
+def test_what_is_written_beside_its_schema_names_it_and_keeps_to_it(tmp_path):
+    for name in WRITTEN:
+        schema = tmp_path / f"{name}.schema.json"
+        schema.write_text(zerobeam("schema", name).out, encoding="utf-8")
+    write_each(tmp_path)
+    for name in WRITTEN:
+        path = tmp_path / f"{name}.yaml"
+        text = path.read_text(encoding="utf-8")
+        modeline = text.splitlines()[0].removeprefix("# yaml-language-server: $schema=")
+        schema = json.loads((path.parent / modeline).read_text(encoding="utf-8"))
+        Draft202012Validator.check_schema(schema)
+        content = YAML(typ="safe").load(text)
+        assert Draft202012Validator(schema).is_valid(content), name
+        assert not Draft202012Validator(schema).is_valid({**content, "colour": "red"}), name
+
+
+def test_what_is_written_elsewhere_names_no_schema(tmp_path):
+    write_each(tmp_path)
+    for name in WRITTEN:
+        assert "yaml-language-server" not in (tmp_path / f"{name}.yaml").read_text(encoding="utf-8"), name

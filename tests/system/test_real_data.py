@@ -29,8 +29,9 @@ from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.run.fit import fit_section, hold_out_sentences
+from zerobeam.reports.run.fit import fit_section
 from zerobeam.reports.style.blocks import Paragraph
+from zerobeam.words.fit import hold_out_sentences
 from zerobeam.words.result_json import to_json
 
 Row = dict[str, Any]

@@ -187,11 +187,7 @@ def plan(folder: Folder, name: str) -> ReadPlan:
 
 def write(folder: Folder, request: AskedPlan) -> WrittenPlan:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced."""
-    path = folder.inside(request.file)
-    if path.suffix.lower() not in {".yaml", ".yml"}:
-        raise BadInput(
-            "a plan cannot have this name", found=request.file, allowed="a name that ends in .yaml"
-        )
+    path = _yaml_path(folder, request.file, "a plan")
     if path.exists():
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=None)
@@ -249,15 +245,19 @@ def obstacles(folder: Folder, name: str) -> ReadObstacles:
 
 def write_obstacles_file(folder: Folder, request: AskedObstacles) -> WrittenObstacles:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced."""
-    path = folder.inside(request.file)
-    if path.suffix.lower() not in {".yaml", ".yml"}:
-        raise BadInput(
-            "obstacles cannot have this name", found=request.file, allowed="a name that ends in .yaml"
-        )
+    path = _yaml_path(folder, request.file, "obstacles")
     if path.exists():
         read_obstacles(path)
     write_obstacles(path, request.obstacles, force=path.exists())
     return WrittenObstacles(file=folder.called(path))
+
+
+def _yaml_path(folder: Folder, file: str, content: str) -> Path:
+    """Where a YAML file with this kind of content is written."""
+    path = folder.inside(file)
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        raise BadInput(f"{content} cannot have this name", found=file, allowed="a name that ends in .yaml")
+    return path
 
 
 def _aimed(folder: Folder, content: Content, file: str | None) -> AimedPlan:

@@ -194,7 +194,7 @@ def _monitor_joints(joints: int) -> "CsvLayout":
 MAKER = Maker(
     "any maker",
     offsets=(
-        OffsetFile("robot", _robot, holds="links"),
+        OffsetFile("robot", _robot, holds="links", schema="robot"),
         OffsetFile("urdf", _urdf, holds="links"),
         OffsetFile("json", _json, holds="all", as_data=True),
         OffsetFile("csv", _csv, as_data=True),
