@@ -12,6 +12,7 @@ from cells import (
     TABLE_2,
     good_plan,
     irb1600,
+    placed_plan,
     plan_of,
     random_robot,
     simulated,
@@ -297,3 +298,16 @@ def test_twists_are_tried_of_an_arm_with_geometry_too(tmp_path) -> None:
     wide = widened(whole)
     assert not wide.problem.geometry
     assert any(corruption.named_by(found) for found in diagnose(of(whole)))
+
+
+def test_what_leaves_no_number_over_is_no_explanation() -> None:
+    """Four measurements at each of two placements: without one the rest can be met, whatever is wrong."""
+    places = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0)}
+    plan = placed_plan(places, {"left": 4, "right": 4})
+    _, problem = simulated_problem(plan, TABLE_2, seed=1)
+    joints = problem.joints.copy()
+    joints[2] += np.radians([0.0, 3.0, -2.0, 4.0, 1.0, 0.0])
+    solution = of(problem.moved(joints, problem.spots))
+    assert solution.verdict == "misfit"
+    named = {each.cause for each in diagnose(solution)}
+    assert not {"placement", "moved_target"} & named

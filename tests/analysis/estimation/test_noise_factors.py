@@ -205,3 +205,15 @@ def test_a_plan_that_tells_both_tells_both():
     for name in ("noise.joint", "noise.spot"):
         assert rows[name].status in ("identified", "weak")
         assert rows[name].interval95[0] < 1.0 < rows[name].interval95[1]
+
+
+def test_at_known_factors_the_rest_has_the_curvature_of_known_noise(runs):
+    """The covariance given the factors (Schur's complement) is that of a fit at that noise."""
+    problem, fits, _, _ = runs
+    x, covariance, _ = marginal_noise(problem, fits[0].x)
+    known, values = problem.with_noise_of(x)
+    information = Density(known).slopes(values[None]).information[0]
+    across = covariance[:-2, -2:]
+    given = covariance[:-2, :-2] - across @ np.linalg.solve(covariance[-2:, -2:], across.T)
+    expected = np.diag(np.linalg.inv(information))
+    np.testing.assert_allclose(np.sqrt(np.diag(given)), np.sqrt(expected), rtol=0.02)
