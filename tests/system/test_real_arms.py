@@ -16,7 +16,6 @@ import pytest
 from halves import HalfAgainstHalf, half_against_half, rms, splits
 from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, recorded
 
-from zerobeam.analysis.answer.findings import moved_target
 from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, hold_out, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
 from zerobeam.analysis.ladder import solve_run
@@ -241,5 +240,5 @@ def test_panda_2_with_its_geometry(run: Runs) -> None:
     assert abs(first - 318) <= 1
     assert abs(last - 325) <= 1
     # The block with both sockets slipped: a step of its recordings, and no target is said to have moved.
-    moved = moved_target(found)
+    moved = found.moved_target
     assert moved is None or moved.at.target in named

@@ -18,7 +18,7 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, recorded
 
 from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.answer.findings import moved_target, on_held_out
+from zerobeam.analysis.answer.findings import on_held_out
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.hold_out import fits_without, hold_out, jackknife, leave_one_out
 from zerobeam.analysis.displacement import displacement
@@ -308,7 +308,7 @@ def test_panda_2_without_the_placement_that_slipped(shared_data: Path) -> None:
     assert left_out is not None
     assert left_out.rms_mm == pytest.approx(0.919, rel=0.025)
     # No target moved: 1.6 mm are claimed where links within their tolerance are no rival.
-    assert moved_target(found) is None
+    assert found.moved_target is None
     plain = displacement(found.fit)
     assert plain is not None
     assert plain.p_value < 1e-6
