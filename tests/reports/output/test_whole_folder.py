@@ -160,6 +160,12 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, monkeypatch: 
             raise OSError(28, "No space left on device")
         return rename(self, target)
 
+    def full(aside: Path) -> None:
+        (aside / "note.json").write_text("new")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(BadInput, match="No space left"):
+        write_folder(tmp_path / "out", KIND, full)
     rename = Path.rename
     monkeypatch.setattr(Path, "rename", fail)
     with pytest.raises(BadInput, match="No space left"):
