@@ -18,6 +18,7 @@ from .answer.result import DistanceResult, Inputs, LikelihoodSummary, MidpointSu
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
 from .diagnostics.diagnosis import diagnose
+from .diagnostics.enter import entered
 from .diagnostics.hold_out import hold_out, placement_result
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
@@ -148,6 +149,7 @@ def _analyse(
     report("diagnostics", 0.3)
     placed = placement_result(solution, solution.effective, solution.link_columns)
     report("diagnostics", 0.6)
+    to_enter, conformity = entered(solution, run.header.required)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -169,6 +171,8 @@ def _analyse(
         findings=findings(solution, posterior, shots, robust, held_out_fit, placed.steps, run.warnings),
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
+        entered=to_enter,
+        conformity=conformity,
         without_prior=offsets_without_prior(solution),
     )
     report("diagnostics", 1.0)

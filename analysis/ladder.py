@@ -1,8 +1,9 @@
 """A run solved, and its model ladder: nominal geometry, link geometry, gravity deflection, first harmonics.
 
-A rung of which the header leaves the choice open (`auto`) is kept only if targets that were held out are
-predicted better, and the evidence rises. The evidence of a model is its marginal likelihood by Laplace's
-formula (MacKay 1992): the log-posterior at the mode with half the log-determinant of the covariance there.
+Every rung that the header does not leave out counts with its prior: where the data cannot decide whether an
+arm bends, its answer is as uncertain as an arm that may. How much each is worth is said by how targets that
+were held out are predicted, and by its evidence: the marginal likelihood by Laplace's formula (MacKay 1992),
+the log-posterior at the mode with half the log-determinant of the covariance there.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def _weighted(
     if number.divisor == 1:
         return judged(fit)
     weighted = problem.weighted(np.full(problem.shots, 1 / number.divisor))
-    if len(problem.tolerated) == 0 or weighted.data_size <= int(problem.parameters.free.sum()):
+    if not problem.geometry or weighted.data_size <= int(problem.parameters.free.sum()):
         unweighted = judged(fit)
         if unweighted.misfit is not None:
             return unweighted
@@ -74,40 +75,29 @@ def climb_ladder(
     progress: Callable[[float], None],
     fit: LikelihoodFit | None = None,
 ) -> tuple[LikelihoodFit, tuple[Rung, ...], Factors | None]:
-    """The fit of the highest rung that holds, all rungs that were tried, and by what the data multiply the
-    tolerances (None where they are known). Without the key `geometry` nominal geometry, without a ladder.
+    """The fit of the highest rung, all rungs below it, and by what the data multiply the tolerances (None
+    where they are known). An exact arm has no ladder.
     `progress` gets the share that is done; `fit` is that of `problem` if it is there already."""
-    declared, whole = header.geometry, problem.geometry
+    declared, whole = header.arm, problem.geometry
     if declared is None:
         return (fit_likelihood(problem, seed=seed) if fit is None else fit), (), None
-    links = whole.without("gravity").without("harmonics")
+    kept = whole.without("gravity").without("harmonics")
     nominal = fit_likelihood(problem.with_geometry(NOMINAL), starts=0, seed=seed)
-    fit = fit_likelihood(problem.with_geometry(links), seed=seed)
-    rungs = [_rung("offsets", nominal, kept=False), _rung("geometry", fit, kept=True)]
-    kept, best = links, rungs[-1]
-    tries: list[tuple[RungName, bool, Geometry]] = []
+    links = fit_likelihood(problem.with_geometry(kept), seed=seed)
+    rungs, fit = [_rung("offsets", nominal, kept=False), _rung("geometry", links, kept=True)], links
+    more: list[tuple[RungName, Geometry]] = []
     if whole.gravity is not None:
-        tries.append(("gravity", declared.gravity is True, Geometry(gravity=whole.gravity)))
+        more.append(("gravity", whole.without("harmonics")))
     if whole.harmonics:
-        tries.append(("harmonics", declared.harmonics is True, Geometry(harmonics=whole.harmonics)))
-    for k, (name, required, more) in enumerate(tries):
-        progress((k + 1) / (len(tries) + 1))
-        tried = from_near(problem.with_geometry(kept.joined(more)), fit)
-        rung = _rung(name, tried, kept=False)
-        rung = replace(rung, kept=required or _better(rung, best))
-        rungs.append(rung)
-        if rung.kept:
-            kept, best, fit = tried.problem.geometry, rung, tried
+        more.append(("harmonics", whole))
+    for k, (name, geometry) in enumerate(more):
+        progress((k + 1) / (len(more) + 1))
+        fit = from_near(problem.with_geometry(geometry), fit)
+        rungs.append(_rung(name, fit, kept=True))
     factors = None
     if declared.scale == "estimated" and fit.converged:
         fit, factors = with_factors(fit)
     return fit, tuple(rungs), factors
-
-
-def _better(rung: Rung, best: Rung) -> bool:
-    if rung.held_out_rms_mm is None or best.held_out_rms_mm is None:
-        return False
-    return rung.held_out_rms_mm < best.held_out_rms_mm and rung.log_evidence > best.log_evidence
 
 
 def _rung(name: RungName, fit: LikelihoodFit, *, kept: bool) -> Rung:

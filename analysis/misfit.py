@@ -27,9 +27,8 @@ from ..model.likelihood.problem import Problem, rms_length
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.identifiability import Identified
 from .placements import placements
-from .status import UnsoundResult, known
+from .status import LACK_OF_FIT, UnsoundResult, known
 
-LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
 # Between placements over within, as a ratio of stds. Neighbouring measurements are correlated: on real arms
 # their effective number is up to 2.5 times smaller, which alone makes a factor of 1.6. By nominal geometry
@@ -211,7 +210,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
         return
     free, d = problem.parameters.free, problem.tool.residual_size
     residual, jacobian, numbers = whitened.residual, whitened.jacobian, float(problem.measured_size)
-    if not len(problem.tolerated):
+    if not problem.geometry:
         # What nominal geometry leaves is correlated by itself: the effective number must not excuse it.
         once = np.ones(len(residual))
         once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
@@ -243,7 +242,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
 
 
 def _geometry(problem: Problem) -> Geometry:
-    return "estimated" if len(problem.tolerated) else "nominal"
+    return "estimated" if problem.geometry else "nominal"
 
 
 def _range_of(columns: Matrix) -> Matrix:

@@ -15,6 +15,8 @@ from typing import Literal
 
 from ..model.errors import ZerobeamError
 
+LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
+
 Status = Literal["identified", "weak", "unidentifiable", "held", "unvalidated"]
 Verdict = Literal["pass", "weak", "degenerate", "misfit"]
 

@@ -6,7 +6,8 @@ from ..analysis.answer.findings import HeldOutMisfit
 from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
-from ..analysis.misfit import LACK_OF_FIT, LackOfFit
+from ..analysis.misfit import LackOfFit
+from ..analysis.status import LACK_OF_FIT
 from . import numbers
 from .findings import finding_sentence, hold_out_message
 from .misfit import criterion_sentence

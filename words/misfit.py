@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.misfit import (
-    LACK_OF_FIT,
     BeyondPrior,
     Criterion,
     ImplausibleNoise,
@@ -13,6 +12,7 @@ from ..analysis.misfit import (
     OffPrior,
     PlacementsDisagree,
 )
+from ..analysis.status import LACK_OF_FIT
 from . import numbers
 from .numbers import p_words, times
 from .wording import Namer, clipped, listed

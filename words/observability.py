@@ -4,7 +4,7 @@ and a plan's outlook.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ..analysis.observability.causes import (
     BaseFrame,
@@ -30,6 +30,7 @@ from ..analysis.observability.causes import (
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
+from ..analysis.observability.power import NOTICED, DetectionPower
 from ..model.likelihood.tool import ToolKind
 from . import numbers
 from .wording import Namer, label, listed, shown
@@ -273,9 +274,38 @@ def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
 
 
 def outlook_lines(check: Check) -> list[str]:
-    """The change of a plan that helps most, and what becomes of the plan if the target is elsewhere."""
-    lines = [] if check.advice is None else [advice_sentence(check.advice)]
+    """What a run of a plan will notice, the change of the plan that helps most, and what becomes of it if the
+    target is elsewhere."""
+    lines = power_sentences(check.power)
+    lines += [] if check.advice is None else [advice_sentence(check.advice)]
     if check.over_target is not None:
         units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
         lines.append(over_target_sentence(check.over_target, units))
     return lines
+
+
+def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
+    """Which wrong models a run notices, and what those do to the offsets that it may not notice."""
+    noticed = [_wrong_words(each) for each in powers if each.probability >= NOTICED]
+    missed = [
+        f"{_wrong_words(each)} ({100 * each.probability:.0f} %, and an offset is then off by up to"
+        f" {numbers.significant(each.off_u, 2)} times its u)"
+        for each in powers
+        if each.probability < NOTICED
+    ]
+    level = f"{100 * NOTICED:.0f} % or more"
+    sentences = [f"A run of this plan notices with {level}: {listed(noticed)}."] if noticed else []
+    return [*sentences, *([f"It may not notice: {listed(missed)}."] if missed else [])]
+
+
+def _wrong_words(power: DetectionPower) -> str:
+    size = numbers.exact(power.size, numbers.unit_of(power.unit))
+    match power.wrong:
+        case "tool":
+            return f"a tool {size} off"
+        case "jump":
+            return f"a zero of joint {power.joint} that jumps by {size}"
+        case "backlash":
+            return f"backlash of {size}"
+        case "noise":
+            return f"readings that scatter {numbers.exact(power.size)} times as much as stated"

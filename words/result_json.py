@@ -53,6 +53,7 @@ def to_json(result: Result) -> dict[str, Any]:
 def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
+    entered = result.entered
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
@@ -83,6 +84,7 @@ def document_of(result: Result) -> document.ResultDocument:
             document.ExplanationDocument.filled(one, sentence=explanation_sentence(one))
             for one in result.diagnosis
         ),
+        enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
         notes=notes(result),
         next_steps=next_steps(result),
     )
@@ -99,6 +101,7 @@ def check_json(check: Check) -> dict[str, Any]:
             for row in check.parameters
         ),
         identifiability=_identifiability(check.identifiability),
+        power=tuple(map(document.PowerDocument.filled, check.power)),
         geometry=geometry_document(check.geometry),
         notes=check_notes(check),
     )

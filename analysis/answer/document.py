@@ -19,6 +19,7 @@ from ...model.files.json_document import keys_of
 from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
+from ..diagnostics.enter import Conformity, TcpError
 from ..diagnostics.hypotheses import Cause
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.scene import RunScene
@@ -28,6 +29,7 @@ from ..misfit import Geometry, OffPrior
 from ..observability.check import CheckedPosture, PlanInputs, PlanVerdict
 from ..observability.geometry import Confounded, Rung, Tolerance
 from ..observability.outlook import Advice, CurvePoint, OverTarget
+from ..observability.power import WrongModel
 from ..posterior.posterior import PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
@@ -420,6 +422,15 @@ class ExplanationDocument(DocumentPart):
     sentence: str
 
 
+class EnterDocument(DocumentPart):
+    """Values to enter, and the error of the TCP to expect."""
+
+    for_: Literal["nominal"] = Field(alias="for")
+    values: dict[str, float]
+    tcp_before: TcpError
+    tcp_after: TcpError
+
+
 class ResultDocument(DocumentPart):
     """The content of a result.json, in the order of its keys."""
 
@@ -443,6 +454,8 @@ class ResultDocument(DocumentPart):
     scene: RunScene | None
     misfit: MisfitDocument | None
     diagnosis: tuple[ExplanationDocument, ...]
+    enter: EnterDocument | None
+    conformity: Conformity | None
     notes: tuple[str, ...]
     next_steps: NextSteps
     inputs: Inputs
@@ -463,6 +476,17 @@ class CheckedParameterDocument(DocumentPart):
     reason: str | None
 
 
+class PowerDocument(DocumentPart):
+    """The probability with which a run notices a wrong model."""
+
+    wrong: WrongModel
+    size: float
+    unit: str
+    joint: int | None
+    probability: float
+    off_u: float
+
+
 class CheckDocument(DocumentPart):
     """What `zerobeam check --json` prints, in the order of its keys."""
 
@@ -471,6 +495,7 @@ class CheckDocument(DocumentPart):
     headline: str
     parameters: tuple[CheckedParameterDocument, ...]
     identifiability: IdentifiabilityDocument
+    power: tuple[PowerDocument, ...]
     geometry: GeometryDocument
     postures: tuple[CheckedPosture, ...]
     curve: tuple[CurvePoint, ...]

@@ -12,10 +12,11 @@ from ..diagnostics.hold_out import HoldOut
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import OUTLYING, Robust
 from ..displacement import Displacement
-from ..misfit import LACK_OF_FIT, Criterion
+from ..misfit import Criterion
 from ..posterior.posterior import PosteriorSummary
 from ..recordings.steps import RecordingSteps
 from ..solution import Solution, undecided_names
+from ..status import LACK_OF_FIT
 
 
 @dataclass(frozen=True)

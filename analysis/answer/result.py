@@ -13,6 +13,7 @@ from ..covariance import OffsetsWithoutPrior
 from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
 from ..diagnostics.diagnosis import Explanation
+from ..diagnostics.enter import Conformity, Entered
 from ..diagnostics.hold_out import HoldOut, PlacementResult
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import Robust
@@ -152,6 +153,9 @@ class Result:
         What the answer was made from.
     diagnosis : tuple
         What explains a misfit, the best explanation first; empty where nothing does or there is none.
+    entered, conformity
+        Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
+        the robot then meets what the header requires. None where nothing can be promised.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
 
@@ -189,6 +193,8 @@ class Result:
     findings: tuple[Finding, ...]
     inputs: Inputs
     diagnosis: tuple[Explanation, ...] = ()
+    entered: Entered | None = None
+    conformity: Conformity | None = None
     without_prior: OffsetsWithoutPrior | None = None
 
     def __post_init__(self) -> None:

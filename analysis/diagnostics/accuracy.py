@@ -138,7 +138,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
     limits = (problem.robot.lower, problem.robot.upper)
     recorded_limits = (problem.joints.min(axis=0), problem.joints.max(axis=0))
     drawn = [spread_postures(*limits, _POSTURES), spread_postures(*recorded_limits, _POSTURES // 4)]
-    joints = np.concatenate([_within(problem.robot, rows) for rows in drawn] + [problem.joints])
+    joints = np.concatenate([within_limits(problem.robot, rows) for rows in drawn] + [problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
     effect = np.sqrt((by_offset**2).sum(axis=0).max(axis=1)) * parameters.prior_std[offsets]
@@ -197,7 +197,7 @@ def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
     return result
 
 
-def _within(robot: Robot, joints: Matrix) -> Matrix:
+def within_limits(robot: Robot, joints: Matrix) -> Matrix:
     """Those of joints (N, n) that the arm can take: where joint 3 is counted from the ground its range
     depends on joint 2."""
     return joints if robot.conventions.range3 is None else joints[~beyond_limits(robot, joints).any(axis=1)]

@@ -549,12 +549,13 @@ def with_links_freed(problem: Problem, x: Matrix) -> HypothesisFit | None:
     the trace of the reduction, the sum of l / (1 + l) over the eigenvalues l of the information that the
     measurements have on the links, in units of their tolerances, when all else is estimated.
     """
-    if len(problem.tolerated):
+    if problem.geometry:
         return None
     whole, start = with_links(problem, x)
     density = Density(whole)
     ended, (left,) = fits_from(density, start[None], most_steps=_FEW_STEPS)
-    links = whole.parameters.among_free[whole.tolerated]
+    estimated = whole.parameters.free & whole.parameters.group("geometry")
+    links = whole.parameters.among_free[estimated]
     squares = float((density.scaled(ended)[0, links] ** 2).sum())
     information = density.slopes(ended).information[0]
     if not np.isfinite(information).all():

@@ -19,6 +19,7 @@ from ..estimation.threads import one_blas_thread
 _ITERATIONS = 60
 _LARGEST_STEP = 0.2  # rad (or as a share of a metre for prismatic joints): keeps Newton's steps local
 HIT_MM = 1e-6
+_WRIST = 3  # joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ def servo_joints(problem: Problem) -> Matrix:
     """(n,) weights of the joints that a servo turns: the last three for a beam, all for a probe."""
     weights = np.ones(problem.robot.n)
     if problem.tool.kind == "laser":
-        weights[:-3] = 0.0
+        weights[:-_WRIST] = 0.0
     return weights
 
 

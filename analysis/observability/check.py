@@ -31,6 +31,7 @@ from .outlook import (
     predicted_covariance,
     predicted_std,
 )
+from .power import DetectionPower, powers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,6 +188,8 @@ class Check:
         the plan cannot determine it), `data_std` (without prior), `prior_std`, `cause`.
     identifiability : Identifiability
         Rank, singular values, and the null-space directions with causes.
+    power : tuple of DetectionPower
+        With which probability a run of this plan notices a wrong model; empty where nothing is tested.
     geometry : GeometryResult
         Tolerances of the geometry, and what the offsets will be worth if it is taken as nominal.
     postures : tuple of CheckedPosture
@@ -214,6 +217,7 @@ class Check:
     verdict: PlanVerdict
     parameters: tuple[CheckedParameter, ...]
     identifiability: Identifiability
+    power: tuple[DetectionPower, ...]
     geometry: GeometryResult
     postures: tuple[CheckedPosture, ...]
     curve: tuple[CurvePoint, ...]
@@ -271,6 +275,7 @@ class Check:
             verdict="violated" if violations else observable,
             parameters=tuple(rows),
             identifiability=identified.facts,
+            power=powers(shots, x, identified.facts.rank),
             geometry=geometry,
             postures=tuple(
                 CheckedPosture(

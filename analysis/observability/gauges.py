@@ -47,7 +47,7 @@ class Gauge:
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower."""
     aimed, jacobian, hit = information_root(problem, x, weight)
-    tolerated = problem.parameters.group("geometry")[problem.parameters.free]
+    tolerated = problem.parameters.tolerated[problem.parameters.free]
     null = _null_space(jacobian)
     taken_up = [spanned(jacobian, tolerated)]
     followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)

@@ -33,7 +33,7 @@ TYPICAL_MM, TYPICAL_DEG = 0.3, 0.1  # of the links of industrial arms, as measur
 def with_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
     """The problem with the geometry that it states, or with typical tolerances of the links where it states
     none; and x (p,) there."""
-    if len(problem.tolerated):
+    if problem.geometry:
         return problem, x
     whole = problem.with_geometry(Geometry.of_links(problem.robot, TYPICAL_MM, TYPICAL_DEG))
     return whole, whole.parameters.with_values(whole.parameters.prior_mean, problem.parameters, x)
@@ -42,7 +42,7 @@ def with_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
 def link_columns(problem: Problem, x: Matrix) -> Matrix | None:
     """(M, g) what links of typical tolerances do to the whitened residuals at x (p,), each by one std; None
     where the geometry is estimated: there it is no rival of other explanations."""
-    if len(problem.tolerated):
+    if problem.geometry:
         return None
     whole, jacobian = _with_links_whitened(problem, x.tobytes())
     return jacobian[:, whole.tolerated]
@@ -66,16 +66,14 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     parameters_with_links, jacobian = whole.parameters, jacobian.copy()
     jacobian[: problem.shots * problem.tool.residual_size] *= np.sqrt(weight)
     estimated = (
-        parameters_with_links.free
-        & ~parameters_with_links.group("geometry")
-        & ~parameters_with_links.group("noise")
+        parameters_with_links.free & ~parameters_with_links.tolerated & ~parameters_with_links.group("noise")
     )
     by_own, by_geometry = jacobian[:, estimated], jacobian[:, whole.tolerated]
     covariance = np.linalg.inv(by_own.T @ by_own + np.eye(by_own.shape[1]))
     moved = covariance @ (by_own.T @ by_geometry)
     std = np.sqrt(np.diag(covariance) + (moved**2).sum(axis=1)) * parameters_with_links.prior_std[estimated]
     result = np.full(len(parameters), np.nan)
-    result[parameters.free & ~parameters.group("geometry") & ~parameters.group("noise")] = std
+    result[parameters.free & ~parameters.tolerated & ~parameters.group("noise")] = std
     return result
 
 
@@ -182,7 +180,7 @@ def geometry_result(
         stds = of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
         return {name: std if np.isfinite(std) else None for name, std in stds.items()}
 
-    geometry = header.geometry
+    geometry = header.arm
     tolerance = None if geometry is None else geometry.tolerance
     return GeometryResult(
         stated=geometry is not None,

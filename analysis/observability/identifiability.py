@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.parameters import Parameter, Parameters
 from ...model.likelihood.problem import Problem
 from ..status import Status
 from .causes import (
@@ -47,6 +47,7 @@ _NO_INFORMATION = 1e-8  # on a geometry parameter, over that of its tolerance
 _AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data say no more than a unit prior
 _NEW = 1e-4  # a null direction is not named yet if this part of it is outside those named
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
+_MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
 
@@ -137,10 +138,11 @@ def too_few_measurements(problem: Problem, size: int) -> Mechanism | None:
     """The mechanism of having fewer numbers than unknowns, or None where there are enough."""
     if problem.data_size >= size:
         return None
-    needed = -(-size // problem.tool.residual_size)
+    unknowns = size - len(problem.tolerated)  # what has a tolerance needs no measurement
+    needed = -(-unknowns // problem.tool.residual_size)
     return Mechanism(
         np.ones(len(problem.parameters), dtype=bool),
-        TooFewMeasurements(problem.shots, problem.data_size, size, needed),
+        TooFewMeasurements(problem.shots, problem.measured_size, unknowns, needed),
     )
 
 
@@ -188,7 +190,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     scaled_std = np.where(gauge_found.part, np.maximum(scaled_std, 1 / floor), scaled_std)
     scaled_std = np.where(gauge_found.exact_part, np.inf, scaled_std)
 
-    tolerated = parameters.group("geometry")[free]
+    tolerated = parameters.tolerated[free]
     scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge_found.spanned)
     status, data_std = _statuses(parameters, scaled_std)
     null_space = [
@@ -300,33 +302,50 @@ def _noise_directions(
     parameters = problem.parameters
     free_items = [item for item in parameters.items if not item.held]
     free_status = [s for s, item in zip(status, parameters.items, strict=True) if not item.held]
-    chosen = {int(k) for k in np.flatnonzero(singular < _AS_KNOWN)}
+    chosen: dict[int, list[int]] = {int(k): [] for k in np.flatnonzero(singular < _AS_KNOWN)}
     for row, (item, state) in enumerate(zip(free_items, free_status, strict=True)):
         if item.group == "offset" and state in ("weak", "unidentifiable") and not exact_part[row]:
-            chosen.add(int(np.argmax(share[row])))
+            chosen.setdefault(int(np.argmax(share[row])), []).append(row)
+    std = np.sqrt(share.sum(axis=1))
     null_directions: list[NullDirection] = []
     explained: list[Matrix] = []
     for k in sorted(chosen, key=lambda k: singular[k]):
         direction, mechanism = directions[:, k], unexplained(problem, len(free_items))
-        for candidate in mechanisms(problem):
-            support = candidate.support[parameters.free]
-            if not support.any():
-                continue
-            _, values, right = np.linalg.svd(jacobian[:, support], full_matrices=False)
-            if len(values) < support.sum() or values[-1] > _AS_NEARLY_NULL * singular[k]:
-                continue
-            vector = np.zeros(len(support))
-            vector[support] = right[-1]
+        for candidate, vector, value in _alone(problem, jacobian):
             if any(abs(vector @ known) > 0.9 for known in explained):
                 continue
-            # It must be this direction, not another that happens to be as weak.
-            if abs(vector @ direction) < 0.5:
-                continue
-            direction, mechanism = vector, candidate
-            break
+            # It must be this direction, not another that happens to be as weak; or be enough alone.
+            same = value <= _AS_NEARLY_NULL * singular[k] and abs(vector @ direction) >= 0.5
+            if same or any(
+                abs(vector[row]) / value >= _enough(free_items[row], free_status[row], std[row])
+                for row in chosen[k]
+            ):
+                direction, mechanism = vector, candidate
+                break
         explained.append(direction)
         null_directions.append(_named(problem, jacobian, direction, "noise", mechanism))
     return null_directions
+
+
+def _alone(problem: Problem, jacobian: Matrix) -> Iterator[tuple[Mechanism, Matrix, float]]:
+    """Each mechanism with (f,) the direction that it hides best, were all other parameters known, and the
+    singular value of that."""
+    for mechanism in mechanisms(problem):
+        support = mechanism.support[problem.parameters.free]
+        if not support.any():
+            continue
+        _, values, right = np.linalg.svd(jacobian[:, support], full_matrices=False)
+        if len(values) < support.sum():
+            continue
+        vector = np.zeros(len(support))
+        vector[support] = right[-1]
+        yield mechanism, vector, float(max(values[-1], ROUNDING))
+
+
+def _enough(item: Parameter, status: Status, std: float) -> float:
+    """The std, in prior stds, that a mechanism alone must give an offset to be its reason: what makes it
+    unidentifiable; of one that is weak most of its `std`."""
+    return 1.0 if status == "unidentifiable" else max(item.tolerance / item.prior_std, _MOST * std)
 
 
 def _named(

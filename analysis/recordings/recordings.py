@@ -11,14 +11,19 @@ matrix, whose size grows with the square of the measurements.
 Residuals that follow each other in a recording are alike where something drifts slowly: temperature, a socket
 that settles, an arm whose errors change slowly along a row of postures. n measurements with lag-1 correlation
 rho then say as much as n / kappa independent ones, kappa = (1 + rho) / (1 - rho) (Bayley & Hammersley 1946,
-for an autoregressive process of order 1)."""
+for an autoregressive process of order 1).
+
+A short recording hardly says how large rho is: its estimate reaches 1 by chance. So a correlation counts only
+where its evidence, the marginal likelihood over a prior of rho, is a hundred times that of independent
+errors; and then by the mean of 1 / kappa over the posterior of rho, which is what is left of the
+information."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -34,6 +39,9 @@ _GRID = np.array([-0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7
 LARGE = 600  # residuals of a recording whose covariance is no longer written out
 _LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
 _HALVINGS = 60  # of an interval, to the last digit
+_ODDS = 100.0  # of a correlation against none, from which on it counts
+_RHO = np.linspace(0.0, 0.98, 50)  # the first is none
+_PRIOR = 1 - _RHO[1:]  # of the others: large ones are rare
 
 
 def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
@@ -92,14 +100,9 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSet:
     the prior stds of their parameters, such as link tolerances: they are fitted as well, by one linear step.
     """
     problem, d = fit.problem, fit.problem.tool.residual_size
-    parameters, count = problem.parameters, problem.shots * d
-    scale = np.ones((len(fit.whitened.residual), 1))
-    scale[:count, 0] = np.sqrt(np.repeat(fit.weight / problem.weights, d))
-    residual, jacobian = fit.whitened.residual * scale[:, 0], fit.whitened.jacobian * scale
+    count = problem.shots * d
+    scale, residual, columns, z = _linear_model(fit, rival)
     by_target = by_targets(problem, fit.whitened) * scale[:count].reshape(problem.shots, d, 1)
-    columns, z = jacobian[:, parameters.free], fit.z
-    if rival is not None:
-        columns, z = np.hstack([columns, rival * scale]), np.append(z, np.zeros(rival.shape[1]))
     # Not by the product columns' columns: with hardly any noise the unit prior would be lost in its rounding.
     inverse = np.linalg.inv(np.linalg.qr(np.vstack([columns, np.eye(len(z))]), mode="r")).T
     by_posterior = columns @ inverse.T
@@ -118,6 +121,22 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSet:
         for rows in recording_rows(problem)
     )
     return RecordingSet(every, inverse @ inverse.T)
+
+
+def _linear_model(fit: LikelihoodFit, rival: Matrix | None) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """At the mode, each measurement as it is (however often it counts), noise scale taken out.
+
+    The scale (M, 1) of rows that does so, residuals (M,), their columns (M, f) by the scaled parameters, and
+    these (f,); those of `rival` with them, at 0.
+    """
+    problem = fit.problem
+    count = problem.shots * problem.tool.residual_size
+    scale = np.ones((len(fit.whitened.residual), 1))
+    scale[:count, 0] = np.sqrt(np.repeat(fit.weight / problem.weights, problem.tool.residual_size))
+    columns, z = (fit.whitened.jacobian * scale)[:, problem.parameters.free], fit.z
+    if rival is not None:
+        columns, z = np.hstack([columns, rival * scale]), np.append(z, np.zeros(rival.shape[1]))
+    return scale, fit.whitened.residual * scale[:, 0], columns, z
 
 
 def times_errors(recording: Recording, rho: float) -> Matrix:
@@ -214,8 +233,8 @@ class Effective:
     """The effective number of measurements: `shots` / `divisor`.
 
     `rho`, `kappa` and `p_value` of all recordings together, None where none is long enough. `divisor` is what
-    the information of the measurements is to be divided by: `kappa` where the correlation is significantly
-    positive, else 1.
+    the information of the measurements is to be divided by: above 1 where there is clear evidence of a
+    positive correlation.
     """
 
     recordings: tuple[RecordingCorrelation, ...]
@@ -256,14 +275,50 @@ def effective(fit: LikelihoodFit, rival: Matrix | None = None) -> Effective:
         ((rho, p_value),) = alone.values()
     else:
         rho, p_value = correlation(equalised(list(lags_of.values())))
-    kappa = _kappa(rho)
-    return Effective(
-        tuple(rows), shots, rho, kappa, p_value, max(kappa, 1.0) if p_value < SIGNIFICANCE else 1.0
-    )
+    louder = dict(zip(lags_of, np.sqrt(_louder(list(lags_of.values()))).tolist(), strict=True))
+    divisor = _divisor(fit, louder, rival) if p_value < SIGNIFICANCE else 1.0
+    return Effective(tuple(rows), shots, rho, _kappa(rho), p_value, divisor)
 
 
-def _kappa(rho: float) -> float:
+def _kappa(rho: Any) -> Any:
     return (1 + rho) / (1 - rho)
+
+
+def _divisor(fit: LikelihoodFit, louder: Mapping[int, float], rival: Matrix | None) -> float:
+    """What the information of the measurements is to be divided by for the correlation of their errors: 1 /
+    (the posterior mean of 1 / kappa), or 1 without clear evidence of one. `louder` says how many times too
+    loud which recordings are; `rival` as of `recordings`.
+
+    The marginal likelihood is that of the linear model at the mode with all parameters by their priors,
+    y = A z + e, and errors e of unknown size that are correlated within recordings.
+    """
+    _, residual, columns, z = _linear_model(fit, rival)
+    rows = np.hstack([columns, (residual - columns @ z)[:, None]])
+    d = fit.problem.tool.residual_size
+    every = [(rows_of[0] * d, (rows_of[-1] + 1) * d) for rows_of in recording_rows(fit.problem)]
+    for i, factor in louder.items():
+        rows[slice(*every[i])] /= factor
+    log_evidence = np.array([_log_evidence(rows, every, d, float(rho)) for rho in _RHO])
+    odds = _PRIOR / _PRIOR.sum() * np.exp(log_evidence[1:] - log_evidence[0])
+    if odds.sum() < _ODDS:
+        return 1.0
+    return float(odds.sum() / (odds / _kappa(_RHO[1:])).sum())
+
+
+def _log_evidence(rows: Matrix, every: Sequence[tuple[int, int]], d: int, rho: float) -> float:
+    """Of errors with the correlation `rho` within recordings; `rows` (M, f + 1) are columns and residuals,
+    `every` the first row of each recording and the one behind its last."""
+    white, log_det = rows.copy(), 0.0
+    for first, last in every:
+        white[first + d : last] = (rows[first + d : last] - rho * rows[first : last - d]) / np.sqrt(
+            1 - rho**2
+        )
+        log_det += (last - first - d) * np.log(1 - rho**2)
+    columns, residual = white[:, :-1], white[:, -1]
+    root = np.linalg.cholesky(columns.T @ columns + np.eye(columns.shape[1]))
+    along = scipy.linalg.solve_triangular(root, columns.T @ residual, lower=True)
+    square = max(float(residual @ residual - along @ along), 1e-300)
+    return -(log_det + 2 * float(np.log(np.diag(root)).sum()) + len(rows) * float(np.log(square))) / 2
 
 
 class RecordingLag(NamedTuple):
@@ -326,13 +381,16 @@ def equalised(lags: Sequence[RecordingLag]) -> list[RecordingLag]:
     A target that slips while it is measured makes large residuals that are all alike: by the plain sums that
     one recording would speak for all.
     """
-    mean_square = np.array([lag.square / lag.left for lag in lags])
-    middle = float(np.median(mean_square))
-    times = [middle / value if value > middle else 1.0 for value in mean_square]
     return [
-        lag._replace(product=lag.product * by, square=lag.square * by)
-        for lag, by in zip(lags, times, strict=True)
+        lag._replace(product=lag.product / by, square=lag.square / by)
+        for lag, by in zip(lags, _louder(lags).tolist(), strict=True)
     ]
+
+
+def _louder(lags: Sequence[RecordingLag]) -> Matrix:
+    """How many times the mean squares of recordings are that of the middle one; 1 of those below."""
+    mean_square = np.array([lag.square / lag.left for lag in lags])
+    return np.maximum(mean_square / max(float(np.median(mean_square)), 1e-300), 1.0)
 
 
 def correlation(lags: Sequence[RecordingLag]) -> tuple[float, float]:

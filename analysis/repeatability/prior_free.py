@@ -49,7 +49,7 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> WithoutPrior:
     by_row = covariance @ left.T
     by_noise, by_geometry = np.split(by_row, [len(left) - len(problem.tolerated)], axis=1)
     # A tolerance of the geometry is knowledge, which stays.
-    pulled = np.where(parameters.group("geometry")[parameters.free], 0.0, fit.z)
+    pulled = np.where(parameters.tolerated[parameters.free], 0.0, fit.z)
     at_mode = float(Density(problem).noise_weight(fit.x[None])[0])
     step = covariance @ (pulled[selected] - by_rest.T @ pulled[rest]) * fit.weight / at_mode
     scale = parameters.prior_std[list(columns)]

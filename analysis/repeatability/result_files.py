@@ -12,7 +12,8 @@ from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text
 from ...model.files.validation import LARGEST, SMALLEST
 from ..answer.document import ReadResult, from_json
 from ..answer.result import RESULT_SCHEMA
-from ..misfit import LACK_OF_FIT, LackOfFit
+from ..misfit import LackOfFit
+from ..status import LACK_OF_FIT
 from .repeat import (
     WHEN,
     PriorInEstimate,

@@ -116,7 +116,9 @@ class Planner:
         """The fewest measurements whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)
-        least = max(2, -(-int(self._problem.parameters.free.sum()) // self._problem.tool.residual_size))
+        parameters = self._problem.parameters
+        unknowns = int((parameters.free & ~parameters.tolerated).sum())
+        least = max(2, -(-unknowns // self._problem.tool.residual_size))
         if most < least:
             raise BadInput(
                 "too few measurements to identify the offsets",

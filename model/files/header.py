@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AliasChoices, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..arrays import Matrix
 from ..errors import BadInput
@@ -98,11 +98,18 @@ class StatedGeometry(FileModel):
     )
     gravity: Switch = Field(
         default="auto",
-        description="deflection of the joints under the weight of the links; auto: if it predicts better",
+        description="deflection of joints under the weight of the links; true: refuse too few measurements",
     )
     harmonics: Switch = Field(
         default="auto",
-        description="first harmonic of each joint's reading; auto: if it predicts better",
+        description="first harmonic of each joint's reading; true: refuse too few measurements",
+    )
+    gravity_deg: Positive = Field(
+        default=0.05,
+        description="prior standard deviation of a joint's deflection where the torque is largest, degrees",
+    )
+    harmonics_deg: Positive = Field(
+        default=0.02, description="prior standard deviation of each harmonic, cosine and sine, degrees"
     )
     masses_kg: Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuple)] | None = Field(
         default=None,
@@ -142,6 +149,23 @@ class StatedGeometry(FileModel):
         yield ("tolerance", "angle_deg"), lambda: self.tolerance.each("angle_deg", robot)
         yield ("masses_kg",), lambda: self.masses(robot)
         yield ("harmonics",), lambda: self.require_revolute(robot)
+
+
+EXACT: Literal["exact"] = "exact"  # nominal geometry is the arm's: the paper's assumption
+
+
+def _geometry(value: object) -> object:
+    if value is not None and value != EXACT and not isinstance(value, dict | StatedGeometry):
+        raise refusal(
+            "this says nothing of the arm's geometry",
+            found=shown(value),
+            allowed="exact, or keys such as tolerance, gravity, harmonics",
+        )
+    return value
+
+
+def _geometry_tag(value: object) -> str:
+    return "<exact>" if value == EXACT else "<stated>"
 
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
@@ -211,14 +235,21 @@ RobotRef = Annotated[
 
 
 class StatedSigma(FileModel):
-    """How far the tool may be from what is stated: prior standard deviations of an uncalibrated tool."""
+    """How far the tool may be from what is stated: prior standard deviations."""
 
     tilt_deg: Positive = Field(
-        default=3.0, description="of each tilt of the beam, degrees (default 3; not for a probe)"
+        default=0.05,
+        description="of each tilt of the beam, degrees (default 0.05; 3 if it is not calibrated)",
     )
     shift_mm: Positive = Field(
-        default=10.0, description="of each shift, millimetres (default 10 for a laser, 50 for a probe)"
+        default=0.1,
+        validation_alias=AliasChoices("shift_mm", "mm"),
+        description="of each shift, millimetres (default 0.1; not calibrated: 10 of a laser, 50 of a probe)",
     )
+
+
+# Of a tool that is not calibrated, by its kind: tilt_deg, shift_mm.
+_UNCALIBRATED = {"laser": (3.0, 10.0), "probe": (3.0, 50.0)}
 
 
 class StatedTool(FileModel):
@@ -237,7 +268,7 @@ class StatedTool(FileModel):
     )
     sigma: StatedSigma = Field(
         default=StatedSigma(),
-        description="how far an uncalibrated tool may be off; a calibrated one is not estimated",
+        description="how far the tool may be from what is stated of it",
     )
 
     @model_validator(mode="after")
@@ -263,19 +294,24 @@ class StatedTool(FileModel):
                 found=shown(self.direction),
                 allowed="any vector but zero",
             )
-        if self.kind == "probe":
-            if stated_sigma and "tilt_deg" in self.sigma.model_fields_set:
-                raise refusal(
-                    "tool.sigma.tilt_deg is stated for a probe, which has no direction",
-                    key=("sigma", "tilt_deg"),
-                    allowed="shift_mm",
-                    remedy="remove it",
-                )
-            if "shift_mm" not in self.sigma.model_fields_set:
-                # The default depends on the kind. It does not count as stated, so that it is not
-                # written out with the header.
-                sigma = StatedSigma.model_construct(_fields_set=set(), tilt_deg=3.0, shift_mm=50.0)
-                object.__setattr__(self, "sigma", sigma)
+        if self.kind == "probe" and stated_sigma and "tilt_deg" in self.sigma.model_fields_set:
+            raise refusal(
+                "tool.sigma.tilt_deg is stated for a probe, which has no direction",
+                key=("sigma", "tilt_deg"),
+                allowed="shift_mm",
+                remedy="remove it",
+            )
+        if not self.calibrated:
+            # The default depends on the kind. It does not count as stated, so that it is not written out with
+            # the header.
+            fields = self.sigma.model_fields_set if stated_sigma else set()
+            tilt_deg, shift_mm = _UNCALIBRATED[self.kind]
+            sigma = StatedSigma.model_construct(
+                _fields_set=fields,
+                tilt_deg=self.sigma.tilt_deg if "tilt_deg" in fields else tilt_deg,
+                shift_mm=self.sigma.shift_mm if "shift_mm" in fields else shift_mm,
+            )
+            object.__setattr__(self, "sigma", sigma)
         return self
 
 
@@ -398,6 +434,14 @@ class StatedTolerance(FileModel):
     tilt_deg: Positive = Field(default=0.1, description="tilt of the tool, degrees")
 
 
+class StatedRequirement(FileModel):
+    """What the robot must meet."""
+
+    tcp_mm: Positive = Field(
+        description="error of the TCP that 95 % of the workspace must stay below, millimetres"
+    )
+
+
 class Header(FileModel):
     """What the measurements of one file have in common. Paths in it are relative to the file's folder."""
 
@@ -426,12 +470,33 @@ class Header(FileModel):
         default="error", description="warn: joints outside the robot's limits are reported, not refused"
     )
     tolerance: StatedTolerance = Field(default=StatedTolerance(), description="what counts as identified")
-    geometry: StatedGeometry | None = Field(
-        default=None, description="how far the arm may deviate from nominal geometry (default: not at all)"
+    geometry: Annotated[
+        Annotated[
+            Annotated[Literal["exact"], Tag("<exact>")] | Annotated[StatedGeometry, Tag("<stated>")],
+            Discriminator(_geometry_tag),
+        ]
+        | None,
+        BeforeValidator(_geometry),
+    ] = Field(
+        default=None,
+        description="how far the arm may deviate from nominal geometry; exact, the default: not at all",
+    )
+    required: StatedRequirement | None = Field(
+        default=None, description="what the robot must meet once its values are entered"
     )
     provenance: Annotated[dict[Name, str | bool | int | float], BeforeValidator(_free_text)] = Field(
         default={}, description="free text by key: serial number, controller software, who, when"
     )
+
+    @property
+    def arm(self) -> StatedGeometry | None:
+        """How far the arm may deviate from nominal geometry; None where it is taken as exact."""
+        return self.geometry if isinstance(self.geometry, StatedGeometry) else None
+
+    @property
+    def exact_tool(self) -> bool:
+        """Whether the tool is as stated: a calibrated one without `tool.sigma`."""
+        return self.tool.calibrated and "sigma" not in self.tool.model_fields_set
 
     @property
     def only_target(self) -> str:
@@ -474,7 +539,7 @@ def check_header(
     checks: list[tuple[KeyPath, Callable[[], object]]] = [
         (("noise", "joint_deg"), lambda: noise.of_joints(robot))
     ]
-    if header.geometry is not None:
+    if isinstance(header.geometry, StatedGeometry):
         checks += [(("geometry", *key), check) for key, check in header.geometry.checks(robot)]
     for key, check in checks:
         try:

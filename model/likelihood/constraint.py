@@ -6,7 +6,7 @@ One shot has the inputs
     spot   (d,)   recorded position of the target across the beam, mm (zero for a probe)
     arm    (a,)   joint offsets delta (n,), then the geometry parameters if there are any
     target (3,)   target in the base frame, mm
-    tool   (k,)   the free tool parameters (k = 0 if it is calibrated)
+    tool   (k,)   the free tool parameters (k = 0 if it is exact)
 
 and the residual m (d,), kept in the flange frame: there the rotation of base and target about joint 1
 cancels exactly, whatever the residual. Since q and delta enter only as q + delta, the Jacobian
@@ -161,7 +161,7 @@ def shot_functions(
     ]
     if tool.direction is not None:
         numbers.append(tool.direction)
-    kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.calibrated), log_det]
+    kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.exact), log_det]
     key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
     key += geometry.key
     if key not in _made:

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 LinkAxis = Literal["a", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
 
-GRAVITY_STD = float(np.radians(0.05))  # of a deflection at the largest torque, measured on real arms
-HARMONIC_STD = float(np.radians(0.02))
 _NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))
 _POSTURES = 4096  # for the largest torque over the joints' ranges
 _NO_TORQUE = 1e-6  # of the largest of any joint
@@ -89,7 +87,8 @@ class Gravity:
 class Geometry:
     """The geometry parameters of one robot, in their order: links from 1, gravity, harmonics.
 
-    `length`, `angle` (n,) are the tolerances of each link, mm and rad.
+    `length`, `angle` (n,) are the tolerances of each link, mm and rad; `deflection` and `harmonic` those of
+    gravity and of harmonics, rad.
     """
 
     links: tuple[Link, ...] = ()
@@ -97,17 +96,19 @@ class Geometry:
     harmonics: tuple[int, ...] = ()
     length: Matrix = field(default_factory=lambda: np.zeros(0))
     angle: Matrix = field(default_factory=lambda: np.zeros(0))
+    deflection: float = 0.0
+    harmonic: float = 0.0
 
     @classmethod
     def from_header(cls, header: Header, robot: Robot) -> Geometry:
-        """The geometry that a header states: none where it states nothing. What is `auto` is counted in.
+        """The geometry that a header states: none where it is exact. What is `auto` is counted in.
 
         Raises
         ------
         BadInput
             Tolerances or masses of a wrong number, or harmonics of an arm with a prismatic joint.
         """
-        geometry = header.geometry
+        geometry = header.arm
         if geometry is None:
             return NOMINAL
         length, angle = geometry.tolerance.of_links(robot)
@@ -119,16 +120,14 @@ class Geometry:
             harmonics=revolute if geometry.harmonics else (),
             length=length,
             angle=angle,
+            deflection=float(np.radians(geometry.gravity_deg)),
+            harmonic=float(np.radians(geometry.harmonics_deg)),
         )
 
     @classmethod
     def of_links(cls, robot: Robot, length_mm: float, angle_deg: float) -> Geometry:
         """The link parameters alone, with one tolerance for all lengths and one for all angles."""
         return _of_links(robot, length_mm, angle_deg)
-
-    def joined(self, more: Geometry) -> Geometry:
-        """This geometry with the gravity and the harmonics of `more`, where it has them."""
-        return replace(self, gravity=more.gravity or self.gravity, harmonics=more.harmonics or self.harmonics)
 
     def without(self, rung: Literal["gravity", "harmonics"]) -> Geometry:
         """This geometry without its gravity, or without its harmonics."""
@@ -154,9 +153,9 @@ class Geometry:
     def prior_std(self, of: str, axis: str) -> float:
         """Of one parameter, mm or rad: the tolerance of its link, or what is known of real arms."""
         if axis == "gravity":
-            return GRAVITY_STD
+            return self.deflection
         if axis in ("cos", "sin"):
-            return HARMONIC_STD
+            return self.harmonic
         tolerances = self.angle if axis in ANGLES else self.length
         return float(tolerances[int(of.removeprefix("link")) - 1])
 
@@ -165,7 +164,7 @@ class Geometry:
         their parameters and the `others` (offsets, targets, tool) together."""
         for rung, axes in (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"})):
             count = sum(axis in axes for _, axis in self.names)
-            required = header.geometry is not None and getattr(header.geometry, rung) is True
+            required = header.arm is not None and getattr(header.arm, rung) is True
             if required and count and numbers < others + count:
                 raise BadInput(
                     f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",

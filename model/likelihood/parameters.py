@@ -51,7 +51,8 @@ class Parameter:
     """One unknown. Prior mean, std and tolerance are in internal units (rad, mm, or the logarithm).
 
     `of` is what it belongs to (joint1, a target's name, tool, noise) and `axis` which number of that it is
-    (offset, x, tilt1, spot).
+    (offset, x, tilt1, spot). The prior of a `tolerated` one is a tolerance that its maker or owner states:
+    knowledge, as a measurement is.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Parameter:
     tolerance: float
     held: bool = False
     held_by: HeldBy | None = None
+    tolerated: bool = False
 
     @property
     def display(self) -> float:
@@ -208,6 +210,11 @@ class Parameters:
         return np.array([not item.held for item in self.items])
 
     @cached_property
+    def tolerated(self) -> NDArray[np.bool_]:
+        """(p,) True where the prior is a stated tolerance, and the parameter is estimated."""
+        return np.array([item.tolerated and not item.held for item in self.items])
+
+    @cached_property
     def among_free(self) -> NDArray[np.int64]:
         """(p,) the index of each free parameter among the free ones."""
         return np.cumsum(self.free) - 1
@@ -291,6 +298,7 @@ def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTole
             tolerance=known.length_mm if unit == "mm" else float(np.radians(known.offset_deg)),
             held=held_by is not None,
             held_by=held_by,
+            tolerated=True,
         )
 
 
@@ -324,13 +332,13 @@ def _of_tool(tool: Tool, header: Header) -> Iterator[Parameter]:
     nominal = dict(zip("xyz", tool.point.tolist(), strict=True))
     for axis in tool.free_axes:
         name, mean = f"tool.{axis}", nominal.get(axis, 0.0)
+        unit: Unit
         if axis.startswith("tilt"):
             tol = float(np.radians(header.tolerance.tilt_deg))
-            yield Parameter(name, "tool", "tool", axis, "deg", mean, tool.tilt_std, tol)
+            unit, std = "deg", tool.tilt_std
         else:
-            yield Parameter(
-                name, "tool", "tool", axis, "mm", mean, tool.shift_std, header.tolerance.length_mm
-            )
+            tol, unit, std = header.tolerance.length_mm, "mm", tool.shift_std
+        yield Parameter(name, "tool", "tool", axis, unit, mean, std, tol, tolerated=tool.calibrated)
 
 
 def _noise_factors() -> Iterator[Parameter]:

@@ -150,7 +150,7 @@ class Problem:
 
     def _with_enough(self, header: Header) -> Problem:
         """The same; BadInput where the header insists on more parameters than there are numbers for."""
-        others = int((self.parameters.free & ~self.parameters.group("geometry")).sum())
+        others = int((self.parameters.free & ~self.parameters.tolerated).sum())
         self.geometry.require_enough(header, self.data_size - len(self.tolerated), self.shots, others)
         return self
 
@@ -234,14 +234,15 @@ class Problem:
 
     @property
     def data_size(self) -> int:
-        """The same, and one for each geometry parameter, of which the tolerance is knowledge like a
+        """The same, and one for each parameter of geometry or tool of which the tolerance is knowledge like a
         measurement."""
         return self.measured_size + len(self.tolerated)
 
     @cached_property
     def tolerated(self) -> Index:
-        """Places among the parameters of the geometry's that are estimated."""
-        return np.flatnonzero(self.parameters.group("geometry") & self.parameters.free)
+        """Places among the parameters of those that are estimated within a stated tolerance: of the geometry,
+        of a calibrated tool."""
+        return np.flatnonzero(self.parameters.tolerated)
 
     @property
     def noise_estimable(self) -> bool:

@@ -23,8 +23,8 @@ ToolKind = Literal["laser", "probe"]
 class Tool:
     """Nominal tool in the flange frame: `point` (3,) mm on the beam (or the tip), `direction` (3,) unit.
 
-    `direction` is None for a probe. `tilt_std` (rad) and `shift_std` (mm) are the prior stds of what an
-    uncalibrated tool leaves open.
+    `direction` is None for a probe. `tilt_std` (rad) and `shift_std` (mm) are the prior stds of how far the
+    tool is from that; of a calibrated one only if it is `tolerated`: else it is exact, and has no parameters.
     """
 
     kind: ToolKind
@@ -33,6 +33,7 @@ class Tool:
     direction: Matrix | None
     tilt_std: float
     shift_std: float
+    tolerated: bool = False
 
     @classmethod
     def from_header(cls, header: Header) -> Tool:
@@ -45,7 +46,13 @@ class Tool:
             direction=None if direction is None else direction / np.linalg.norm(direction),
             tilt_std=float(np.radians(tool.sigma.tilt_deg)),
             shift_std=tool.sigma.shift_mm,
+            tolerated=not header.exact_tool,
         )
+
+    @property
+    def exact(self) -> bool:
+        """Whether the tool is as stated, and no part of it is estimated."""
+        return self.calibrated and not self.tolerated
 
     @property
     def residual_size(self) -> int:
@@ -54,19 +61,19 @@ class Tool:
 
     @property
     def free_axes(self) -> tuple[str, ...]:
-        """The k free tool parameters: none if the tool is calibrated."""
-        if self.calibrated:
+        """The k free tool parameters: none if the tool is exact."""
+        if self.exact:
             return ()
         return ("tilt1", "tilt2", "shift1", "shift2") if self.kind == "laser" else ("x", "y", "z")
 
     def tip(self, unknowns: ca.SX) -> ca.SX:
-        """Tip of a probe (3, 1) mm in the flange frame; `unknowns` is x, y, z, or empty if calibrated."""
-        return ca.SX(self.point) if self.calibrated else unknowns
+        """Tip of a probe (3, 1) mm in the flange frame; `unknowns` is x, y, z, or empty if exact."""
+        return ca.SX(self.point) if self.exact else unknowns
 
     def beam(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Point p (3, 1) mm, unit direction u (3, 1) and basis B (3, 2) across it, in the flange frame.
 
-        `unknowns` is tilt1, tilt2 (rad), shift1, shift2 (mm), or empty if calibrated. The tilts and shifts
+        `unknowns` is tilt1, tilt2 (rad), shift1, shift2 (mm), or empty if exact. The tilts and shifts
         act on the two coordinate axes across the nominal beam axis: unlike the paper's {m, n, y0, z0} they
         stay regular when the beam is along x.
         """
@@ -74,7 +81,7 @@ class Tool:
             raise ValueError("a probe has no beam")
         nominal_b1, nominal_b2 = self._across(ca.SX(self.direction))
         point, direction = ca.SX(self.point), ca.SX(self.direction)
-        if not self.calibrated:
+        if not self.exact:
             tilt1, tilt2, shift1, shift2 = ca.vertsplit(unknowns)
             direction = direction + ca.tan(tilt1) * nominal_b1 + ca.tan(tilt2) * nominal_b2
             direction = direction / ca.sqrt(ca.sumsqr(direction))
@@ -83,7 +90,7 @@ class Tool:
 
     def nominal_beam(self) -> tuple[Matrix, Matrix, Matrix]:
         """Point (3,) mm, unit direction (3,) and basis (3, 2) of the beam as stated, in the flange frame."""
-        point, direction, across = replace(self, calibrated=True).beam(ca.SX())
+        point, direction, across = replace(self, calibrated=True, tolerated=False).beam(ca.SX())
         return ca.DM(point).full()[:, 0], ca.DM(direction).full()[:, 0], ca.DM(across).full()
 
     def _across(self, direction: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
-from ...analysis.misfit import LACK_OF_FIT
 from ...analysis.recordings.recordings import Effective
 from ...analysis.recordings.steps import RecordingStep, RecordingSteps
+from ...analysis.status import LACK_OF_FIT
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of

@@ -59,7 +59,9 @@ def test_the_kinds_of_file_are_told_by_their_schema_key():
 
 def test_the_examples_of_the_design_have_only_keys_of_the_schema():
     header = json_schema("run-header")["properties"]
-    wanted = "schema robot tool noise prior targets distances held limits tolerance geometry provenance"
+    wanted = (
+        "schema robot tool noise prior targets distances held limits tolerance geometry required provenance"
+    )
     assert set(header) == set(wanted.split())
     assert set(json_schema("plan")["properties"]) == {*header, "constraints", "postures_deg"}
     shot = "shot target joints_deg spot_mm time_s comment"

@@ -164,7 +164,17 @@ def properties(schema: Any) -> Iterator[str]:
 
 
 # Objects whose keys are names: of parameters, packages, indices, or the user's own.
-OPEN = {"at_half", "at_twice", "combination", "consider", "header", "observability", "versions", "worst_std"}
+OPEN = {
+    "at_half",
+    "at_twice",
+    "combination",
+    "consider",
+    "header",
+    "observability",
+    "values",
+    "versions",
+    "worst_std",
+}
 
 
 def keys(answer: Any) -> Iterator[str]:
@@ -198,7 +208,7 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     exchanged.write_text("\n".join(json.dumps(row) for row in (header, *rows)), encoding="utf-8")
     asked = ("--ess", 100, "--json", "--robust", "huber", "--hold-out", "apart")
     uncertain = folder / "uncertain.jsonl"
-    free = {**ties, "distances": [], "geometry": {"scale": "estimated"}}
+    free = {**ties, "distances": [], "geometry": {"scale": "estimated"}, "required": {"tcp_mm": 1.0}}
     uncertain.write_text("\n".join(json.dumps(row) for row in (free, *shots)), encoding="utf-8")
     # With two targets the placements of such a run disagree.
     crossed = [{**shot, "joints_deg": [shot["joints_deg"][i] for i in (0, 1, 2, 5, 4, 3)]} for shot in shots]

@@ -30,11 +30,11 @@ def loaded(*arguments: object) -> set[str]:
     return set(done.stdout.rpartition("loaded:")[2].split())
 
 
-def test_check_loads_no_statistics_no_sampler_and_no_figures(tmp_path: Path) -> None:
+def test_check_loads_special_functions_no_sampler_and_no_figures(tmp_path: Path) -> None:
     names = loaded("check", plan_file(tmp_path / "plan.yaml", good_plan(7)))
     assert "numpy" in names
     unused = {
-        "scipy.special",
+        "scipy.stats",
         "scipy.linalg",
         "emcee",
         "h5py",

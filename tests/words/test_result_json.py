@@ -55,7 +55,8 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("schema", "verdict", "headline", "parameters", "without_prior", "identifiability", "fits"),
         *("geometry", "posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust"),
         "hold_out",
-        *("placements", "scene", "misfit", "diagnosis", "notes", "next_steps", "inputs"),
+        *("placements", "scene", "misfit", "diagnosis", "enter", "conformity"),
+        *("notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std"),

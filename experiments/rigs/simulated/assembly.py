@@ -141,7 +141,7 @@ class CellParts:
     def provenance(self) -> dict[str, float]:
         """The true offsets by name with the unit, and the tool where it is not as stated."""
         values = self.truth.provenance()
-        if self.truth.problem.tool.calibrated and self.tool.any():
+        if self.truth.problem.tool.exact and self.tool.any():
             for i, value in enumerate(np.degrees(self.tool[:2]), start=1):
                 values[f"true tool.tilt{i} (deg)"] = round(float(value), 9)
             for i, value in enumerate(self.tool[2:], start=1):
@@ -169,8 +169,8 @@ def assemble(
     x[block("geometry")] = 0.0  # how the arm deviates from nominal is stated in the cell file
     for k, name in enumerate(problem.targets):
         x[block("target", k)] = centres[name]
-    tool = _tool(cell, np.zeros(4) if problem.tool.calibrated else drawn.x[block("tool")])
-    if not problem.tool.calibrated:
+    tool = _tool(cell, np.zeros(4) if problem.tool.exact else drawn.x[block("tool")])
+    if not problem.tool.exact:
         x[block("tool")] = tool
     aimed = aim(problem, problem.nominal(), servo_joints(problem)).problem
     _, directions = aimed.beams(problem.nominal())

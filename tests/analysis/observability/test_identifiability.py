@@ -1,4 +1,5 @@
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ from zerobeam.analysis.solution import solve
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
+from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
@@ -612,3 +614,12 @@ def test_the_range_of_the_joints_before_is_that_of_the_one_that_moves_most() -> 
     spread = np.ptp(np.degrees(solution.problem.joints[:, :2]), axis=0)
     assert spread[0] < 1 < spread[1]
     assert cause.range_deg == pytest.approx(float(spread[1]), rel=0.1)  # of measurements turned to hit
+
+
+def test_the_recorded_x_pattern_of_an_uncertain_arm_names_joint_1() -> None:
+    """Section 3.2's mechanism hides δ2 by itself, whatever links, gravity and harmonics leave open besides."""
+    run = read_run(demo_runs()[1].path)
+    uncertain = replace(run, header=run.header.model_copy(update={"geometry": StatedGeometry()}))
+    cause = solve(Problem.from_run(uncertain))["delta2"].cause
+    assert isinstance(cause, CommonMotion)
+    assert (cause.joint, cause.nearly_constant) == (2, True)

@@ -1,12 +1,16 @@
 """The key `geometry` of a header: its defaults, and one message for each thing that is wrong with it."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
+from cells import LASER, OPEN_LASER, header
 
 import zerobeam as zb
-from zerobeam.model.files.header import read_header
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.header import Header, read_header
+from zerobeam.model.files.validation import validate
 from zerobeam.model.likelihood.problem import Problem
 
 HEADER = """\
@@ -166,3 +170,28 @@ def test_what_is_stated_arrives(tmp_path):
     assert std["joint2.gravity"] == pytest.approx(np.radians(0.05))
     assert std["joint2.cos"] == std["joint2.sin"] == pytest.approx(np.radians(0.02))
     np.testing.assert_allclose(problem.geometry.gravity.up, [0, 1, 0])
+
+
+@pytest.mark.parametrize("stated", [{}, {"geometry": "exact"}])
+def test_exact_geometry_takes_a_calibrated_tool_as_stated(stated: dict[str, Any]) -> None:
+    own = header(**stated)
+    assert own.arm is None
+    assert own.exact_tool
+    assert not header(OPEN_LASER, **stated).exact_tool
+    assert not header({**LASER, "sigma": {"tilt_deg": 0.02}}, **stated).exact_tool
+
+
+def test_a_calibrated_tool_may_be_uncertain() -> None:
+    own = header({**LASER, "sigma": {}}, geometry={})
+    assert own.arm is not None
+    assert not own.exact_tool
+    assert (own.tool.sigma.tilt_deg, own.tool.sigma.shift_mm) == (0.05, 0.1)
+    assert header({**LASER, "sigma": {"mm": 0.3}}).tool.sigma.shift_mm == 0.3
+    assert header(OPEN_LASER).tool.sigma.shift_mm == 10.0
+
+
+@pytest.mark.parametrize("stated", ["nominal", 0.3, True, ["exact"]])
+def test_other_words_for_the_geometry_are_refused(stated: object) -> None:
+    content = {"robot": "irb1600", "tool": LASER, "noise": {"joint_deg": 0.01, "spot_mm": 0.05}}
+    with pytest.raises(BadInput, match="says nothing of the arm's geometry"):
+        validate(Header, {**content, "geometry": stated}, file=None, line=lambda place: None)

@@ -1,0 +1,153 @@
+"""What a run of these measurements could notice: the power of the test of its residuals against wrong models.
+
+A wrong model moves the whitened residuals by b. The fit takes up what its parameters can: it leaves M b, and
+moves what has a tolerance by -C A' b, with the Jacobian A by the scaled parameters, C = (A'A + I)^-1 and
+M = I - A C A'. Their squares together are the noncentrality of the chi-squared of residuals and tolerances
+(`LikelihoodFit.against_noise`); the power is the probability that it is beyond what chance leaves (JCGM 106
+speaks of a consumer's risk: 1 less than that). The other tests of a misfit notice more: it is a lower bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...model.arrays import Matrix
+from ...model.likelihood.parameters import Parameter
+from ...model.likelihood.problem import Problem
+from ..status import LACK_OF_FIT
+
+WrongModel = Literal["tool", "jump", "backlash", "noise"]
+
+NOTICED = 0.8  # power from which on a wrong model counts as noticed
+TOOL_MM, JUMP_DEG, BACKLASH_DEG, NOISE_TIMES = 1.0, 0.2, 0.03, 3.0
+
+
+@dataclass(frozen=True)
+class DetectionPower:
+    """A run notices a `wrong` model of this `size` (mm, deg, or 1: times the stated) with a `probability`.
+
+    "tool": a point of the tool is off by that, in the direction that is noticed least, or does most harm of
+    those that are not noticed; "jump": the zero of `joint` (from 1), the one noticed least, jumps halfway;
+    "backlash": every joint is off by that, one way or the other; "noise": the readings scatter so many times
+    as much. `off_u` is the error that it makes of an offset, in its standard uncertainty, the largest of all.
+    """
+
+    wrong: WrongModel
+    size: float
+    unit: str
+    probability: float
+    off_u: float
+    joint: int | None = None
+
+
+def powers(problem: Problem, x: Matrix, rank: int) -> tuple[DetectionPower, ...]:
+    """Of measurements that hit, at x (p,); `rank` numbers are taken up by the fit.
+
+    None where the noise is estimated, or no number is left: nothing is tested then, and nothing noticed.
+    """
+    dof = problem.data_size - rank
+    if not problem.noise.known or dof <= 0:
+        return ()
+    return tuple(_powers(_Biases(problem, x), dof))
+
+
+class _Biases:
+    """What a fit makes of biases b of the whitened residuals, by u = A'b (f, k) and the squares b'b (k,)."""
+
+    def __init__(self, problem: Problem, x: Matrix) -> None:
+        self.problem, parameters = problem, problem.parameters
+        whitened = problem.whiten(x)
+        jacobian = whitened.jacobian
+        self.columns = jacobian[:, parameters.free]
+        gram = self.columns.T @ self.columns
+        self.covariance = np.linalg.inv(gram + np.eye(len(gram)))
+        at = parameters.among_free[problem.tolerated]
+        # |M b|^2 and the squares of what has a tolerance: b'b + u' Q u.
+        self.taken = self.covariance @ gram @ self.covariance - 2 * self.covariance
+        self.taken += self.covariance[:, at] @ self.covariance[at]
+        offsets = parameters.group("offset")[parameters.free]
+        self.into = self.covariance[offsets] / np.sqrt(np.diag(self.covariance)[offsets])[:, None]
+        _, shot_jacobians = problem.linearise(x)
+        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
+        # (N, d, n) of each measurement by its joints, rad or mm; (N, d, f) of it by the parameters.
+        self.by_joints = by_joints * np.sqrt(problem.weights)[:, None, None]
+        self.roots = problem.roots(whitened)
+        tool = [parameters.index(item.name) for item in parameters.items if _shifts(item)]
+        self.by_tool = jacobian[:, tool] / parameters.prior_std[tool]
+
+    def squares(self, square: Matrix, u: Matrix) -> Matrix:
+        """(k,) the noncentralities of biases."""
+        return np.asarray(np.maximum(square + (u * (self.taken @ u)).sum(axis=0), 0.0))
+
+    def off(self, u: Matrix) -> Matrix:
+        """(k,) the largest error of an offset by biases, in its u."""
+        return np.asarray(np.abs(self.into @ u).max(axis=0, initial=0.0))
+
+
+def _shifts(item: Parameter) -> bool:
+    return item.group == "tool" and item.tolerated and item.unit == "mm" and not item.held
+
+
+def _powers(biases: _Biases, dof: int) -> Iterator[DetectionPower]:
+    import scipy  # `check` needs it here alone
+
+    problem = biases.problem
+    beyond = float(scipy.special.chdtri(dof, LACK_OF_FIT))
+
+    def power(square: float) -> float:
+        return float(1 - scipy.special.chndtr(beyond, dof, square))
+
+    if biases.by_tool.shape[1]:
+        moved = biases.by_tool * TOOL_MM
+        u = biases.columns.T @ moved
+        # Directions by how much they are noticed.
+        _, directions = np.linalg.eigh(moved.T @ moved + u.T @ biases.taken @ u)
+        moved, u = moved @ directions, u @ directions
+        cases = [
+            DetectionPower("tool", TOOL_MM, "mm", power(float(square)), float(off))
+            for square, off in zip(biases.squares((moved**2).sum(axis=0), u), biases.off(u), strict=True)
+        ]
+        unnoticed = [case for case in cases if case.probability < NOTICED]
+        yield max(unnoticed, key=lambda case: case.off_u) if unnoticed else cases[0]
+    revolute = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
+    by_joints = biases.by_joints[:, :, revolute]
+    halfway = by_joints[problem.shots // 2 :] * np.radians(JUMP_DEG)
+    u = np.einsum("nda,ndj->aj", biases.roots[problem.shots // 2 :], halfway)
+    squares, off = biases.squares((halfway**2).sum(axis=(0, 1)), u), biases.off(u)
+    least = int(np.argmin(squares))
+    yield DetectionPower(
+        "jump", JUMP_DEG, "deg", power(float(squares[least])), float(off[least]), revolute[least] + 1
+    )
+    # One way or the other in each measurement: over all ways the noncentrality has a mean and a variance.
+    each = by_joints * np.radians(BACKLASH_DEG)
+    us = np.einsum("nda,ndj->naj", biases.roots, each)
+    apart = np.einsum("ndi,ndj->nij", each, each)
+    through = np.einsum("nai,ab,nbj->nij", us, biases.taken, us)
+    spread = biases.taken @ np.einsum("nai,nbi->ab", us, us)
+    mean = float(np.trace(apart + through, axis1=1, axis2=2).sum())
+    square = float((apart * (apart + 2 * through)).sum() + np.trace(spread @ spread))
+    worst = float(np.sqrt(((biases.into @ us) ** 2).sum(axis=(0, 2))).max(initial=0.0))
+    yield DetectionPower(
+        "backlash", BACKLASH_DEG, "deg", _beyond(beyond, dof + mean, 2 * dof + 4 * mean + 2 * square), worst
+    )
+    gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
+    readings = problem.shots * problem.tool.residual_size
+    scattered = min(readings + float((gram * biases.taken).sum()), float(dof))
+    spread = np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0)
+    worst = float(np.sqrt((NOISE_TIMES**2 - 1) * spread).max(initial=0.0))
+    mean = dof + (NOISE_TIMES**2 - 1) * scattered
+    variance = 2 * (dof + (NOISE_TIMES**4 - 1) * scattered)
+    yield DetectionPower("noise", NOISE_TIMES, "1", _beyond(beyond, mean, variance), worst)
+
+
+def _beyond(limit: float, mean: float, variance: float) -> float:
+    """The probability that a sum of squares of this mean and variance is beyond a limit, as a scaled
+    chi-squared (Satterthwaite 1946)."""
+    import scipy
+
+    scale = variance / (2 * mean)
+    return float(scipy.special.chdtrc(mean / scale, limit / scale))
