@@ -617,7 +617,7 @@ def test_the_range_of_the_joints_before_is_that_of_the_one_that_moves_most() -> 
 
 
 def test_the_recorded_x_pattern_of_an_uncertain_arm_names_joint_1() -> None:
-    """Section 3.2's mechanism hides δ2 by itself, whatever links, gravity and harmonics leave open besides."""
+    """Section 3.2's mechanism hides δ2 by itself, whatever links and gravity leave open besides."""
     run = read_run(demo_runs()[1].path)
     uncertain = replace(run, header=run.header.model_copy(update={"geometry": StatedGeometry()}))
     cause = solve(Problem.from_run(uncertain))["delta2"].cause
