@@ -53,7 +53,8 @@ def to_json(result: Result) -> dict[str, Any]:
 def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
-    entered = result.entered
+    steps = next_steps(result)
+    entered = result.entered if steps.enter else None  # one rule for what may be entered
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
@@ -86,7 +87,8 @@ def document_of(result: Result) -> document.ResultDocument:
         ),
         enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
         notes=notes(result),
-        next_steps=next_steps(result),
+        conformity=entered and result.conformity,
+        next_steps=steps,
     )
 
 
