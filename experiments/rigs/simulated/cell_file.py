@@ -280,7 +280,7 @@ class LaserInCell(FileModel):
     tilt_deg: NumberPair | None = Field(
         default=None,
         description="true tilt1, tilt2 from what the plan states, degrees; default: none for a calibrated "
-        "tool, random with the stated sigma for another",
+        "tool without sigma, random with its sigma for another",
     )
     shift_mm: NumberPair | None = Field(
         default=None, description="true shift1, shift2, millimetres; likewise"
