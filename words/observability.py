@@ -274,8 +274,8 @@ def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
 
 
 def outlook_lines(check: Check) -> list[str]:
-    """What a run of a plan will notice, the change of the plan that helps most, and what becomes of it if the
-    target is elsewhere."""
+    """Which errors a run of the plan detects, the change of the plan that helps most, and the plan with the
+    target elsewhere."""
     lines = power_sentences(check.power)
     lines += [] if check.advice is None else [advice_sentence(check.advice)]
     if check.over_target is not None:
@@ -285,17 +285,19 @@ def outlook_lines(check: Check) -> list[str]:
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
-    """Which wrong models a run notices, and what those do to the offsets that it may not notice."""
+    """Which wrong models a run detects, and the errors of the offsets by those that it may not detect."""
     noticed = [_wrong_words(each) for each in powers if each.probability >= NOTICED]
     missed = [
-        f"{_wrong_words(each)} ({100 * each.probability:.0f} %, and an offset is then off by up to"
-        f" {numbers.significant(each.off_u, 2)} times its u)"
+        f"{_wrong_words(each)} (probability {100 * each.probability:.0f} %, error of an offset up to"
+        f" {numbers.significant(each.off_u, 2)} u)"
         for each in powers
         if each.probability < NOTICED
     ]
     level = f"{100 * NOTICED:.0f} % or more"
-    sentences = [f"A run of this plan notices with {level}: {listed(noticed)}."] if noticed else []
-    return [*sentences, *([f"It may not notice: {listed(missed)}."] if missed else [])]
+    sentences = (
+        [f"A run of this plan detects {listed(noticed)} with a probability of {level}."] if noticed else []
+    )
+    return [*sentences, *([f"A run of this plan may not detect {listed(missed)}."] if missed else [])]
 
 
 def _wrong_words(power: DetectionPower) -> str:
@@ -304,8 +306,8 @@ def _wrong_words(power: DetectionPower) -> str:
         case "tool":
             return f"a tool {size} off"
         case "jump":
-            return f"a zero of joint {power.joint} that jumps by {size}"
+            return f"a jump of {size} in the zero of joint {power.joint}"
         case "backlash":
             return f"backlash of {size}"
         case "noise":
-            return f"readings that scatter {numbers.exact(power.size)} times as much as stated"
+            return f"a noise {numbers.exact(power.size)} times the stated noise"

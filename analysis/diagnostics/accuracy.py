@@ -40,7 +40,7 @@ TcpSource = Literal["stated point", "tool", "last axis"]
 
 _POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
 _CELLS = 20  # along the longer side of a map, at most
-_NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
+NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
 
 
@@ -143,7 +143,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
     effect = np.sqrt((by_offset**2).sum(axis=0).max(axis=1)) * parameters.prior_std[offsets]
     names = parameters.names[offsets]
-    enters = effect > _NO_EFFECT
+    enters = effect > NO_EFFECT
     undetermined = np.flatnonzero(enters & open_offsets)
     workspace, near_shots, sensitivity = None, None, None
     maps: tuple[Map, ...] = ()

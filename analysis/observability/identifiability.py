@@ -307,11 +307,12 @@ def _noise_directions(
         if item.group == "offset" and state in ("weak", "unidentifiable") and not exact_part[row]:
             chosen.setdefault(int(np.argmax(share[row])), []).append(row)
     std = np.sqrt(share.sum(axis=1))
+    alone = list(_alone(problem, jacobian)) if chosen else []
     null_directions: list[NullDirection] = []
     explained: list[Matrix] = []
     for k in sorted(chosen, key=lambda k: singular[k]):
         direction, mechanism = directions[:, k], unexplained(problem, len(free_items))
-        for candidate, vector, value in _alone(problem, jacobian):
+        for candidate, vector, value in alone:
             if any(abs(vector @ known) > 0.9 for known in explained):
                 continue
             # It must be this direction, not another that happens to be as weak; or be enough alone.

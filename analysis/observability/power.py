@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from ...model.arrays import Matrix
 from ...model.likelihood.parameters import Parameter
@@ -93,37 +94,44 @@ def _shifts(item: Parameter) -> bool:
 
 
 def _powers(biases: _Biases, dof: int) -> Iterator[DetectionPower]:
-    import scipy  # `check` needs it here alone
-
-    problem = biases.problem
-    beyond = float(scipy.special.chdtri(dof, LACK_OF_FIT))
-
-    def power(square: float) -> float:
-        return float(1 - scipy.special.chndtr(beyond, dof, square))
-
+    limit = float(scipy.special.chdtri(dof, LACK_OF_FIT))
     if biases.by_tool.shape[1]:
-        moved = biases.by_tool * TOOL_MM
-        u = biases.columns.T @ moved
-        # Directions by how much they are noticed.
-        _, directions = np.linalg.eigh(moved.T @ moved + u.T @ biases.taken @ u)
-        moved, u = moved @ directions, u @ directions
-        cases = [
-            DetectionPower("tool", TOOL_MM, "mm", power(float(square)), float(off))
-            for square, off in zip(biases.squares((moved**2).sum(axis=0), u), biases.off(u), strict=True)
-        ]
-        unnoticed = [case for case in cases if case.probability < NOTICED]
-        yield max(unnoticed, key=lambda case: case.off_u) if unnoticed else cases[0]
+        yield _of_tool(biases, dof, limit)
+    problem = biases.problem
     revolute = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
-    by_joints = biases.by_joints[:, :, revolute]
-    halfway = by_joints[problem.shots // 2 :] * np.radians(JUMP_DEG)
-    u = np.einsum("nda,ndj->aj", biases.roots[problem.shots // 2 :], halfway)
-    squares, off = biases.squares((halfway**2).sum(axis=(0, 1)), u), biases.off(u)
+    yield _of_jump(biases, revolute, dof, limit)
+    yield _of_backlash(biases, revolute, dof, limit)
+    yield _of_noise(biases, dof, limit)
+
+
+def _of_tool(biases: _Biases, dof: int, limit: float) -> DetectionPower:
+    moved = biases.by_tool * TOOL_MM
+    u = biases.columns.T @ moved
+    # Directions by how much they are noticed.
+    _, directions = np.linalg.eigh(moved.T @ moved + u.T @ biases.taken @ u)
+    moved, u = moved @ directions, u @ directions
+    squares, off = biases.squares((moved**2).sum(axis=0), u), biases.off(u)
+    cases = [
+        DetectionPower("tool", TOOL_MM, "mm", _of_square(limit, dof, square), error)
+        for square, error in zip(squares.tolist(), off.tolist(), strict=True)
+    ]
+    unnoticed = [case for case in cases if case.probability < NOTICED]
+    return max(unnoticed, key=lambda case: case.off_u) if unnoticed else cases[0]
+
+
+def _of_jump(biases: _Biases, revolute: list[int], dof: int, limit: float) -> DetectionPower:
+    second = slice(biases.problem.shots // 2, None)
+    jumps = biases.by_joints[second][:, :, revolute] * np.radians(JUMP_DEG)
+    u = np.einsum("nda,ndj->aj", biases.roots[second], jumps)
+    squares, off = biases.squares((jumps**2).sum(axis=(0, 1)), u), biases.off(u)
     least = int(np.argmin(squares))
-    yield DetectionPower(
-        "jump", JUMP_DEG, "deg", power(float(squares[least])), float(off[least]), revolute[least] + 1
-    )
-    # One way or the other in each measurement: over all ways the noncentrality has a mean and a variance.
-    each = by_joints * np.radians(BACKLASH_DEG)
+    probability = _of_square(limit, dof, float(squares[least]))
+    return DetectionPower("jump", JUMP_DEG, "deg", probability, float(off[least]), revolute[least] + 1)
+
+
+def _of_backlash(biases: _Biases, revolute: list[int], dof: int, limit: float) -> DetectionPower:
+    """One way or the other in each measurement: over all ways the noncentrality has a mean and a variance."""
+    each = biases.by_joints[:, :, revolute] * np.radians(BACKLASH_DEG)
     us = np.einsum("nda,ndj->naj", biases.roots, each)
     apart = np.einsum("ndi,ndj->nij", each, each)
     through = np.einsum("nai,ab,nbj->nij", us, biases.taken, us)
@@ -131,23 +139,29 @@ def _powers(biases: _Biases, dof: int) -> Iterator[DetectionPower]:
     mean = float(np.trace(apart + through, axis1=1, axis2=2).sum())
     square = float((apart * (apart + 2 * through)).sum() + np.trace(spread @ spread))
     worst = float(np.sqrt(((biases.into @ us) ** 2).sum(axis=(0, 2))).max(initial=0.0))
-    yield DetectionPower(
-        "backlash", BACKLASH_DEG, "deg", _beyond(beyond, dof + mean, 2 * dof + 4 * mean + 2 * square), worst
-    )
+    probability = _of_moments(limit, dof + mean, 2 * dof + 4 * mean + 2 * square)
+    return DetectionPower("backlash", BACKLASH_DEG, "deg", probability, worst)
+
+
+def _of_noise(biases: _Biases, dof: int, limit: float) -> DetectionPower:
+    problem = biases.problem
     gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
     readings = problem.shots * problem.tool.residual_size
     scattered = min(readings + float((gram * biases.taken).sum()), float(dof))
-    spread = np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0)
-    worst = float(np.sqrt((NOISE_TIMES**2 - 1) * spread).max(initial=0.0))
+    variances = np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0)
+    worst = float(np.sqrt((NOISE_TIMES**2 - 1) * variances).max(initial=0.0))
     mean = dof + (NOISE_TIMES**2 - 1) * scattered
-    variance = 2 * (dof + (NOISE_TIMES**4 - 1) * scattered)
-    yield DetectionPower("noise", NOISE_TIMES, "1", _beyond(beyond, mean, variance), worst)
+    probability = _of_moments(limit, mean, 2 * (dof + (NOISE_TIMES**4 - 1) * scattered))
+    return DetectionPower("noise", NOISE_TIMES, "1", probability, worst)
 
 
-def _beyond(limit: float, mean: float, variance: float) -> float:
+def _of_square(limit: float, dof: int, square: float) -> float:
+    """The probability that a chi-squared of this noncentrality is beyond a limit."""
+    return float(1 - scipy.special.chndtr(limit, dof, square))
+
+
+def _of_moments(limit: float, mean: float, variance: float) -> float:
     """The probability that a sum of squares of this mean and variance is beyond a limit, as a scaled
     chi-squared (Satterthwaite 1946)."""
-    import scipy
-
     scale = variance / (2 * mean)
     return float(scipy.special.chdtrc(mean / scale, limit / scale))

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import scipy
@@ -51,6 +51,9 @@ def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
     jacobian = whitened.jacobian[: problem.shots * d].reshape(problem.shots, d, -1)
     by_scaled = np.take_along_axis(jacobian, np.repeat(columns[:, None, :], d, axis=1), axis=2)
     return np.asarray(by_scaled / parameters.prior_std[columns][:, None, :])
+
+
+_Rho = TypeVar("_Rho", float, Matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,19 +278,20 @@ def effective(fit: LikelihoodFit, rival: Matrix | None = None) -> Effective:
         ((rho, p_value),) = alone.values()
     else:
         rho, p_value = correlation(equalised(list(lags_of.values())))
-    louder = dict(zip(lags_of, np.sqrt(_louder(list(lags_of.values()))).tolist(), strict=True))
-    divisor = _divisor(fit, louder, rival) if p_value < SIGNIFICANCE else 1.0
+    divisor = _divisor(fit, every, lags_of, rival) if p_value < SIGNIFICANCE else 1.0
     return Effective(tuple(rows), shots, rho, _kappa(rho), p_value, divisor)
 
 
-def _kappa(rho: Any) -> Any:
+def _kappa(rho: _Rho) -> _Rho:
     return (1 + rho) / (1 - rho)
 
 
-def _divisor(fit: LikelihoodFit, louder: Mapping[int, float], rival: Matrix | None) -> float:
-    """What the information of the measurements is to be divided by for the correlation of their errors: 1 /
-    (the posterior mean of 1 / kappa), or 1 without clear evidence of one. `louder` says how many times too
-    loud which recordings are; `rival` as of `recordings`.
+def _divisor(
+    fit: LikelihoodFit, every: Sequence[Index], lags: Mapping[int, RecordingLag], rival: Matrix | None
+) -> float:
+    """The divisor of the measurements' information for the correlation of their errors: 1 / (the posterior
+    mean of 1 / kappa), or 1 without clear evidence of a correlation. `every` has the rows of each recording,
+    `lags` the sums of those that are long enough; `rival` as of `recordings`.
 
     The marginal likelihood is that of the linear model at the mode with all parameters by their priors,
     y = A z + e, and errors e of unknown size that are correlated within recordings.
@@ -295,21 +299,21 @@ def _divisor(fit: LikelihoodFit, louder: Mapping[int, float], rival: Matrix | No
     _, residual, columns, z = _linear_model(fit, rival)
     rows = np.hstack([columns, (residual - columns @ z)[:, None]])
     d = fit.problem.tool.residual_size
-    every = [(rows_of[0] * d, (rows_of[-1] + 1) * d) for rows_of in recording_rows(fit.problem)]
-    for i, factor in louder.items():
-        rows[slice(*every[i])] /= factor
-    log_evidence = np.array([_log_evidence(rows, every, d, float(rho)) for rho in _RHO])
+    ends = [(rows_of[0] * d, (rows_of[-1] + 1) * d) for rows_of in every]
+    for i, louder in zip(lags, _louder(list(lags.values())), strict=True):
+        rows[slice(*ends[i])] /= np.sqrt(louder)
+    log_evidence = np.array([_log_evidence(rows, ends, d, float(rho)) for rho in _RHO])
     odds = _PRIOR / _PRIOR.sum() * np.exp(log_evidence[1:] - log_evidence[0])
     if odds.sum() < _ODDS:
         return 1.0
     return float(odds.sum() / (odds / _kappa(_RHO[1:])).sum())
 
 
-def _log_evidence(rows: Matrix, every: Sequence[tuple[int, int]], d: int, rho: float) -> float:
+def _log_evidence(rows: Matrix, ends: Sequence[tuple[int, int]], d: int, rho: float) -> float:
     """Of errors with the correlation `rho` within recordings; `rows` (M, f + 1) are columns and residuals,
-    `every` the first row of each recording and the one behind its last."""
+    `ends` the first row of each recording and the one behind its last."""
     white, log_det = rows.copy(), 0.0
-    for first, last in every:
+    for first, last in ends:
         white[first + d : last] = (rows[first + d : last] - rho * rows[first : last - d]) / np.sqrt(
             1 - rho**2
         )

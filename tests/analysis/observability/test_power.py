@@ -93,7 +93,10 @@ def test_where_nothing_is_tested_nothing_is_promised() -> None:
 def test_the_sentences() -> None:
     told = (DetectionPower("jump", 0.2, "deg", 0.95, 1.5, 2), DetectionPower("tool", 1.0, "mm", 0.014, 0.67))
     noticed, missed = power_sentences(told)
-    assert noticed == "A run of this plan notices with 80 % or more: a zero of joint 2 that jumps by 0.2°."
-    assert missed.replace("\N{NO-BREAK SPACE}", " ") == (
-        "It may not notice: a tool 1 mm off (1 %, and an offset is then off by up to 0.67 times its u)."
+    assert noticed == (
+        "A run of this plan detects a jump of 0.2° in the zero of joint 2 with a probability of 80 % or more."
+    )
+    assert missed == (
+        "A run of this plan may not detect a tool 1\N{NO-BREAK SPACE}mm off"
+        " (probability 1 %, error of an offset up to 0.67 u)."
     )
