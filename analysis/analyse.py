@@ -9,7 +9,7 @@ from typing import Literal, Self
 import numpy as np
 
 from ..model.arrays import Progress
-from ..model.errors import BadInput
+from ..model.errors import BadInput, located
 from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
 from ..model.likelihood.problem import Problem, rms_length
@@ -83,12 +83,9 @@ class Analysis(Solution):
                 allowed=f"a number above 0, up to {MOST_ESS:g}",
                 argument="ess",
             )
-        with one_blas_thread():
-            try:
-                report = progress or (lambda stage, share: None)
-                solution, result, draws = _analyse(run, seed, ess, robust, held_out, sampling, fit, report)
-            except BadInput as error:
-                raise error.at(run.path, run.header_line) from error
+        with one_blas_thread(), located(run.path, run.header_line):
+            report = progress or (lambda stage, share: None)
+            solution, result, draws = _analyse(run, seed, ess, robust, held_out, sampling, fit, report)
         return cls(
             fit=solution.fit,
             identified=solution.identified,

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.arrays import Matrix, Progress
-from ...model.errors import BadInput
+from ...model.errors import BadInput, located
 from ...model.files.header import Header
 from ...model.files.reading import LARGEST_RECORDING, read_bytes, read_text, shown
 from ...model.files.run import Run, read_run
@@ -116,13 +116,11 @@ def _number(cell: str, most: float, path: Path, line: int) -> float:
 
 def problem_of(run: Run) -> Problem:
     """The problem of a run; BadInput, with its file, where it cannot be analysed."""
-    try:
+    with located(run.path, run.header_line):
         run.require_analysable()
         problem = Problem.from_run(run)
         require_noise_data(problem)
-    except BadInput as error:
-        raise error.at(run.path, run.header_line) from error
-    return problem
+        return problem
 
 
 def unfitted(run: Run, problem: Problem, name: str) -> Repeat:

@@ -116,8 +116,7 @@ class Planner:
         """The fewest measurements whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)
-        parameters = self._problem.parameters
-        unknowns = int((parameters.free & ~parameters.tolerated).sum())
+        unknowns = self._problem.parameters.without_tolerance
         least = max(2, -(-unknowns // self._problem.tool.residual_size))
         if most < least:
             raise BadInput(

@@ -214,6 +214,11 @@ class Parameters:
         """(p,) True where the prior is a stated tolerance, and the parameter is estimated."""
         return np.array([item.tolerated and not item.held for item in self.items])
 
+    @property
+    def without_tolerance(self) -> int:
+        """How many are estimated without a stated tolerance: the measurements alone determine them."""
+        return int((self.free & ~self.tolerated).sum())
+
     @cached_property
     def among_free(self) -> NDArray[np.int64]:
         """(p,) the index of each free parameter among the free ones."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Index, Matrix
-from ..errors import BadInput
+from ..errors import BadInput, located
 from ..files.run import Run
 from ..files.shot import check_distances
 from ..kinematics.robot import Robot
@@ -134,24 +134,20 @@ class Problem:
         spots = run.spots if run.header.tool.kind == "laser" else None
         numbers = [shot.shot for shot in run.shots]
         targets = [shot.target for shot in run.shots]
-        try:
+        with located(run.path, run.header_line):
             problem = cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
             return problem._with_enough(run.header)
-        except BadInput as error:
-            raise error.at(run.path, run.header_line) from None
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
-        try:
+        with located(plan.path):
             problem = cls.build(plan.header, plan.robot, plan.postures, plan.targets)
             return problem._with_enough(plan.header)
-        except BadInput as error:
-            raise error.at(plan.path, None) from None
 
     def _with_enough(self, header: Header) -> Problem:
         """The same; BadInput where the header insists on more parameters than there are numbers for."""
-        others = int((self.parameters.free & ~self.parameters.tolerated).sum())
-        self.geometry.require_enough(header, self.data_size - len(self.tolerated), self.shots, others)
+        numbers, others = self.data_size - len(self.tolerated), self.parameters.without_tolerance
+        self.geometry.require_enough(header, numbers, self.shots, others)
         return self
 
     def moved(self, joints: Matrix, spots: Matrix | None = None) -> Problem:
