@@ -87,7 +87,7 @@ Switch = Annotated[Literal["auto"] | bool, BeforeValidator(_switch)]
 
 
 class StatedGeometry(FileModel):
-    """How far the arm may deviate from its nominal geometry; without this key the geometry is nominal."""
+    """How far the arm may deviate from its nominal geometry; the default is a typical arm."""
 
     tolerance: StatedLinkTolerance = Field(
         default=StatedLinkTolerance(), description="prior standard deviations of the link parameters"
@@ -479,7 +479,7 @@ class Header(FileModel):
         BeforeValidator(_geometry),
     ] = Field(
         default=None,
-        description="how far the arm may deviate from nominal geometry; exact, the default: not at all",
+        description="how far the arm may deviate from nominal geometry; absent: as typical arms do; exact: not at all",
     )
     required: StatedRequirement | None = Field(
         default=None, description="what the robot must meet once its values are entered"
@@ -490,13 +490,17 @@ class Header(FileModel):
 
     @property
     def arm(self) -> StatedGeometry | None:
-        """How far the arm may deviate from nominal geometry; None where it is taken as exact."""
+        """How far the arm may deviate from nominal geometry, a typical arm's deviations if nothing is stated;
+        None where it is taken as exact."""
+        if self.geometry is None:
+            return StatedGeometry()
         return self.geometry if isinstance(self.geometry, StatedGeometry) else None
 
     @property
     def exact_tool(self) -> bool:
-        """Whether the tool is as stated: a calibrated one without `tool.sigma`."""
-        return self.tool.calibrated and "sigma" not in self.tool.model_fields_set
+        """Whether the tool is as stated: a calibrated one without `tool.sigma` on an exact arm."""
+        stated = "sigma" in self.tool.model_fields_set
+        return self.tool.calibrated and self.arm is None and not stated
 
     @property
     def only_target(self) -> str:

@@ -3,12 +3,13 @@
 Link i is the body between the axes of joints i and i + 1; the last one ends at the z axis of the flange. Its
 parameters are deviations from nominal, minimal and continuous (Hayati and Mirmirani 1985):
 
-    Tz(d) Tx(a) Rx(alpha) Ry(beta)
+    Tz(d) Tx(a) Ty(b) Rx(alpha) Ry(beta)
 
 in a frame on axis i + 1, where it is nearest to axis i: z along axis i, x along the common normal (the x axis
 of Denavit and Hartenberg). Where the two axes are nearly parallel that place is not defined: it is then the
 origin of the next joint, and beta is a parameter in place of d. The rotation about z is the joint's offset.
-Behind a prismatic joint, where d is the offset, the rotation theta about z is the parameter.
+Behind a prismatic joint, where d is the offset, the rotation theta about z is the parameter. The last link is
+whole: with a shift b along y, whatever the flange can be displaced by relative to the last axis is a parameter.
 
 What the offset of joint i is depends on the recorded positions q where the arm bends:
 
@@ -29,14 +30,19 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.robot import Robot
+from ..kinematics.robot import JointKind, Robot
 
 if TYPE_CHECKING:
     from ..files.header import Header, StatedGeometry
 
-LinkAxis = Literal["a", "alpha", "d", "beta", "theta"]
+LinkAxis = Literal["a", "b", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
 
+# Of the last link: all but what is the offset of its joint.
+_WHOLE: dict[JointKind, tuple[LinkAxis, ...]] = {
+    "revolute": ("a", "b", "d", "alpha", "beta"),
+    "prismatic": ("a", "b", "theta", "alpha", "beta"),
+}
 _NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))
 _POSTURES = 4096  # for the largest torque over the joints' ranges
 _NO_TORQUE = 1e-6  # of the largest of any joint
@@ -56,7 +62,8 @@ class Link:
         """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
         by_axis = dict(zip(self.axes, values, strict=True))
         shift = ca.SX.eye(4)
-        shift[0, 3], shift[2, 3] = by_axis.get("a", 0), by_axis.get("d", 0)
+        for row, axis in enumerate(("a", "b", "d")):
+            shift[row, 3] = by_axis.get(axis, 0)
         parts = [ca.SX(self.before), shift]
         for axis, angle in (
             ("z", by_axis.get("theta")),
@@ -305,7 +312,10 @@ def _links(robot: Robot) -> Iterator[Link]:
     axes = [*(joint.axis for joint in robot.joints), np.array([0.0, 0.0, 1.0])]
     for i, (joint, transform) in enumerate(zip(robot.joints, transforms, strict=True)):
         before, parallel = _frame(joint.axis, transform, axes[i + 1])
-        next_slides = i + 1 < robot.n and robot.joints[i + 1].kind == "prismatic"
+        if i + 1 == robot.n:
+            yield Link(i + 1, _WHOLE[joint.kind], before, np.linalg.inv(before) @ transform)
+            return
+        next_slides = robot.joints[i + 1].kind == "prismatic"
         link_axes: list[LinkAxis] = [] if next_slides else ["a"]
         if joint.kind == "prismatic":
             link_axes += ["theta", "alpha"] if not parallel else ["alpha", "beta"]

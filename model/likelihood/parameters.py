@@ -288,7 +288,7 @@ def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTole
     """
     moving_all = set(_moving_all(robot))
     for of, axis in geometry.names:
-        unit: Unit = "mm" if axis in ("a", "d") else "deg"
+        unit: Unit = "mm" if axis in ("a", "b", "d") else "deg"
         held_by: HeldBy | None = "first link" if (of, axis) in moving_all else None
         if of == f"link{robot.n}" and not tool.calibrated:
             held_by = "free tool"
