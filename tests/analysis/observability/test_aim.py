@@ -84,8 +84,8 @@ def test_a_joint_that_only_its_noise_moves_is_at_rest(noises, rest):
     """Negative control: one that varies by four times its noise is not."""
     problem = Problem.from_plan(good_plan(8))
     joints = problem.joints.copy()
-    jitter = np.random.default_rng(1).normal(size=len(joints)) * problem.noise.joint[0]
-    joints[:, 0] = 0.3 + noises * jitter / jitter.std()
+    jitter = np.random.default_rng(1).normal(size=len(joints))
+    joints[:, 0] = 0.3 + noises * problem.noise.joint[0] * jitter / jitter.std()
     result = at_rest(problem.moved(joints))
     assert result[0] == rest
     assert not result[1:].any()
