@@ -179,8 +179,7 @@ def freed(kind: Kind) -> tuple[Cell, Problem] | None:
 
 
 def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
-    """The dimension of the null space without what has a tolerance, and of each free parameter whether it is a
-    gauge.
+    """The dimension of the null space without what has a tolerance, and which free parameters are gauges.
 
     For two bounds of what is none: that of fifty digits, and that of double precision. With links that
     deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.
