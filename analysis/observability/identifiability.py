@@ -150,8 +150,8 @@ def too_few_measurements(problem: Problem, size: int) -> Mechanism | None:
 class Identifiability:
     """Rank facts of the whitened, prior-scaled Jacobian (section 2 of the design).
 
-    `rank` counts the unknowns that are determined, those with a tolerance among them. `condition` is None where
-    the matrix is singular; the observability indices are 0 there.
+    `rank` counts the unknowns that are determined, those with a tolerance among them. `condition` is None
+    where the matrix is singular; the observability indices are 0 there.
     """
 
     rank: int

@@ -1,9 +1,9 @@
-"""Arms that deviate from nominal as real ones do, and what is recorded of them: a simulator of the tests' own.
+"""Arms that deviate from nominal as real ones do, and what is recorded of them: a simulator of its own.
 
-Plain numpy from Denavit and Hartenberg's matrices, no code of the package: each link's a, alpha, d and a rotation
-beta about its y axis, deflection under gravity, first harmonics of the readings, the direction and the point of the
-laser, lost motion. Angles are rad and lengths mm inside; arms are stacked along the first axis, postures along the
-second.
+Plain numpy from Denavit and Hartenberg's matrices, no code of the package: each link's a, alpha, d and a
+rotation beta about its y axis, deflection under gravity, first harmonics of the readings, direction and point
+of the laser, lost motion. Angles are rad and lengths mm inside; arms are stacked along the first axis,
+postures along the second.
 """
 
 from __future__ import annotations
@@ -28,15 +28,13 @@ N = len(_ROWS)
 _HIT_MM = 1e-4
 _WRIST = [3, 4, 5]  # what the servo turns
 POINT, DIRECTION = np.array([0.0, 0.0, 65.0]), np.array([1.0, 0.0, 0.0])
-_MASSES = np.array(
-    [150.0, 60.0, 40.0, 20.0, 8.0, 4.0]
-)  # kg, at the links' ends: not what the package assumes
+_MASSES = np.array([150.0, 60.0, 40.0, 20.0, 8.0, 4.0])  # kg, at the links' ends: not equal ones
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Standard deviations of what an arm deviates by; `lost_deg` is the whole gap of each joint's lost motion, of
-    which a posture shows one half or the other."""
+    """Standard deviations of what an arm deviates by; `lost_deg` is the gap of each joint's lost motion,
+    of which a posture shows one half or the other."""
 
     offset_deg: float = 1.0
     length_mm: float = 0.3
@@ -50,15 +48,16 @@ class Sizes:
     spot_noise_mm: float = 0.05
 
     def times(self, factor: float) -> Sizes:
-        """All deviations of the arm and its tool so many times as large; noise and lost motion as they are."""
+        """Deviations of arm and tool so many times as large; noise and lost motion as they are."""
         grown = ("length_mm", "angle_deg", "gravity_deg", "harmonic_deg", "tilt_deg", "shift_mm")
         return replace(self, **{name: factor * getattr(self, name) for name in grown})
 
 
 @dataclass(frozen=True, eq=False)
 class Arms:
-    """A arms at random: `offsets` (A, n), `links` (A, n, 5) of a, alpha, d, beta and (the last alone) b, `gravity`
-    (A, n), `harmonics` (A, n, 2), the laser's `tilt` (A, 2) and `shift` (A, 2) along y and z of the flange."""
+    """A arms at random: `offsets` (A, n), `links` (A, n, 5) of a, alpha, d, beta and (the last alone) b,
+    `gravity` (A, n), `harmonics` (A, n, 2), the laser's `tilt` (A, 2) and `shift` (A, 2) along y and z of the
+    flange."""
 
     sizes: Sizes
     offsets: np.ndarray
@@ -72,7 +71,7 @@ class Arms:
     def at_random(cls, count: int, rng: np.random.Generator, sizes: Sizes = Sizes()) -> Arms:
         angle, length = np.radians(sizes.angle_deg), sizes.length_mm
         links = rng.normal(size=(count, N, 5)) * [length, angle, length, angle, length]
-        # A shift along parallel axes (2 and 3) is one of the next link's too; beta belongs to them and the flange.
+        # A shift along parallel axes (2, 3) is the next link's too; beta is theirs and the flange's.
         links[:, 1, 2] = 0.0
         links[:, [0, 2, 3, 4], 3] = 0.0
         links[:, : N - 1, 4] = 0.0
