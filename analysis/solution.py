@@ -423,7 +423,7 @@ def too_few_for_noise(problem: Problem) -> BadInput:
     """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
     free = int(problem.parameters.free.sum())
     counts = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
-    links = f", {len(problem.tolerated)} of them of the geometry" if len(problem.tolerated) else ""
+    links = f", {len(problem.tolerated)} of them with a tolerance" if len(problem.tolerated) else ""
     return BadInput(
         "the noise scale cannot be estimated from so few measurements",
         found=counts + links,
