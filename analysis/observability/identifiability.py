@@ -175,7 +175,8 @@ def too_few_measurements(problem: Problem) -> Mechanism | None:
 class Identifiability:
     """Rank facts of the whitened, prior-scaled Jacobian (section 2 of the design).
 
-    `condition` is None where the matrix is singular; the observability indices are 0 there.
+    `rank` counts the unknowns that are determined, those with a tolerance among them. `condition` is None
+    where the matrix is singular; the observability indices are 0 there.
     """
 
     rank: int
@@ -214,7 +215,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
     singular = spectrum.of_all
     facts = Identifiability(
-        rank=int((singular >= _AS_KNOWN).sum()) + int(tolerated.sum()),
+        rank=int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum()),
         size=len(tolerated),
         condition=None if gauge.basis.shape[1] else float(singular.max() / singular.min()),
         observability=observability(singular, problem.shots),
@@ -237,9 +238,9 @@ class _Spectrum:
     def of(cls, root: Matrix, gauge: Matrix) -> _Spectrum:
         """Of A (M, m) and its null space (m, g)."""
         keep = complement(gauge)
-        _, singular, right = np.linalg.svd(root @ keep, full_matrices=True)
+        missing = np.zeros((max(keep.shape[1] - len(root), 0), len(gauge)))
+        _, singular, right = np.linalg.svd(np.vstack([root, missing]) @ keep, full_matrices=False)
         floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
-        singular = np.append(singular, np.zeros(keep.shape[1] - len(singular)))
         singular = np.maximum(singular, floor)
         return cls(keep @ right.T, singular, floor, np.append(singular, np.zeros(gauge.shape[1])))
 
