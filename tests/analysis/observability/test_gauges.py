@@ -1,8 +1,8 @@
 """Exact gauges of random arms, nominal and with free geometry: the verdict in double precision against ranks
 in fifty digits.
 
-A tolerance of the geometry is knowledge: what is a gauge is so with the geometry held; of the geometry, what
-is one with all of the others held.
+A tolerance of geometry or tool is knowledge: what is a gauge is so with those held; of what has a tolerance,
+what is one with all of the others held.
 """
 
 from __future__ import annotations
@@ -165,32 +165,36 @@ def test_no_gauge_is_called_known_and_nothing_known_a_gauge_at_length(kind: Kind
 
 
 def freed(kind: Kind) -> tuple[Cell, Problem] | None:
-    """The cell of a kind, and its problem with geometry: gravity and harmonics of every other seed."""
+    """The cell of a kind, and its problem with geometry, and with a calibrated tool within its sigma: a typical
+    arm of every fourth seed; gravity and harmonics of every other."""
     arm = random_cell(kind)
     if arm is None:
         return None
     bent = kind.seed % 2 == 0
     stated = {"gravity": bent, "harmonics": "auto" if bent else False, "up": [0.1, -0.2, 1.0]}
     data = arm.own.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
-    own = type(arm.own).model_validate({**data, "geometry": stated})
+    del data["geometry"]
+    if kind.seed % 4:
+        data["geometry"] = stated
+    own = type(arm.own).model_validate(data)
     arm = dataclasses.replace(arm, own=own)
     return arm, problem_of(arm)
 
 
 def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
-    """The dimension of the null space without the geometry, and of each free parameter whether it is a gauge.
+    """The dimension of the null space of what has no tolerance, and of each free parameter whether it is a
+    gauge.
 
     For two bounds of what is none: that of fifty digits, and that of double precision. With links that
     deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.
     """
     parameters = problem.parameters
-    geometry = parameters.group("geometry")
-    plain, tolerated = jacobian[:, parameters.free & ~geometry], np.flatnonzero(geometry & parameters.free)
+    plain, tolerated = jacobian[:, parameters.untolerated], problem.tolerated
     answers = {}
     for zero in (ZERO, _RESOLVED):
         dimension, part = null_space(plain, zero=zero)
         result = np.zeros(len(parameters), dtype=bool)
-        result[parameters.free & ~geometry] = part
+        result[parameters.untolerated] = part
         result[tolerated] = spanned(plain, jacobian[:, tolerated], zero)
         answers[zero] = (dimension, result[parameters.free].tolist())
     return answers
@@ -210,7 +214,7 @@ def compare_with_geometry(kind: Kind) -> bool:
     sure = np.all([own for answers in found for _, own in answers.values()], axis=0)
     told = identify(problem, problem.nominal())
     parameters = problem.parameters
-    free, geometry = parameters.free, parameters.group("geometry")[parameters.free]
+    free, within = parameters.free, parameters.tolerated[parameters.free]
     names = np.array(parameters.names)[free]
     status = np.array(told.status)[free]
     unbounded = np.isinf(told.data_std[free])
@@ -224,10 +228,10 @@ def compare_with_geometry(kind: Kind) -> bool:
     may_be = np.any([own for answers in every for _, own in answers.values()], axis=0)
     # What the data add to a tolerance may be too faint to be stated: less than 1e-8 of its own information.
     _, root, _ = information_root(problem, problem.nominal(), 1.0)
-    faint = geometry & (1 / np.maximum(np.diag(np.linalg.pinv(root.T @ root)), 1e-300) - 1 < 1e-8)
+    faint = within & (1 / np.maximum(np.diag(np.linalg.pinv(root.T @ root)), 1e-300) - 1 < 1e-8)
     assert not (unbounded & ~may_be & ~faint).any(), (kind, names[unbounded & ~may_be & ~faint])
     assert sum(direction.kind == "exact" for direction in told.facts.null_space) >= dimension
-    assert geometry.any()
+    assert within.any()
     return True
 
 
@@ -259,10 +263,10 @@ def test_the_x_pattern_stays_degenerate() -> None:
     Control: where joint 1 varies, offset 2 is identifiable with geometry too."""
     for geometry in ({}, {"gravity": False, "harmonics": False}):
         told, names = {}, ()
-        for stated in (None, geometry):
+        for stated in ("exact", geometry):
             problem = Problem.from_plan(pattern_plan("x", geometry=stated))
             names = problem.parameters.names[:6]
-            told[stated is None] = identify(problem, problem.nominal())
+            told[stated == "exact"] = identify(problem, problem.nominal())
         nominal, own = told[True], told[False]
         assert own.status[names.index("delta2")] == "unidentifiable"
         assert np.isinf(own.data_std[[1, *problem.parameters.targets(["psd"]).nonzero()[0][[0, 2]]]]).all()
