@@ -239,6 +239,8 @@ def _near_by(
     numbered: list[tuple[int, _NearBy]] = []
     missing = list(range(points))
     for halved in range(nearer):
+        if not missing:
+            break
         tried = missing
         steps = [_step(problem, rng, target_mm) for _ in tried]
         others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved
