@@ -231,8 +231,7 @@ class Judge:
             c, s = c * ct - s * st_, s * ct + c * st_
             rotation = rotation @ np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]])
             along = mpf(row.d) / 1000 + (0 if revolute else theta[i]) + links.get((link, "d"), zero)
-            for axis, k in (("a", 0), ("b", 1), ("d", 2)):
-                by_link[link, axis] = (rotation[:, k], None)
+            by_link |= {(link, axis): (rotation[:, k], None) for k, axis in enumerate(("a", "b", "d"))}
             a = mpf(row.a) / 1000 + links.get((link, "a"), zero)
             place = place + rotation @ np.array([a, links.get((link, "b"), zero), along])
             for axis, k in (("theta", 2), ("alpha", 0), ("beta", 1)):
