@@ -203,7 +203,7 @@ def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Stat
     """Why a parameter has no number, or a poor one; None for an identified one."""
     if item.held_by is not None:
         return Held(item.held_by)
-    if item.group == "geometry" and status == "unidentifiable":
+    if item.tolerated and status == "unidentifiable":
         return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()

@@ -231,7 +231,7 @@ def _fits(piece: BatchPiece) -> dict[str, LikelihoodFit]:
     """The fits that can be made side by side, by the run's name; whatever fails does so again on its own."""
     problems: dict[str, Problem] = {}
     for one in piece.runs:
-        if one.run.header.geometry is None:
+        if one.run.header.arm is None:
             try:
                 one.run.require_analysable()
                 problem = Problem.from_run(one.run)

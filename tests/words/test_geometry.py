@@ -52,7 +52,7 @@ ROWS = [Row("delta2", "deg", 0.006), Row("delta3", "deg", 0.009), Row("delta4", 
 def test_nominal_geometry_says_what_u_is_if_the_arm_deviates() -> None:
     assert worth_sentence(NOMINAL, ROWS) == (
         "With nominal geometry u is 0.0060° to 0.0090°; if the arm deviates from it by 0.3\u00a0mm and 0.1°,"
-        " 0.018° to 0.090°. State geometry in the header to estimate it."
+        " 0.018° to 0.090°. Leave out geometry: exact to estimate it."
     )
 
 
