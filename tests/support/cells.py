@@ -46,8 +46,10 @@ def header(
     geometry: dict[str, Any] | str | None = "exact",
     **more: Any,
 ) -> Header:
-    """A header of the built-in arm with one target `psd` thought to be at `target` (mm). Its geometry is exact
-    unless stated otherwise; None: no such key, a typical arm."""
+    """A header of the built-in arm with one target `psd` thought to be at `target` (mm).
+
+    Its geometry is exact unless stated otherwise; None: no such key, a typical arm.
+    """
     content: dict[str, Any] = {
         "robot": "irb1600",
         "tool": tool,
