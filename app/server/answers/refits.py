@@ -19,7 +19,7 @@ from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
-from ....words.findings import solution_headline
+from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document
 from ..folder import Folder
