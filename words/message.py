@@ -292,6 +292,10 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
 _DISPLACED = (Displacement, RecordingStep)
 
 
+def _target(displaced: Displacement | RecordingStep) -> str:
+    return displaced.at.target if isinstance(displaced, Displacement) else displaced.target
+
+
 def _sharpest(misfit: Misfit) -> Criterion:
     """The criterion that names most of what is wrong: a target that moved, a step, else the first."""
     for kind in _DISPLACED:
@@ -405,11 +409,10 @@ def _cautions(case: _Case, name: Namer) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     if case.misfit is not None:
         first = None if case.diagnosis else _sharpest(case.misfit)
-        yield from (
-            criterion_sentence(one, name)
-            for one in case.misfit.criteria
-            if isinstance(one, _DISPLACED) and one is not first
-        )
+        moved = {name for one in case.diagnosis[:1] if one.cause == "moved_target" for name in one.targets}
+        for one in case.misfit.criteria:
+            if isinstance(one, _DISPLACED) and one is not first and _target(one) not in moved:
+                yield criterion_sentence(one, name)
     else:
         first = case.doubt
         yield from (

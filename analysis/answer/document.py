@@ -468,6 +468,7 @@ class ResultDocument(DocumentPart):
     schema_: Literal["zerobeam/result/1"] = Field(alias="schema")
     verdict: Verdict
     message: Message
+    coverage_factor: float
     headline: str
     parameters: tuple[ParameterDocument, ...]
     without_prior: WithoutPriorDocument | None
@@ -554,6 +555,7 @@ class ReadResult(DocumentPart):
 
     verdict: Verdict
     message: Message | None = None
+    coverage_factor: float = 2.0
     headline: str
     parameters: tuple[ParameterDocument, ...]
     without_prior: WithoutPriorDocument | None = None

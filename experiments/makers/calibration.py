@@ -323,19 +323,20 @@ def require_validated(solution: Solution, allow_displaced: bool = False) -> None
     look like that too, and no new run would mend it.
     """
     against = solution.contradictions
-    displaced = all(isinstance(one, Displacement | RecordingStep) for one in against)
+    moved = [criterion_sentence(one) for one in against if isinstance(one, Displacement | RecordingStep)]
+    displaced = len(moved) == len(against)
     if solution.misfit is None or (allow_displaced and displaced):
         return
     if displaced:
         raise NotValidated(
             "the measurements contradict the model, so no offset can be relied on (misfit)",
-            found="; ".join(map(criterion_sentence, against)),
+            found="; ".join(moved),
             remedy="give the target another name in the measurements after it was moved, or record again; or"
             " --allow-displaced, if it was not moved: the file then says so",
         )
     raise NotValidated(
         "the model does not describe the measurements, so no offset can be relied on (misfit)",
-        found=misfit_headline(solution.misfit),
+        found=" ".join([misfit_headline(solution.misfit), *(f"{sentence}." for sentence in moved)]),
         allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
         remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"
         " placement, geometry); or --unvalidated, if you want the numbers all the same: the file says so",

@@ -36,7 +36,7 @@ from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
-from ...words.message import lines_of, message
+from ...words.message import headline, message
 from ...words.result_json import dumps, to_json
 from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial
@@ -273,7 +273,7 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
         name=one.name,
         file=one.file,
         outcome=result.verdict,
-        message=" ".join(lines_of(message(result))),
+        message=headline(result, person),
         sha256=inputs.sha256,
         robot=inputs.robot,
         serial=serial,

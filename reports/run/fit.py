@@ -41,7 +41,7 @@ def fit_section(result: Result) -> Section:
         table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
         _both_estimates(result) if result.misfit is None else None,
         _distances(result),
-        *other_tables(result.parameters, result.coverage_factor),
+        *(other_tables(result.parameters, result.coverage_factor) if result.misfit is None else ()),
     )
 
 

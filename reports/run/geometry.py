@@ -166,7 +166,7 @@ def geometry_lines(result: Result) -> list[str]:
     geometry = result.geometry
     if not geometry.stated or result.misfit is not None or not result.likelihood.converged:
         return []
-    lines = confounded_lines(result)[:1]
+    lines = []
     if geometry.factors is not None:
         lines.append(factors_sentence(geometry) or "")
     determined = sum(row.group == "geometry" and row.std is not None for row in result.parameters)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from ...analysis.observability.causes import Cause
@@ -93,7 +94,7 @@ def offsets_section(result: Result) -> Section:
     return section_of(
         "Offsets",
         offsets_table(result),
-        None if worth is None else Paragraph(worth),
+        None if worth is None or not result.geometry.stated else Paragraph(worth),
         Legend(legend((row.status for row in others), result.inputs.header), reasons(others)),
         FigureBlock("offsets"),
     )
@@ -147,14 +148,23 @@ def other_tables(parameters: Sequence[ParameterResult], k: float) -> list[Table]
 
 
 def parameter_table(caption: str, rows: Sequence[ParameterResult], k: float) -> Table:
-    """Parameters with their expanded uncertainties, U = `k` u."""
+    """Parameters with their expanded uncertainties, U = `k` u; what is unvalidated has none."""
     columns: list[Head] = ["name", "estimate", f"U ({numbers.coverage(k)})", ("status", "left")]
-    return table_of(caption, columns, [_parameter_row(row, k) for row in rows])
+    shown = [_parameter_row(row, k) for row in rows]
+    if any(row.status == "unvalidated" for row in rows):
+        del columns[2]
+        shown = [_without_u(row) for row in shown]
+    return table_of(caption, columns, shown)
+
+
+def _without_u(row: Row) -> Row:
+    """A row without its third column, in which the second cell of some spans it."""
+    first, second, *_, last = row.cells
+    return Row((first, replace(second, span=1), last), row.tone)
 
 
 def _parameter_row(row: ParameterResult, k: float) -> Row:
-    """One parameter. Without an estimate there is no number in its row that could be taken for one; what is
-    unvalidated has no uncertainty."""
+    """One parameter. Without an estimate there is no number in its row that could be taken for one."""
     status, unit = row.status, unit_of(row.unit)
     name, word = label(row.name), Cell(status, mark=status)
     if row.held and row.estimate is not None:
@@ -162,8 +172,7 @@ def _parameter_row(row: ParameterResult, k: float) -> Row:
     if row.estimate is None or row.std is None:
         return row_of(name, Cell(NOT_DETERMINED, span=2), word, tone=status)
     u = k * row.std
-    expanded = NO_NUMBER if status == "unvalidated" else numbers.spread(u, unit)
-    return row_of(name, numbers.estimate(row.estimate, u, unit), expanded, word, tone=status)
+    return row_of(name, numbers.estimate(row.estimate, u, unit), numbers.spread(u, unit), word, tone=status)
 
 
 def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:

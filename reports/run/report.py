@@ -46,7 +46,7 @@ def report_page(result: Result) -> Page:
         rehearsal_section(result),
         None if wrong else unobservable_section(result.parameters, result.identifiability),
         None if wrong else workspace_section(result),
-        scene_section(result),
+        None if wrong else scene_section(result),
     ]
     details = [
         fit_section(result),

@@ -50,12 +50,13 @@ def print_result(console: Console, result: Result) -> None:
     if (could_be := diagnosis_section(result)) is not None:
         _print_section(console, could_be)
     _print_table(console, offsets_table(result))
-    if (worth := offsets_worth(result)) is not None:
+    if (worth := offsets_worth(result)) is not None and result.geometry.stated:
         console.print(Text(worth))
-    for line in [] if wrong else geometry_lines(result):
-        console.print(Text(line))
-    for table in other_tables(result.parameters, result.coverage_factor):
-        _print_table(console, table)
+    if not wrong:
+        for line in geometry_lines(result):
+            console.print(Text(line))
+        for table in other_tables(result.parameters, result.coverage_factor):
+            _print_table(console, table)
     if (rehearsal := rehearsal_section(result)) is not None:
         _print_section(console, rehearsal)
     if (steps := next_steps_section(result)) is not None:
