@@ -61,34 +61,36 @@ def tolerance_words(tolerance: Tolerance, unit: str) -> str:
     return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
 
 
-def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow]) -> str | None:
-    """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u."""
+def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: float = 1.0) -> str | None:
+    """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u. With a
+    coverage factor `k` of expanded uncertainties U."""
     std = {row.name: row.std for row in offsets if row.std is not None}
     units = {row.name: row.unit for row in offsets}
-    considered = _range(geometry.consider, units)
+    considered = _range(geometry.consider, units, k)
     if not std or considered is None:
         return None
-    present = _range(std, units)
+    present, u = _range(std, units, k), "u" if k == 1 else "U"
     if not geometry.stated:
         return (
-            f"With nominal geometry u is {present}; if the arm deviates from it by"
-            f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."
+            f"With nominal geometry {u} is {present}; if the arm deviates from it by"
+            f" {tolerances_words(geometry)}, {considered}. Take `geometry: exact` out of the header to"
+            " estimate it."
         )
-    half, twice = _range(geometry.at_half, units), _range(geometry.at_twice, units)
+    half, twice = _range(geometry.at_half, units, k), _range(geometry.at_twice, units, k)
     factors = "" if geometry.factors is None else ", multiplied by the factors that the data give them"
     return (
-        f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) u is"
+        f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) {u} is"
         f" {present}. With half the tolerances it would be {half or _UNKNOWN}, with twice"
         f" {twice or _UNKNOWN}; with nominal geometry, if the arm deviates from it by these tolerances,"
         f" {considered}."
     )
 
 
-def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str]) -> str | None:
-    """The smallest to the largest, by unit."""
+def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str], k: float) -> str | None:
+    """The smallest to the largest, by unit, each `k` times."""
     ranges = []
     for unit in dict.fromkeys(units[name] for name in uncertainties if name in units):
-        of_unit = [u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
+        of_unit = [k * u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
         if not of_unit:
             continue
         low, high = (numbers.spread(end, unit) for end in (min(of_unit), max(of_unit)))

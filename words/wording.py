@@ -77,6 +77,11 @@ def sentence(text: str) -> str:
     return re.sub(r"(?<=\d) %", "\u00a0%", words)
 
 
+def capital(text: str) -> str:
+    """`text` with a capital at its beginning."""
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def ended(text: str) -> str:
     """`text` with a full stop, unless it ends as a sentence does."""
     return text if text.endswith((".", "?", "!")) else f"{text}."

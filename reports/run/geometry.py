@@ -48,7 +48,7 @@ def geometry_section(result: Result) -> Section | None:
         geometry_title(rows),
         *(Paragraph(text) for text in sentences if text),
         _offsets(result),
-        _links(rows),
+        _links(rows, result.coverage_factor),
         prior_only(rows),
         Legend([], reasons(held)) if held else None,
         ladder_table(result),
@@ -57,9 +57,7 @@ def geometry_section(result: Result) -> Section | None:
 
 
 def confounded_lines(result: Result) -> list[str]:
-    """Of each offset of which the tolerances set most of the variance, why; of a misfit nothing."""
-    if result.misfit is not None:
-        return []
+    """Of each offset of which the tolerances set most of the variance, why."""
     offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
     sentences = (
         confounded_sentence(result.geometry, row.name, row.tolerance_share, person)
@@ -70,12 +68,12 @@ def confounded_lines(result: Result) -> list[str]:
 
 def _offsets(result: Result) -> Table | None:
     """What the tolerances do to each offset."""
-    geometry = result.geometry
-    if result.misfit is not None or not any(value is not None for value in geometry.at_half.values()):
+    geometry, k = result.geometry, result.coverage_factor
+    if not any(value is not None for value in geometry.at_half.values()):
         return None
     columns: list[Head] = [
         ("name", "left"),
-        ("u", "right"),
+        ("U", "right"),
         (SET_BY_TOLERANCES, "right"),
         ("at half", "right"),
         ("at twice", "right"),
@@ -92,40 +90,36 @@ def _offsets(result: Result) -> Table | None:
         rows.append(
             row_of(
                 label(row.name),
-                numbers.spread(row.std, row.unit),
+                numbers.spread(k * row.std, row.unit),
                 percent(row.tolerance_share),
                 *(
-                    NO_NUMBER if (u := values.get(row.name)) is None else numbers.spread(u, row.unit)
+                    NO_NUMBER if (u := values.get(row.name)) is None else numbers.spread(k * u, row.unit)
                     for values in others
                 ),
                 "" if most is None else f"{label(most.parameter)} ({correlation(most)})",
             )
         )
     caption = (
-        "u of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
+        "U of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
     )
     return table_of(caption, columns, rows)
 
 
-def _links(rows: Sequence[ParameterResult]) -> Table | None:
+def _links(rows: Sequence[ParameterResult], k: float) -> Table | None:
     """The parameters that the measurements determine, as deviations from nominal."""
-    columns = ["name", "estimate", "u", "tolerance", "reduced by"]
+    columns = ["name", "estimate", "U", "tolerance", "reduced by"]
     shown = [
         row_of(
             label(row.name),
-            numbers.estimate(row.estimate, row.std, unit_of(row.unit)),
-            numbers.spread(row.std, unit_of(row.unit)),
+            numbers.estimate(row.estimate, k * row.std, unit_of(row.unit)),
+            numbers.spread(k * row.std, unit_of(row.unit)),
             numbers.significant(row.prior_std, 2, unit_of(row.unit)),
             percent(max(1 - row.std / row.prior_std, 0.0)),
-            tone=row.status if row.status == "unvalidated" else "",
         )
         for row in rows
         if row.estimate is not None and row.std is not None
     ]
-    unvalidated = any(row.status == "unvalidated" for row in rows)
-    caption = "Deviations from nominal that the measurements determine" + (
-        ", unvalidated: the model does not describe the measurements" if unvalidated else ""
-    )
+    caption = "Deviations from nominal that the measurements determine"
     return table_of(caption, columns, shown) if shown else None
 
 
@@ -194,7 +188,7 @@ def geometry_lines(result: Result) -> list[str]:
     geometry = result.geometry
     if not geometry.stated or result.misfit is not None or not result.likelihood.converged:
         return []
-    lines = confounded_lines(result)[:1]
+    lines = []
     if geometry.factors is not None:
         lines.append(factors_sentence(geometry) or "")
     free = [row for row in result.parameters if row.tolerated and not row.held]
@@ -226,7 +220,7 @@ def ladder_picture(result: Result) -> Picture | None:
         figure = new_figure(0.27 * len(ladder) + 0.75)
         axes = figure.subplots(1, len(panels), squeeze=False)[0]
         for k, (panel, (values, title, unit)) in enumerate(zip(axes, panels, strict=True)):
-            _panel(panel, ladder, values, unit, "identified" if result.misfit is None else "unvalidated")
+            _panel(panel, ladder, values, unit)
             panel.set_xlabel(title)
             panel.tick_params(axis="y", labelleft=k == 0)
         axes[0].tick_params(axis="y", labelcolor=light("ink"), labelsize=9.5)
@@ -234,14 +228,14 @@ def ladder_picture(result: Result) -> Picture | None:
     return Picture(LADDER, "The model ladder: filled dots are kept", _alt(ladder), svg)
 
 
-def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], unit: str, role: str) -> None:
+def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], unit: str) -> None:
     axes.set_ylim(len(ladder) - 0.4, -0.6)
     axes.set_yticks(range(len(ladder)), [RUNGS[rung.rung] for rung in ladder])
     bare_y(axes)
     for y, (rung, value) in enumerate(zip(ladder, values, strict=True)):
         if value is None:
             continue
-        colour = light(role if rung.kept else "held")
+        colour = light("identified" if rung.kept else "held")
         face = colour if rung.kept else light("ground")
         axes.plot([value], [y], "o", markersize=6, markerfacecolor=face, color=colour)
         text = numbers.significant(value) if unit else numbers.fixed(value, 1)

@@ -9,8 +9,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ...analysis.answer.message import Message
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
+from ...analysis.status import Verdict
 from ...words import numbers
 from ...words.geometry import check_lines
 from ...words.numbers import unit_of
@@ -66,6 +68,27 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
     console.print(
         Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(headline))
     )
+
+
+def print_message(console: Console, verdict: Verdict, said: Message) -> None:
+    """The message of an answer: what is read first."""
+    console.print(Text(said.verdict, style=VERDICT_STYLE[verdict]))
+    for text in (said.cause, said.worst and said.worst.text):
+        if text is not None:
+            console.print(Text(text))
+    console.print(Text("To do: ", style="bold") + Text(said.action.text))
+    if said.action.command is not None:
+        print_commands(console, (said.action.command,))
+    print_notes(console, said.cautions)
+
+
+def print_commands(console: Console, commands: Iterable[str]) -> None:
+    """Commands as they are to be typed."""
+    for line in commands:
+        width = max(console.width - 8, 20)
+        wrapped = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
+        for part in " \\\n     ".join(wrapped).splitlines():
+            console.print(Text(f"   {part}"), soft_wrap=True)
 
 
 def print_notes(console: Console, notes: Iterable[str]) -> None:

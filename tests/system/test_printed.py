@@ -1,8 +1,8 @@
 """What the commands print of real runs and plans, word for word: a sentence changes on purpose only.
 
-All numbers follow from fits of simulated measurements, rounded as people read them. The arm is a typical one,
-unless a case is about residuals, which seven measurements of such an arm hardly have: then it is exact. What depends on the draws
-of the sampler, which are others on another machine, is left out.
+All numbers follow from fits of simulated measurements, rounded as people read them. What depends on the draws
+of the sampler, which are others on another machine, is left out. The arm is a typical one, unless a case is
+about residuals, which seven measurements of such an arm hardly have: then it is exact.
 """
 
 from __future__ import annotations
