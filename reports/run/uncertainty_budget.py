@@ -108,9 +108,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     shown += [
         row_of("combined u", "", *(numbers.spread(b.std) for b in budgets)),
         row_of("ν effective", "", *(_dof(b.dof) for b in budgets)),
-        row_of(
-            f"expanded U ({numbers.coverage(k)})", "", *(numbers.spread(k * b.std) for b in budgets)
-        ),
+        row_of(f"expanded U ({numbers.coverage(k)})", "", *(numbers.spread(k * b.std) for b in budgets)),
         row_of("result", "", *(_result(result, b) for b in budgets)),
     ]
     columns: list[Head] = [("source", "left"), ("its u, type", "right"), *heads]

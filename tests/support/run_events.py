@@ -36,7 +36,10 @@ def event_of(content: Json) -> RunEvent:
 
 def message_of(verdict: str, **parts: Any) -> Message:
     """The message that is printed so; what is not there is nothing."""
-    worst, action = parts.get("worst"), parts.get("action") or {"text": "Look at the result.", "command": None}
+    worst, action = (
+        parts.get("worst"),
+        parts.get("action") or {"text": "Look at the result.", "command": None},
+    )
     return Message(
         verdict=verdict,
         worst=None if worst is None else WorstOffset(**worst),
