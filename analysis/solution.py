@@ -65,6 +65,7 @@ class ParameterResult:
     `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
     eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
     part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
+    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
@@ -82,6 +83,7 @@ class ParameterResult:
     midpoint: float | None
     cause: Cause | None
     tolerance_share: float | None = None
+    tolerated: bool = False
 
     def __post_init__(self) -> None:
         if self.held != (self.status == "held"):
@@ -378,6 +380,7 @@ class Solution:
             midpoint=None,
             cause=cause_for(self.null_space, item, status) if self.converged or item.held else Unconverged(),
             tolerance_share=float(self._tolerance_share[i]) if determined and self._tolerated else None,
+            tolerated=item.tolerated,
         )
 
     @property

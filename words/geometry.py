@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from ..analysis.observability.causes import Cause, NotResolvable
@@ -34,6 +34,16 @@ class OffsetRow(Protocol):
     def std(self) -> float | None: ...
     @property
     def tolerance_share(self) -> float | None: ...
+
+
+class _Grouped(Protocol):
+    @property
+    def group(self) -> str: ...
+
+
+def geometry_title(tolerated: Iterable[_Grouped]) -> str:
+    """The title of what is said of the parameters with tolerances."""
+    return "Geometry and tool" if any(row.group == "tool" for row in tolerated) else "Geometry"
 
 
 def tolerances_words(geometry: GeometryResult) -> str:
@@ -162,10 +172,11 @@ def check_lines(check: Check) -> list[str]:
     if worst is not None:
         why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
         lines += [] if why is None else [why]
-    rows = [row for row in check.parameters if row.group == "geometry" and not row.held]
+    rows = [row for row in check.parameters if row.tolerated and not row.held]
     if rows:
         determined = sum(row.std is not None for row in rows)
         lines.append(
-            f"Geometry: {determined} of {len(rows)} parameters will be determined, the others prior only."
+            f"{geometry_title(rows)}: {determined} of {len(rows)} parameters will be"
+            " determined, the others prior only."
         )
     return lines

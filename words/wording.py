@@ -22,7 +22,7 @@ _PERHAPS = re.compile(r"[^\n -~]")
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
-_GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|alpha|d|beta|theta|gravity|cos|sin)")
+_GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|b|d|alpha|beta|theta|gravity|cos|sin)")
 _GREEK = {"alpha": "α", "beta": "β", "theta": "θ", "cos": "cos q", "sin": "sin q"}
 
 NOT_DETERMINED = "not determined by these data"

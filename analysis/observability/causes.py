@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ...model.likelihood.parameters import HeldBy, Parameter
+from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ...model.likelihood.tool import ToolKind
 from ..status import Status
 
@@ -37,7 +37,25 @@ class NotResolvable:
 
 @dataclass(frozen=True)
 class ToleranceOnly:
-    """A geometry parameter of which the measurements say no more than its tolerance."""
+    """A parameter of geometry or tool of which the measurements say no more than its tolerance."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What a parameter of geometry or tool is known to: `std` in its `unit`."""
+
+    name: str
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class WithinTolerances:
+    """What the arm and tool may deviate within their tolerances has the same effect: `share` (0 to 1) of the
+    variance is set by them, most by `largest`."""
+
+    share: float
+    largest: tuple[Tolerance, ...]
 
 
 @dataclass(frozen=True)
@@ -68,10 +86,12 @@ class OnAxis:
 
 @dataclass(frozen=True)
 class ToolRotation:
-    """The last joint and a free tool rotate together (section 3.1 of the paper)."""
+    """The last joint and the tool rotate together (section 3.1 of the paper): a free one, or one that is
+    `known_to` a sigma (degrees of a laser's direction, mm of a probe's tip)."""
 
     tool: ToolKind
     joint: int
+    known_to: float | None = None
 
 
 @dataclass(frozen=True)
@@ -93,10 +113,11 @@ class CommonMotion:
 
 @dataclass(frozen=True)
 class ParallelAxes:
-    """The axes of the joints `first` and `second` stay parallel."""
+    """The axes of the joints `first` and `second` stay parallel, to within `angle_deg`."""
 
     first: int
     second: int
+    angle_deg: float
 
 
 @dataclass(frozen=True)
@@ -106,11 +127,13 @@ class ToolAgainstTarget:
 
 @dataclass(frozen=True)
 class TooFewMeasurements:
-    """`numbers` from `measurements` for `unknowns`; `needed` measurements at the least."""
+    """`measurements` and stated `distances` give `numbers`, fewer than the unknowns that they must determine:
+    so many of each group. `needed` measurements at the least."""
 
     measurements: int
+    distances: int
     numbers: int
-    unknowns: int
+    unknowns: dict[Group, int]
     needed: int
 
 
@@ -150,6 +173,7 @@ Cause = (
     | NotTheModel
     | NotResolvable
     | ToleranceOnly
+    | WithinTolerances
     | TargetUnseen
     | BaseFrame
     | NoiseSplit
@@ -168,6 +192,7 @@ Cause = (
 @dataclass(frozen=True)
 class NullDirection:
     """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
+    What has a tolerance has no part in it: it is known up to that, whatever the data say.
 
     `data_std` is its std without prior, in prior stds along it; None for an exact gauge.
     Of the kind `optima` it is the way from the best local optimum to another, and `data_std` its length.
@@ -203,7 +228,7 @@ def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Stat
     """Why a parameter has no number, or a poor one; None for an identified one."""
     if item.held_by is not None:
         return Held(item.held_by)
-    if item.group == "geometry" and status == "unidentifiable":
+    if item.tolerated and status == "unidentifiable":
         return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()

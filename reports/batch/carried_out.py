@@ -37,6 +37,7 @@ from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
 from ...words.message import headline, message
+from ...words.wording import person
 from ...words.result_json import dumps, to_json
 from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial
@@ -230,7 +231,7 @@ def _fits(piece: BatchPiece) -> dict[str, LikelihoodFit]:
     """The fits that can be made side by side, by the run's name; whatever fails does so again on its own."""
     problems: dict[str, Problem] = {}
     for one in piece.runs:
-        if one.run.header.geometry is None:
+        if one.run.header.arm is None:
             try:
                 one.run.require_analysable()
                 problem = Problem.from_run(one.run)

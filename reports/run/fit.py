@@ -146,7 +146,7 @@ def _robust_table(result: Result, robust: Robust) -> Table:
     rows = []
     for row in robust.parameters:
         parameter, unit = result.parameters.named(row.name), unit_of(row.unit)
-        if parameter.group in ("target", "geometry"):
+        if parameter.tolerated or parameter.group == "target":
             continue
         name = label(row.name)
         if parameter.estimate is None or parameter.std is None or row.estimate is None:
@@ -208,7 +208,7 @@ def intervals_section(result: Result) -> Section | None:
 
 def _of_people(result: Result) -> list[Intervals]:
     """All but those of the geometry, whose section has them; `result.json` has all."""
-    return [row for row in result.intervals if result.parameters.named(row.name).group != "geometry"]
+    return [row for row in result.intervals if not result.parameters.named(row.name).tolerated]
 
 
 def intervals_table(result: Result) -> tuple[Table, str]:

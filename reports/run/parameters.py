@@ -75,6 +75,8 @@ class ParameterRow(Protocol):
     def cause(self) -> Cause | None: ...
     @property
     def tolerance_share(self) -> float | None: ...
+    @property
+    def tolerated(self) -> bool: ...
 
 
 def offsets_caption(statuses: Iterable[Status]) -> str:
@@ -88,8 +90,8 @@ def noise_factors(parameters: Sequence[ParameterRow]) -> bool:
 
 
 def offsets_section(result: Result) -> Section:
-    """The offsets: the first thing that a reader sees. The geometry has a section of its own."""
-    others = [row for row in result.parameters if row.group != "geometry"]
+    """The offsets: the first thing that a reader sees. What has a tolerance has a section of its own."""
+    others = [row for row in result.parameters if not row.tolerated]
     worth = offsets_worth(result)
     return section_of(
         "Offsets",
@@ -137,13 +139,16 @@ def worth_column(geometry: GeometryResult, k: float = 1.0) -> tuple[str, Callabl
 
 
 def other_tables(parameters: Sequence[ParameterResult], k: float) -> list[Table]:
-    """Of what was estimated besides the offsets."""
+    """Of what was estimated besides the offsets, without what has a tolerance."""
     captions: tuple[tuple[str, Group], ...] = (
         ("Targets in the base frame", "target"),
         ("Tool in the flange frame", "tool"),
         ("Noise, as a multiple of the stated", "noise"),
     )
-    groups = [(caption, [row for row in parameters if row.group == group]) for caption, group in captions]
+    groups = [
+        (caption, [row for row in parameters if row.group == group and not row.tolerated])
+        for caption, group in captions
+    ]
     return [parameter_table(caption, rows, k) for caption, rows in groups if rows]
 
 

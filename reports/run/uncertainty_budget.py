@@ -25,13 +25,14 @@ def budget_section(result: Result) -> Section | None:
         return None
     blocks: list[Block | None] = [Paragraph(_lead(result))]
     for what, group in (("offsets", "offset"), ("tool", "tool")):
-        budgets = [budget for budget in result.budget if result.parameters.named(budget.name).group == group]
+        names = {row.name for row in result.parameters if row.group == group and not row.tolerated}
+        budgets = [budget for budget in result.budget if budget.name in names]
         for first in range(0, len(budgets), MOST_COLUMNS):
             blocks += _tables(result, what, budgets[first : first + MOST_COLUMNS])
     undetermined = [
         row
         for row in result.parameters
-        if row.group in ("offset", "tool") and row.status in ("unidentifiable", "held")
+        if row.group in ("offset", "tool") and row.status in ("unidentifiable", "held") and not row.tolerated
     ]
     if undetermined:
         blocks += [
@@ -45,7 +46,7 @@ def budget_section(result: Result) -> Section | None:
 def _lead(result: Result) -> str:
     held = [label(row.name) for row in result.parameters if row.held]
     exact = [] if result.geometry.stated else ["the robot’s geometry"]
-    if result.inputs.calibrated:
+    if result.inputs.calibrated and not any(row.group == "tool" for row in result.parameters):
         exact.append("the calibrated tool")
     text = (
         "By the GUM (JCGM 100:2008). A contribution is the standard uncertainty that its source alone"

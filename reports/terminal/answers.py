@@ -158,16 +158,16 @@ def _measured(answer: Ended) -> str:
 
 
 def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Result]) -> None:
-    """Several results next to each other, with the true values where a simulation states them."""
+    """Several results next to each other, with the true values where a simulation states them. What has a
+    tolerance in all of them is left out."""
     console.print(Text("Offsets and tool: estimate ± U (k = 2), and the true value", style="italic"))
     table = Table()
     table.add_column("")
     for title in titles:
         table.add_column(title)
-    rows = [
-        {row.name: row for row in result.parameters if row.group in ("offset", "tool")} for result in results
-    ]
-    for name in dict.fromkeys(name for by_name in rows for name in by_name):
+    rows = [{row.name: row for row in result.parameters if row.group != "target"} for result in results]
+    estimated = (name for by_name in rows for name, row in by_name.items() if not row.tolerated)
+    for name in dict.fromkeys(estimated):
         table.add_row(
             label(name),
             *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
@@ -185,6 +185,8 @@ def _compared(row: ParameterResult | None, result: Result) -> Text:
     known = isinstance(true, int | float)
     truth = Text(f"\ntrue {numbers.exact(float(str(true)), row.unit)}" if known else "", style="dim")
     style = STYLE[row.status]
+    if row.tolerated and row.estimate is None:
+        return Text(f"prior only, u {numbers.exact(row.prior_std, row.unit)}", style="dim")
     if row.estimate is None:
         return Text(f"{MARK[row.status]} not determined", style=style) + truth
     if row.std is None:

@@ -36,7 +36,7 @@ def print_check(console: Console, check: Check) -> None:
         table.add_column(name, justify="left" if name in ("name", "status") else "right")
     for row in check.parameters:
         unit = unit_of(row.unit)
-        if row.group == "geometry":
+        if row.tolerated:
             continue
         alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
         table.add_row(
@@ -101,8 +101,8 @@ def print_directions(
     console: Console, directions: Sequence[NullDirection], parameters: Iterable[ParameterRow]
 ) -> None:
     """What cannot be determined, why, and what to do."""
-    geometry = {row.name for row in parameters if row.group == "geometry"}
-    for direction in beside_tolerances(directions, geometry):
+    tolerated = {row.name for row in parameters if row.tolerated}
+    for direction in beside_tolerances(directions, tolerated):
         words = direction_words(direction)
         console.print(
             Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")

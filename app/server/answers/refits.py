@@ -86,7 +86,7 @@ def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
     offsets = [
         parameter_document(row).to_json() | {"before": parameter_document(before[row.name]).to_json()}
         for row in solution.parameters
-        if row.group in ("offset", "tool")
+        if row.group in ("offset", "tool") and not row.tolerated
     ]
     lost = [
         row.name
@@ -123,7 +123,7 @@ def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
             allowed="at least 2",
             remedy="leave out fewer",
         )
-    if fitted_run.run.header.geometry is None:
+    if fitted_run.run.header.arm is None:
         selected = _selected(fitted_run.problem, left)
         require_noise_data(selected)
         return solve_run(selected, fitted_run.run.header)
