@@ -73,8 +73,7 @@ def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: fl
     if not geometry.stated:
         return (
             f"With nominal geometry {u} is {present}; if the arm deviates from it by"
-            f" {tolerances_words(geometry)}, {considered}. Take `geometry: exact` out of the header to"
-            " estimate it."
+            f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."
         )
     half, twice = _range(geometry.at_half, units, k), _range(geometry.at_twice, units, k)
     factors = "" if geometry.factors is None else ", multiplied by the factors that the data give them"

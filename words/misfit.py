@@ -220,7 +220,7 @@ def mend(explanation: Explanation) -> str:
                 " or record the run again."
             )
         case "geometry":
-            return "Take `geometry: exact` out of the header, so that the links are estimated."
+            return "Leave out geometry: exact in the header, so that the links are estimated."
         case _:
             return "Correct this in the recording or the robot file, and analyse again."
 

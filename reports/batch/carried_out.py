@@ -37,8 +37,8 @@ from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
 from ...words.message import headline, message
-from ...words.wording import person
 from ...words.result_json import dumps, to_json
+from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial
 from ..run.report import REPORT, RESULT, write_report

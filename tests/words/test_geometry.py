@@ -78,7 +78,7 @@ def test_degrees_and_millimetres_are_not_mixed() -> None:
     own = replace(NOMINAL, consider={"delta2": 0.018, "delta3": 0.5})
     said = worth_sentence(own, [ROWS[0], Row("delta3", "mm", 0.1)]) or ""
     assert "u is 0.0060° and 0.10\u00a0mm;" in said
-    assert "0.018° and 0.50\u00a0mm. Take" in said
+    assert "0.018° and 0.50\u00a0mm. Leave" in said
 
 
 def test_tolerances_of_each_link_are_a_range() -> None:
