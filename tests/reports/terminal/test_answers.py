@@ -183,10 +183,10 @@ def test_the_end_of_a_run_says_what_u_is_worth_unless_it_is_a_misfit() -> None:
     print_carried(to, replace(ended, geometry=good().geometry))
     said = " ".join(text.getvalue().split())
     assert "u if the arm deviates" in said
-    assert "State geometry in the header to estimate it." in said
+    assert "Leave out geometry: exact to estimate it." in said
     to, text = console()
     print_carried(to, replace(ended, geometry=good().geometry, verdict="misfit"))
-    assert "State `geometry`" not in text.getvalue()
+    assert "Leave out geometry" not in text.getvalue()
 
 
 def test_the_end_of_a_run_warns_where_the_shots_contradict_the_model() -> None:
