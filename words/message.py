@@ -28,10 +28,12 @@ from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
 from ..analysis.misfit import Criterion, Misfit
 from ..analysis.observability.causes import (
+    BaseFrame,
     Cause,
     Held,
     NoiseSplit,
     NullDirection,
+    OnAxis,
     ToolRotation,
     worst_direction,
 )
@@ -58,6 +60,7 @@ _FILES = {
     "fanuc": ("export fanuc", "mastering.txt"),
 }
 _MOST_CAUTIONS = 6
+_IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
 _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
 
@@ -331,7 +334,7 @@ def _action(case: _Case) -> Action:
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
         row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
         cause = worst_direction(case.null_space, row.name).cause
-        planned = not isinstance(cause, Held | NoiseSplit | ToolRotation)
+        planned = not isinstance(cause, _IN_THE_HEADER)
         return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
     if case.verdict != "pass":
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
