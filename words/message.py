@@ -26,7 +26,7 @@ from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
-from ..analysis.misfit import Criterion, Misfit
+from ..analysis.misfit import Criterion, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import (
     BaseFrame,
     Cause,
@@ -280,7 +280,7 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
         if case.diagnosis:
             return cause_sentence(case.diagnosis)
         first = _sharpest(case.misfit)
-        text = criterion_sentence(first, name)
+        text = criterion_sentence(first, name).removeprefix("Lack of fit: ")
         return text if isinstance(first, _DISPLACED) else f"{text}. No cause that was tried explains it"
     if case.doubt is not None:
         return _doubt_sentence(case.doubt, name)
@@ -414,7 +414,8 @@ def _cautions(case: _Case, name: Namer) -> Iterator[str]:
         first = None if case.diagnosis else _sharpest(case.misfit)
         moved = {name for one in case.diagnosis[:1] if one.cause == "moved_target" for name in one.targets}
         for one in case.misfit.criteria:
-            if isinstance(one, _DISPLACED) and one is not first and _target(one) not in moved:
+            displaced = isinstance(one, _DISPLACED) and _target(one) not in moved
+            if one is not first and (displaced or isinstance(one, PlacementsDisagree)):
                 yield criterion_sentence(one, name)
     else:
         first = case.doubt
