@@ -53,7 +53,10 @@ def test_what_the_geometry_can_fit_exactly_says_nothing_of_the_noise(tmp_path: P
     run = read_run(changed(tmp_path / "run.jsonl", noise=noise, geometry={}))
     with pytest.raises(BadInput, match="noise scale cannot be estimated") as caught:
         analyse(run, ess=100)
-    assert caught.value.found == "14 numbers from 7 measurements for 45 unknowns, 37 of them with a tolerance"
+    assert caught.value.found == (
+        "14 numbers from 7 measurements for 8 unknowns, and 37 parameters of geometry and tool deviate within"
+        " their tolerances"
+    )
 
 
 @pytest.mark.parametrize(("divisor", "dof"), [(1.5, 1), (1.7, 0)])
