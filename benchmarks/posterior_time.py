@@ -57,10 +57,8 @@ class Case:
     def __init__(self, name: str, run: Path, urdf: str = "", *, links: bool = False) -> None:
         self.name, self.urdf, self.links = name + (", with links" if links else ""), urdf, links
         read = read_run(run)
-        exact = read.header.model_copy(
-            update={"geometry": "exact"}
-        )  # the peers' model, and the links' beside it
-        problem = Problem.from_run(replace(read, header=exact))
+        exact = read.header.model_copy(update={"geometry": "exact"})  # as the peers' model is
+        problem = Problem.from_run(dataclasses.replace(read, header=exact))
         self.problem = problem.with_geometry(Geometry.of_links(problem.robot, *LINKS)) if links else problem
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)
