@@ -26,12 +26,14 @@ from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
-from ..analysis.misfit import Criterion, Misfit
+from ..analysis.misfit import Criterion, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import (
+    BaseFrame,
     Cause,
     Held,
     NoiseSplit,
     NullDirection,
+    OnAxis,
     ToolRotation,
     worst_direction,
 )
@@ -58,6 +60,7 @@ _FILES = {
     "fanuc": ("export fanuc", "mastering.txt"),
 }
 _MOST_CAUTIONS = 6
+_IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
 _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
 
@@ -277,7 +280,7 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
         if case.diagnosis:
             return cause_sentence(case.diagnosis)
         first = _sharpest(case.misfit)
-        text = criterion_sentence(first, name)
+        text = criterion_sentence(first, name).removeprefix("Lack of fit: ")
         return text if isinstance(first, _DISPLACED) else f"{text}. No cause that was tried explains it"
     if case.doubt is not None:
         return _doubt_sentence(case.doubt, name)
@@ -331,7 +334,7 @@ def _action(case: _Case) -> Action:
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
         row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
         cause = worst_direction(case.null_space, row.name).cause
-        planned = not isinstance(cause, Held | NoiseSplit | ToolRotation)
+        planned = not isinstance(cause, _IN_THE_HEADER)
         return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
     if case.verdict != "pass":
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
@@ -411,7 +414,8 @@ def _cautions(case: _Case, name: Namer) -> Iterator[str]:
         first = None if case.diagnosis else _sharpest(case.misfit)
         moved = {name for one in case.diagnosis[:1] if one.cause == "moved_target" for name in one.targets}
         for one in case.misfit.criteria:
-            if isinstance(one, _DISPLACED) and one is not first and _target(one) not in moved:
+            displaced = isinstance(one, _DISPLACED) and _target(one) not in moved
+            if one is not first and (displaced or isinstance(one, PlacementsDisagree)):
                 yield criterion_sentence(one, name)
     else:
         first = case.doubt

@@ -10,7 +10,7 @@ from ...analysis.posterior.intervals import Intervals
 from ...words import numbers
 from ...words.findings import likelihood_message
 from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit import CAUSES, changed, diagnosis_said, explanation_sentence
+from ...words.misfit import CAUSES, changed, diagnosis_said
 from ...words.numbers import times, unit_of
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
@@ -127,8 +127,7 @@ def diagnosis_section(result: Result) -> Section | None:
         f"Tried, best first: residuals in multiples of the noise (as recorded: {before}), largest estimate in"
         " prior standard deviations, parameters freed"
     )
-    first = sentence(explanation_sentence(result.diagnosis[0]))
-    text = f"{first[0].upper()}{first[1:]}. {diagnosis_said(result.diagnosis)}"
+    text = diagnosis_said(result.diagnosis)
     return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows))
 
 

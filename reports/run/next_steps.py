@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from ...analysis.answer.result import Result
-from ...words import numbers
 from ...words.message import message
 from ...words.next_steps import next_steps
 from ...words.wording import label
@@ -15,7 +14,7 @@ def next_steps_section(result: Result) -> Section | None:
     advice = next_steps(result, message(result))
     blocks: list[Block] = []
     if advice.enter:
-        columns = ["joint", "add to the recorded position", f"U ({numbers.coverage(result.coverage_factor)})"]
+        columns = ["joint", "add to the recorded position", "U"]
         rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
         caption = "Values to enter: true position = recorded position + value"
         blocks.append(table_of(caption, columns, rows))

@@ -113,10 +113,12 @@ def offsets_worth(result: Result) -> str | None:
 def offsets_table(result: Result) -> Table:
     """The offsets with their uncertainties; of a misfit without what those would be worth."""
     offsets = [row for row in result.parameters if row.group == "offset"]
-    table = parameter_table(offsets_caption(row.status for row in offsets), offsets, result.coverage_factor)
+    k = result.coverage_factor
+    head = f"U ({numbers.coverage(k)})"
+    table = parameter_table(offsets_caption(row.status for row in offsets), offsets, k, head)
     if offsets_worth(result) is None:
         return table
-    worth, of = worth_column(result.geometry, result.coverage_factor)
+    worth, of = worth_column(result.geometry, k)
     rows = [
         Row((*shown.cells, Cell(of(row))), shown.tone) for row, shown in zip(offsets, table.rows, strict=True)
     ]
@@ -152,9 +154,11 @@ def other_tables(parameters: Sequence[ParameterResult], k: float) -> list[Table]
     return [parameter_table(caption, rows, k) for caption, rows in groups if rows]
 
 
-def parameter_table(caption: str, rows: Sequence[ParameterResult], k: float) -> Table:
-    """Parameters with their expanded uncertainties, U = `k` u; what is unvalidated has none."""
-    columns: list[Head] = ["name", "estimate", f"U ({numbers.coverage(k)})", ("status", "left")]
+def parameter_table(caption: str, rows: Sequence[ParameterResult], k: float, head: str = "U") -> Table:
+    """Parameters with their expanded uncertainties, U = `k` u; what is unvalidated has none. The interval of
+    a noise factor, which is not symmetric, is given in place of U."""
+    noise = any(row.group == "noise" for row in rows)
+    columns: list[Head] = ["name", "estimate", "95 % interval" if noise else head, ("status", "left")]
     shown = [_parameter_row(row, k) for row in rows]
     if any(row.status == "unvalidated" for row in rows):
         del columns[2]
@@ -177,7 +181,10 @@ def _parameter_row(row: ParameterResult, k: float) -> Row:
     if row.estimate is None or row.std is None:
         return row_of(name, Cell(NOT_DETERMINED, span=2), word, tone=status)
     u = k * row.std
-    return row_of(name, numbers.estimate(row.estimate, u, unit), numbers.spread(u, unit), word, tone=status)
+    expanded = numbers.spread(u, unit)
+    if row.group == "noise" and row.interval95 is not None:
+        expanded = numbers.interval(row.interval95, u, unit)
+    return row_of(name, numbers.estimate(row.estimate, u, unit), expanded, word, tone=status)
 
 
 def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:

@@ -212,8 +212,8 @@ def _check(result: Result) -> list[Block | None]:
     ]
     about = (
         "The linear 95 % interval, with k of ν, against that of the posterior’s draws (JCGM 101:2008, clause"
-        " 8): validated if the ends agree to δ, half a unit in the last of two significant digits of u, or of one where the"
-        " draws cannot decide by two."
+        " 8): validated if the ends agree to δ, half a unit in the last of two significant digits of u, or of"
+        " one where the draws cannot decide by two."
     )
     if any(check.validated is False for _, check in checked):
         about += " Where the answer is no, use the posterior’s interval."

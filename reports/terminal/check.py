@@ -72,11 +72,11 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
 
 def print_message(console: Console, verdict: Verdict, said: Message) -> None:
     """The message of an answer: what is read first."""
-    console.print(Text(said.verdict, style=VERDICT_STYLE[verdict]))
+    console.print(Text(sentence(said.verdict), style=VERDICT_STYLE[verdict]))
     for text in (said.cause, said.worst and said.worst.text):
         if text is not None:
-            console.print(Text(text))
-    console.print(Text("To do: ", style="bold") + Text(said.action.text))
+            console.print(Text(sentence(text)))
+    console.print(Text("To do: ", style="bold") + Text(sentence(said.action.text)))
     if said.action.command is not None:
         print_commands(console, (said.action.command,))
     print_notes(console, said.cautions)

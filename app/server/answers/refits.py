@@ -22,7 +22,6 @@ from ....model.likelihood.problem import Problem
 from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document
-from ....words.wording import person
 from ..folder import Folder
 from ..requests import EndPoint, Refused
 from .results import Kept
@@ -99,7 +98,7 @@ def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
         "of": fitted_run.problem.shots,
         "verdict": solution.verdict,
         "verdict_before": whole.verdict,
-        "headline": solution_headline(solution, person),
+        "headline": solution_headline(solution),
         "coverage_factor": solution.coverage_factor,
         "parameters": offsets,
         "lost": lost,
