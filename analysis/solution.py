@@ -366,6 +366,8 @@ class Solution:
         status, value = self.status[i], float(self.fit.x[i])
         determined = known(status)
         data_std = item.shown_std(value, float(self.identified.data_std[i]))
+        by_tolerances = float(self._tolerance_share[i]) if determined and self._tolerated else None
+        cause = cause_for(self.null_space, item, status, by_tolerances)
         return ParameterResult(
             name=item.name,
             unit=item.unit,
@@ -378,8 +380,8 @@ class Solution:
             interval95=self.interval(i) if determined else None,
             prior_std=item.shown_prior[1],
             midpoint=None,
-            cause=cause_for(self.null_space, item, status) if self.converged or item.held else Unconverged(),
-            tolerance_share=float(self._tolerance_share[i]) if determined and self._tolerated else None,
+            cause=cause if self.converged or item.held else Unconverged(),
+            tolerance_share=by_tolerances,
             tolerated=item.tolerated,
         )
 
@@ -442,13 +444,13 @@ def require_noise_data(problem: Problem) -> None:
 
 def too_few_for_noise(problem: Problem) -> BadInput:
     """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
-    free = int(problem.parameters.free.sum())
-    counts = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
-    links = f", {len(problem.tolerated)} of them of the geometry" if len(problem.tolerated) else ""
+    numbers = f"{problem.measured_size:g} numbers from {problem.shots} measurements"
+    links = len(problem.tolerated)
+    within = f", and {links} parameters of geometry and tool deviate within their tolerances" if links else ""
     return BadInput(
         "the noise scale cannot be estimated from so few measurements",
-        found=counts + links,
-        allowed="more numbers than unknowns",
+        found=f"{numbers} for {problem.parameters.without_tolerance} unknowns{within}",
+        allowed="more numbers than unknowns" + (" and deviations can fit exactly" if links else ""),
         remedy="record more measurements, or state noise.scale: known",
     )
 

@@ -85,7 +85,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
             ]
             return (
                 "arm and tool may deviate within their tolerances with nearly the same effect: the tolerances"
-                f" set {100 * share:.0f} % of the variance, most by {listed(named)}"
+                f" set {100 * share:.0f} % of the variance{f', most by {listed(named)}' if named else ''}"
             )
         case TargetUnseen(target, 1):
             return f"the target {name(target)} has one measurement only"

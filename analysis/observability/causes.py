@@ -12,6 +12,8 @@ from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ...model.likelihood.tool import ToolKind
 from ..status import Status
 
+MOST = 0.5  # of a variance that tolerances set: they are its reason
+
 
 @dataclass(frozen=True)
 class Held:
@@ -55,7 +57,7 @@ class WithinTolerances:
     variance is set by them, most by `largest`."""
 
     share: float
-    largest: tuple[Tolerance, ...]
+    largest: tuple[Tolerance, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -224,12 +226,22 @@ def _share(direction: NullDirection, name: str) -> float:
     return abs(weights[name]) * direction.data_std / math.hypot(*weights.values())
 
 
-def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Status) -> Cause | None:
-    """Why a parameter has no number, or a poor one; None for an identified one."""
+def cause_for(
+    null_space: Sequence[NullDirection], item: Parameter, status: Status, tolerance_share: float | None = None
+) -> Cause | None:
+    """Why a parameter has no number, or a poor one; None for an identified one.
+
+    `tolerance_share` (0 to 1) is the part of its variance that the tolerances set.
+    """
     if item.held_by is not None:
         return Held(item.held_by)
     if item.tolerated and status == "unidentifiable":
         return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()
-    return None if status == "identified" else worst_direction(null_space, item.name).cause
+    if status == "identified":
+        return None
+    cause = worst_direction(null_space, item.name).cause
+    if isinstance(cause, NotResolvable) and tolerance_share is not None and tolerance_share >= MOST:
+        return WithinTolerances(tolerance_share)
+    return cause

@@ -258,6 +258,7 @@ class Check:
         rows = []
         for i, item in enumerate(parameters.items):
             status, data_std = identified.status[i], float(identified.data_std[i])
+            by_tolerances = float(share[i]) if known(status) and len(problem.tolerated) else None
             rows.append(
                 CheckedParameter(
                     name=item.name,
@@ -268,8 +269,8 @@ class Check:
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
                     std=float(std[i]) * item.display if known(status) else None,
                     prior_std=item.prior_std * item.display,
-                    cause=cause_for(identified.facts.null_space, item, status),
-                    tolerance_share=float(share[i]) if known(status) and len(problem.tolerated) else None,
+                    cause=cause_for(identified.facts.null_space, item, status, by_tolerances),
+                    tolerance_share=by_tolerances,
                     tolerated=item.tolerated,
                 )
             )

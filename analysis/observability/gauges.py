@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
-from .aim import HIT_MM, aim, joint_scale, moving_joints
+from .aim import HIT_MM, Aimed, aim, at_one_position, at_rest, joint_scale, moving_joints
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements come to hit by small steps only
@@ -50,7 +50,7 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     tolerated = problem.parameters.tolerated[problem.parameters.free]
     null = _null_space(jacobian, tolerated)
     taken_up = [spanned(jacobian, tolerated)]
-    followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
+    followed = _followed(aimed, x, hit, _weights(problem) > 0)
     if followed:
         near_by = []
         if null.size or tolerated.any():
@@ -89,19 +89,31 @@ def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Proble
 def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple[Problem, Matrix, Mask]]:
     """`information_root` at many points (k, p), whose shots are aimed side by side.
 
-    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
+    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes. So is what
+    a joint at rest varies by.
     """
     centred, shots = problem.moved(problem.joints, np.zeros_like(problem.spots)), problem.shots
     weights, at_once = moving_joints(problem.joints), max(1, _AIMED_AT_ONCE // max(shots, 1))
+    rest = at_rest(problem) & (weights > 0)
     roots = []
     for some in (xs[i : i + at_once] for i in range(0, len(xs), at_once)):
         every = centred.select(np.tile(np.arange(shots), len(some)))
         aimed = aim(every, np.repeat(some, shots, axis=0), weights)
         for k, x in enumerate(some):
             rows = slice(k * shots, (k + 1) * shots)
-            there = centred.moved(aimed.problem.joints[rows])
-            roots.append((there, _root(there, x, weight), aimed.hit[rows]))
+            there, hit = centred.moved(aimed.problem.joints[rows]), aimed.hit[rows]
+            if rest.any():
+                still = at_one_position(
+                    Aimed(there, aimed.off_mm[rows], hit, aimed.ahead[rows]), x, rest, weights
+                )
+                there, hit = still.problem, still.hit
+            roots.append((there, _root(there, x, weight), hit))
     return roots
+
+
+def _weights(problem: Problem) -> Matrix:
+    """(n,) weights by which recorded shots may be moved, 0 of joints at rest."""
+    return np.where(at_rest(problem), 0.0, moving_joints(problem.joints))
 
 
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
@@ -230,7 +242,7 @@ def _near_by(
     point, the smaller the part of what has none at x. Where shots cannot be followed they need not be the
     same; fewer joints than a residual has coordinates reach no other point then.
     """
-    weights, tolerated = moving_joints(problem.joints), problem.parameters.tolerated[problem.parameters.free]
+    weights, tolerated = _weights(problem), problem.parameters.tolerated[problem.parameters.free]
     if followed is None and np.count_nonzero(weights) < problem.tool.residual_size:
         return []
     # Near special points other directions at every distance.
@@ -239,6 +251,8 @@ def _near_by(
     numbered: list[tuple[int, _NearBy]] = []
     missing = list(range(points))
     for halved in range(nearer):
+        if not missing:
+            break
         tried = missing
         steps = [_step(problem, rng, target_mm) for _ in tried]
         others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved

@@ -27,6 +27,7 @@ from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
 from ..status import Status
 from .causes import (
+    MOST,
     BaseFrame,
     Cause,
     CommonMotion,
@@ -55,9 +56,7 @@ _NO_INFORMATION = 1e-8  # on a parameter with a tolerance, over that of its tole
 _AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data say no more than a unit prior
 _NEW = 1e-4  # a null direction is not named yet if this part of it is outside those named
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
-_MOST = (
-    0.5  # of the std of a weak offset is a mechanism's that explains it alone; of a variance the tolerances'
-)
+_MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
 _LARGEST_TOLERANCES = 3  # of those that set a variance are named
@@ -425,11 +424,11 @@ def _alone(judged: _Judged) -> Iterator[tuple[Mechanism, Matrix, float]]:
 def _by_tolerances(judged: _Judged, direction: Matrix) -> Mechanism | None:
     """The mechanism of tolerances that set most of a direction's variance, or None where they do not."""
     shares = judged.marginal.shares(direction)
-    if too_few_measurements(judged.problem) or shares.sum() < _MOST:
+    if too_few_measurements(judged.problem) or shares.sum() < MOST:
         return None
     items = [judged.problem.parameters.items[i] for i in judged.problem.tolerated]
     largest = [int(i) for i in np.argsort(-shares)[:_LARGEST_TOLERANCES]]
-    named = [items[i] for i in largest if shares[i] >= _MOST * shares[largest[0]]]
+    named = [items[i] for i in largest if shares[i] >= shares[largest[0]] / 2]
     cause = WithinTolerances(
         float(min(shares.sum(), 1.0)),
         tuple(Tolerance(item.name, item.prior_std * item.display, item.unit) for item in named),

@@ -129,7 +129,7 @@ def prior_only(rows: Sequence[ParameterResult]) -> Table | None:
     by_tolerance: dict[tuple[str, str], list[ParameterResult]] = {}
     for row in rows:
         if row.estimate is None:
-            u = numbers.exact(row.prior_std, unit_of(row.unit))
+            u = numbers.exact(float(f"{row.prior_std:.2g}"), unit_of(row.unit))
             by_tolerance.setdefault((_kind(row), u), []).append(row)
     if not by_tolerance:
         return None

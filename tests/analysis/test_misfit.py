@@ -140,7 +140,7 @@ def test_chi_squared_against_the_stated_noise() -> None:
 
 def test_it_says_which_geometry_does_not_describe_the_arm() -> None:
     run = dataclasses.replace(simulated(sockets(longer(irb1600(), 2, 20.0)), TABLE_2, 1)[1], robot=irb1600())
-    for stated, word in ((None, "nominal"), (StatedGeometry(gravity=False, harmonics=False), "estimated")):
+    for stated, word in (("exact", "nominal"), (StatedGeometry(gravity=False, harmonics=False), "estimated")):
         own = dataclasses.replace(run, header=run.header.model_copy(update={"geometry": stated}))
         found = only(solve(Problem.from_run(own), starts=0), LackOfFit)
         assert f"the {word} geometry does not describe this arm" in criterion_sentence(found)
