@@ -91,7 +91,9 @@ def test_the_report_says_what_the_result_says_wherever_it_is_read(report: Path, 
             told = f"{name} held at 0°"
         else:
             u = answer["coverage_factor"] * row["std"]
-            told = f"{name} {numbers.estimate(row['estimate'], u, 'deg')} {numbers.spread(u, 'deg')} identified"
+            told = (
+                f"{name} {numbers.estimate(row['estimate'], u, 'deg')} {numbers.spread(u, 'deg')} identified"
+            )
         assert told in found.text, told
 
 

@@ -124,16 +124,21 @@ def test_the_fit_is_judged_in_plain_words(
     assert words in paragraphs(section(result, "Fit quality"))
 
 
-def test_a_fit_that_did_not_converge_is_the_first_note() -> None:
+def test_a_fit_that_did_not_converge_is_said_first() -> None:
     result = replace(misfit(), likelihood=replace(misfit().likelihood, converged=False))
-    assert report_page(result).notes[0].startswith("The fit did not converge")
+    said = report_page(result).message
+    assert said is not None
+    assert "The fit did not converge" in said.verdict
 
 
-def test_notes_are_sentences() -> None:
-    for name, result in EXAMPLES.items():
-        notes = report_page(result).notes
-        assert all(note.endswith(".") for note in notes)
-        assert bool(notes) == (name in ("misfit", "unconverged", "outlier", "hostile")), name
+def test_all_of_a_message_is_sentences() -> None:
+    for result in EXAMPLES.values():
+        said = report_page(result).message
+        assert said is not None
+        assert report_page(result).notes == []
+        assert all(
+            text.endswith((".", "?", "!")) for text in (said.verdict, said.action.text, *said.cautions)
+        )
 
 
 def test_likelihood_and_midpoint_stand_side_by_side() -> None:
