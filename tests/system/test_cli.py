@@ -116,7 +116,7 @@ def test_a_weak_verdict_is_no_pass(tmp_path: Path) -> None:
 def test_analyse_prints_for_people_without_json() -> None:
     told = zerobeam("analyse", GOOD)
     assert (told.status, told.err) == (0, "")
-    assert told.out.startswith("Pass. ")
+    assert told.out.startswith("Simulated: pass. ")
     assert "●" in told.out
     assert "\x1b" not in told.out
 
@@ -257,7 +257,7 @@ def test_run_records_a_plan_that_can_be_analysed(tmp_path: Path, plans: dict[str
     file = tmp_path / "run.jsonl"
     told = zerobeam("run", plans["good"], "-o", file, "--seed", "3")
     assert (told.status, told.err) == (0, "")
-    assert told.out.startswith("Pass.")
+    assert told.out.startswith("Simulated: pass.")
     assert "8 measurements recorded, none refused" in " ".join(told.out.split())
     assert told.out.endswith(f"Run: {file}\n")
     assert zerobeam("analyse", file, "--json", *FEW).status == 0
