@@ -14,6 +14,7 @@ variances are compared afterwards.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import multiprocessing
 import os
 import subprocess
