@@ -71,9 +71,9 @@ def of_arm(plan: Plan, arm: str, **changes: Any) -> Plan:
     return plan_of(own, plan.postures, plan.targets, plan.robot)
 
 
-def jittered(plan: Plan) -> Plan:
-    """The plan with 0.01° of noise on every recorded joint."""
-    noise = np.random.default_rng(1).normal(size=plan.postures.shape) * np.radians(0.01)
+def jittered(plan: Plan, degrees: float) -> Plan:
+    """The plan with noise on every recorded joint."""
+    noise = np.random.default_rng(1).normal(size=plan.postures.shape) * np.radians(degrees)
     return plan_of(plan.header, plan.postures + noise, plan.targets, plan.robot)
 
 
@@ -169,13 +169,13 @@ def cause_of(problem: Problem, identified: Identified, name: str) -> Cause | Non
     return cause_for(identified.facts.null_space, problem.parameters.items[i], identified.status[i])
 
 
-@pytest.mark.parametrize("jitter", [False, True], ids=["ideal", "jittered"])
+@pytest.mark.parametrize("jitter_deg", [0.0, 0.01, 0.04])  # of the stated noise, and more
 @pytest.mark.parametrize("case", DESIGNS)
-def test_status_and_cause_are_those_of_exact_geometry(case: str, jitter: bool) -> None:
+def test_status_and_cause_are_those_of_exact_geometry(case: str, jitter_deg: float) -> None:
     design, advised = DESIGNS[case], set()
     for arm in ARMS:
         plan = of_arm(design.plan(), arm)
-        problem, identified = judged(jittered(plan) if jitter else plan)
+        problem, identified = judged(jittered(plan, jitter_deg))
         names = problem.parameters.names
         assert identified.status[names.index(design.of)] == "unidentifiable", arm
         cause = cause_of(problem, identified, design.of)
