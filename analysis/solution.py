@@ -35,10 +35,12 @@ from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, U
 from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
 from .recordings.recordings import Effective
+from .recordings.steps import RecordingSteps, steps
 from .status import (
     Status,
     UnsoundResult,
     Verdict,
+    coverage_factor,
     known,
     require_no_more_than,
     verdict_of,
@@ -63,6 +65,7 @@ class ParameterResult:
     `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
     eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
     part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
+    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
@@ -80,6 +83,7 @@ class ParameterResult:
     midpoint: float | None
     cause: Cause | None
     tolerance_share: float | None = None
+    tolerated: bool = False
 
     def __post_init__(self) -> None:
         if self.held != (self.status == "held"):
@@ -184,7 +188,14 @@ class Solution:
     @cached_property
     def misfit(self) -> Misfit | None:
         """Why the model does not describe the measurements; None where it does, or without an answer."""
-        return misfit_of(self.fit, self.identified) if self.converged else None
+        if not self.converged:
+            return None
+        steps = self.recording_steps.rows
+        # A target that was off for some measurements only has not moved: its step says so.
+        moved = self.moved_target
+        if moved is not None and moved.at.target in {step.target for step in steps}:
+            moved = None
+        return misfit_of(self.fit, self.identified, moved, steps)
 
     @cached_property
     def status(self) -> tuple[Status, ...]:
@@ -207,15 +218,19 @@ class Solution:
         return moved if moved is not None and moved.significant else None
 
     @property
-    def contradictions(self) -> tuple[Criterion | Displacement, ...]:
-        """What contradicts the model: the criteria of the misfit, and a target that has moved."""
-        criteria = () if self.misfit is None else self.misfit.criteria
-        return criteria if self.moved_target is None else (*criteria, self.moved_target)
+    def contradictions(self) -> tuple[Criterion, ...]:
+        """What contradicts the model: the criteria of the misfit, if there is one."""
+        return () if self.misfit is None else self.misfit.criteria
 
     @property
     def consistent(self) -> bool:
         """Nothing contradicts the model."""
-        return not self.contradictions
+        return self.misfit is None
+
+    @cached_property
+    def recording_steps(self) -> RecordingSteps:
+        """The significant steps inside the recordings; none without an answer."""
+        return steps(self.fit, self.link_columns)
 
     @property
     def null_space(self) -> tuple[NullDirection, ...]:
@@ -283,6 +298,11 @@ class Solution:
         if self.problem.noise.estimated and self.dof:
             return float(scipy.special.stdtrit(self.dof, 0.975))
         return NORMAL_95
+
+    @property
+    def coverage_factor(self) -> float:
+        """k of an expanded uncertainty U."""
+        return coverage_factor(self.problem.noise.estimated, self.dof)
 
     @cached_property
     def std(self) -> Matrix:
@@ -362,6 +382,7 @@ class Solution:
             midpoint=None,
             cause=cause if self.converged or item.held else Unconverged(),
             tolerance_share=by_tolerances,
+            tolerated=item.tolerated,
         )
 
     @property

@@ -72,7 +72,7 @@ class Violation:
 @dataclass(frozen=True)
 class CheckedParameter:
     """One unknown before the shots: `data_std` None for an exact gauge or a held one; `std` what the
-    calibration will know it to, None where it cannot know it."""
+    calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance."""
 
     name: str
     unit: str
@@ -84,6 +84,7 @@ class CheckedParameter:
     prior_std: float
     cause: Cause | None
     tolerance_share: float | None = None
+    tolerated: bool = False
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, std=self.std)
@@ -270,6 +271,7 @@ class Check:
                     prior_std=item.prior_std * item.display,
                     cause=cause_for(identified.facts.null_space, item, status, by_tolerances),
                     tolerance_share=by_tolerances,
+                    tolerated=item.tolerated,
                 )
             )
         return cls(
