@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,10 +27,12 @@ from cells import (
     varied_postures,
 )
 
+from zerobeam.analysis.estimation.fit import Optimum, fit_likelihood
 from zerobeam.analysis.observability.causes import (
     BaseFrame,
     Cause,
     CommonMotion,
+    LocalOptima,
     NoiseSplit,
     OnAxis,
     OnePosition,
@@ -45,7 +47,7 @@ from zerobeam.analysis.observability.causes import (
 )
 from zerobeam.analysis.observability.check import aim_plan, check, without_posture
 from zerobeam.analysis.observability.identifiability import Identified, identify, unexplained
-from zerobeam.analysis.solution import so_far, solve
+from zerobeam.analysis.solution import judge, so_far, solve
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
@@ -251,6 +253,20 @@ def test_one_position_of_a_probe() -> None:
     for arm in ARMS:
         problem = Problem.from_plan(of_arm(good_plan(8, 7, PROBE, target=(700.0, 200.0, 900.0)), arm))
         assert unexplained(problem).cause == OnePosition()
+
+
+def test_two_optima_of_a_typical_arm() -> None:
+    """What differs between them has no number, and that is the reason; so with what is known of links."""
+    _, problem = simulated_problem(good_plan(12, geometry=None), TABLE_2, seed=2)
+    fit = fit_likelihood(problem, starts=0)
+    names = np.array(problem.parameters.names)[problem.parameters.free]
+    away = np.where(np.isin(names, ["delta3", "link3.alpha"]), 5.0, 0.0)
+    told = judge(replace(fit, others=(Optimum(fit.z + away * fit.std, fit.std, 1.0),)))
+    assert (told["delta3"].status, told["delta3"].estimate) == ("unidentifiable", None)
+    assert isinstance(told["delta3"].cause, LocalOptima)
+    assert told["link3.alpha"].status == "unidentifiable"
+    alone = judge(replace(fit, others=()))
+    assert alone["delta3"].status in ("weak", "identified")
 
 
 def test_too_few_measurements_count_no_tolerance() -> None:
