@@ -92,7 +92,7 @@ def _panel(axes: Axes, at: list[tuple[float, float]], placed: list[_Placed]) -> 
 
 def _size(normalised: float) -> float:
     """The width of a dot, points."""
-    return math.sqrt(_AREA * max(min(normalised, _LARGEST), 0.05))
+    return math.sqrt(_AREA * max(min(normalised, _LARGEST), 0.15))
 
 
 def _alt(placed: list[_Placed]) -> str:
