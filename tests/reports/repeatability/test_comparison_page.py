@@ -64,8 +64,8 @@ def panels(svg: str) -> list[tuple[float, list[float]]]:
 
 
 def test_the_runs_fill_their_panels() -> None:
-    """The mean of two runs has an interval by Student's t of one degree of freedom: a band 6 to 13 times as wide
-    as the runs are apart does not set the scale."""
+    """The mean of two runs has an interval by Student's t of one degree of freedom: a band 6 to 13 times as
+    wide as the runs are apart does not set the scale."""
     values = np.array([[1.0, 1.0, 1.0], [1.2, 1.1, 1.04]])
     two = Comparison.of_repeats("runs", repeats(values, covariance=COVARIANCE / 1e4), 0)
     assert all(
