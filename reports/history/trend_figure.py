@@ -92,8 +92,8 @@ def _drawn(arm: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence
 
 
 def _range(arm: ArmDrift) -> tuple[datetime, datetime]:
-    """What the axis of time shows: all results, a quarter of their span at least for the forecast, and the due
-    date unless it is farther than they reach."""
+    """What the axis of time shows: all results, a quarter of their span at least for the forecast, and the
+    due date unless it is farther than they reach."""
     times = [result.measured_at for result in (*arm.used, *(left.result for left in arm.left_out))]
     first, last = min(times), max(times)
     span = max(last - first, _LEAST_SPAN)
