@@ -34,6 +34,7 @@ def row(which: Pattern, aside_m: float) -> str:
             "tool": {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
             "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
             "targets": {"psd": {"guess_mm": target}},
+            "geometry": "exact",
         }
     )
     name = f"| {which.upper()} | {aside_m:.1f} |"
