@@ -85,7 +85,7 @@ def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None
     assert [row.cells[0].text for row in shown.rows] == determined
     free = sum(not row.held for row in rows)
     said = geometry_lines(geometry())[-1]
-    assert f"Geometry and tool: {len(determined)} of {free} parameters determined" in said
+    assert f"Geometry and tool: {len(determined)} of {free} parameters are determined" in said
 
 
 def test_what_only_the_prior_says_is_listed_by_its_tolerance() -> None:
