@@ -59,7 +59,7 @@ class StatedLinkTolerance(FileModel):
     """Standard deviations of the link parameters about their nominal values."""
 
     length_mm: Annotated[PositiveOrList, positive_or_list("a tolerance of the geometry")] = Field(
-        default=0.3, description="of each length a, d, millimetres: one number, or one for each link"
+        default=0.3, description="of each length a, b, d, millimetres: one number, or one for each link"
     )
     angle_deg: Annotated[PositiveOrList, positive_or_list("a tolerance of the geometry")] = Field(
         default=0.1, description="of each angle alpha, beta, degrees: one number, or one for each link"
