@@ -166,7 +166,7 @@ def test_no_gauge_is_called_known_and_nothing_known_a_gauge_at_length(kind: Kind
 
 
 def freed(kind: Kind) -> tuple[Cell, Problem] | None:
-    """The cell of a kind, its problem with geometry and a calibrated tool within its sigma: a typical arm of
+    """The cell of a kind, and its problem with geometry, a calibrated tool within its sigma: a typical arm of
     every fourth seed; gravity and harmonics of every other."""
     arm = random_cell(kind)
     if arm is None:
