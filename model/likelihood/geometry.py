@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ..files.header import Header, StatedGeometry
 
 LinkAxis = Literal["a", "b", "alpha", "d", "beta", "theta"]
+_LENGTHS: tuple[LinkAxis, ...] = ("a", "b", "d")  # along x, y, z
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
 
 # Of the last link: all but what is the offset of its joint.
@@ -62,8 +63,8 @@ class Link:
         """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
         by_axis = dict(zip(self.axes, values, strict=True))
         shift = ca.SX.eye(4)
-        for row, axis in enumerate(("a", "b", "d")):
-            shift[row, 3] = by_axis.get(axis, 0)
+        for row, length in enumerate(by_axis.get(axis, ca.SX(0)) for axis in _LENGTHS):
+            shift[row, 3] = length
         parts = [ca.SX(self.before), shift]
         for axis, angle in (
             ("z", by_axis.get("theta")),
