@@ -74,8 +74,8 @@ class RecordingStep:
     @property
     def contradicts(self) -> bool:
         """Whether it speaks against the model: at the level of every test of a fit, and beyond what else
-        scatters in the recording. Errors of an arm that change slowly along a row of postures are steps of the
-        size of that scatter."""
+        scatters in the recording. Errors of an arm that change slowly along a row of postures are steps of
+        the size of that scatter."""
         return self.p_value < LACK_OF_FIT and self.factor > _STANDS_OUT
 
 
