@@ -256,8 +256,8 @@ def test_one_position_of_a_probe() -> None:
 
 
 def test_two_optima_of_a_typical_arm() -> None:
-    """What differs between them has no number, and that is the reason. Where they differ in what has a tolerance
-    alone, that is no finding."""
+    """What differs between them has no number, and that is the reason. If they differ in what has a
+    tolerance alone, that is no finding."""
     _, problem = simulated_problem(good_plan(12, geometry=None), TABLE_2, seed=2)
     fit = fit_likelihood(problem, starts=0)
     alone = judge(replace(fit, others=()))
