@@ -19,7 +19,7 @@ from zerobeam.analysis.diagnostics.accuracy import accuracy
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.workspace import class_edges, class_of, workspace_picture, workspace_section
-from zerobeam.reports.style.blocks import Paragraph, Table
+from zerobeam.reports.style.blocks import Paragraph
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 
