@@ -460,7 +460,7 @@ def undecided(fit: LikelihoodFit, identified: Identified, quantile: float) -> Id
     says something else: the best one's 95 % interval does not hold for it.
 
     `quantile` is the half width of such an interval in stds. Every such optimum is a null direction, of the
-    kind `optima`: the way to it, of these parameters.
+    kind `optima`: the way to it, of these parameters; not where it differs in what has a tolerance alone.
     """
     parameters = fit.problem.parameters
     status, data_std = list(identified.status), identified.data_std.copy()
@@ -469,12 +469,10 @@ def undecided(fit: LikelihoodFit, identified: Identified, quantile: float) -> Id
     rivals = [other for other in fit.others if other.below < EQUALLY_GOOD]
     for other in rivals:
         elsewhere = settled & _leaves_out(fit, other, quantile)
-        if elsewhere.any():
+        if (elsewhere & ~parameters.tolerated[parameters.free]).any():
             directions.append(_direction(fit, other, elsewhere, 1 + len(rivals)))
         for i in np.flatnonzero(parameters.free)[elsewhere]:
             status[i], data_std[i] = "unidentifiable", np.inf
-    if not directions:
-        return identified
     facts = replace(identified.facts, null_space=(*identified.facts.null_space, *directions))
     decided: tuple[Status, ...] = tuple(status)
     return replace(identified, status=decided, data_std=data_std, facts=facts)
