@@ -124,7 +124,7 @@ def plan(
         _refuse_constraints(context, kind)
     from ..experiments.plans.make import PlanRequest, make_plan
     from ..experiments.plans.obstacles import read_obstacles
-    from ..model.files.header import read_header
+    from ..model.files.header_file import read_header
     from ..model.files.plan import read_plan
     from ..model.files.plan_file import Obstacles
     from ..model.files.robot_file import robot_path

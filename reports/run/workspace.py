@@ -31,9 +31,6 @@ def workspace_section(result: Result) -> Section:
     if workspace is None or near is None:
         why = sentence(accuracy_reason(accuracy, person) or "")
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
-    if result.misfit is not None:
-        why = "the model does not describe the measurements, and what it misses moves the TCP as well"
-        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
     return section_of(
         TITLE,
         Paragraph(_summary(workspace)),
