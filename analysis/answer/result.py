@@ -156,6 +156,8 @@ class Result:
     entered, conformity
         Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
         the robot then meets what the header requires. None where nothing can be promised.
+    power : tuple of DetectionPower
+        With which probability such a run notices a wrong model; empty where nothing is tested, and of a misfit.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
 
@@ -195,6 +197,7 @@ class Result:
     diagnosis: tuple[Explanation, ...] = ()
     entered: Entered | None = None
     conformity: Conformity | None = None
+    power: tuple[DetectionPower, ...] = ()
     without_prior: OffsetsWithoutPrior | None = None
 
     def __post_init__(self) -> None:
