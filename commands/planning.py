@@ -67,7 +67,8 @@ def plan(
         typer.Option(
             min=2,
             max=10_000,
-            help="Number of measurements. Default: 20; x, y, geometry: exact: 7; verify: as few as the test needs.",
+            help="Number of measurements. Default: 20 (x, y and geometry: exact 7; verify: as few as the test"
+            " needs).",
             show_default=False,
         ),
     ] = None,
@@ -78,7 +79,8 @@ def plan(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Take the fewest measurements that reach this standard uncertainty (deg; mm) and detect wrong models.",
+            help="Take the fewest measurements that reach this standard uncertainty (deg; mm) and detect"
+            " wrong models.",
             show_default=False,
         ),
     ] = None,

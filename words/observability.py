@@ -286,7 +286,7 @@ def outlook_lines(check: Check) -> list[str]:
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
     """Which wrong models a run detects, and the errors of the offsets by those that it may not detect."""
-    noticed = [_wrong_words(each) for each in powers if each.noticed]
+    noticed = [wrong_words(each) for each in powers if each.noticed]
     missed = [_missed_words(each) for each in powers if not each.noticed]
     level = f"{100 * NOTICED:.0f} % or more"
     sentences = (
@@ -298,12 +298,12 @@ def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
 def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
     """The wrong models that a run which passes could not have detected, of those that do harm."""
     missed = [_missed_words(each) for each in powers if each.dangerous]
-    return f"This run could not be relied on to detect {listed(missed)}." if missed else None
+    return f"A pass does not exclude {listed(missed)}." if missed else None
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
     """The wrong models that no plan detects."""
-    missed = [_wrong_words(each) for each in powers]
+    missed = [wrong_words(each) for each in powers]
     return f"No plan with this tool and target detects {listed(missed)}." if missed else None
 
 
@@ -314,12 +314,13 @@ def power_limit(powers: Sequence[DetectionPower]) -> str:
 
 def _missed_words(power: DetectionPower) -> str:
     return (
-        f"{_wrong_words(power)} (probability {100 * power.probability:.0f} %, error of an offset up to"
+        f"{wrong_words(power)} (probability {100 * power.probability:.0f} %, error of an offset up to"
         f" {numbers.significant(power.off_u, 2)} u)"
     )
 
 
-def _wrong_words(power: DetectionPower) -> str:
+def wrong_words(power: DetectionPower) -> str:
+    """The wrong model as a noun."""
     size = numbers.exact(power.size, numbers.unit_of(power.unit))
     match power.wrong:
         case "tool":

@@ -21,6 +21,7 @@ from ..diagnostics.scene import RunScene
 from ..misfit import Misfit
 from ..observability.geometry import GeometryResult
 from ..observability.identifiability import Identifiability
+from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
@@ -157,7 +158,8 @@ class Result:
         Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
         the robot then meets what the header requires. None where nothing can be promised.
     power : tuple of DetectionPower
-        With which probability such a run notices a wrong model; empty where nothing is tested, and of a misfit.
+        With which probability such a run notices a wrong model; empty where nothing is tested, and of a
+        misfit.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
 

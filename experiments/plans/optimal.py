@@ -63,8 +63,8 @@ class Proposal:
 @dataclass(frozen=True, eq=False)
 class Fewest:
     """The answer to "how many measurements?". `proposal` is None where no number up to `most` is enough;
-    `curve` lists (measurements, worst predicted std) of the numbers that were tried, up to that of the answer,
-    `limit` names the limit in words."""
+    `curve` lists (measurements, worst predicted std) of the numbers that were tried, up to that of the
+    answer, `limit` names the limit in words."""
 
     tolerance: float
     most: int
@@ -128,7 +128,7 @@ class Planner:
             return design(self.candidates, shots, criterion, seed, starts, on_cluster)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
-        """The fewest measurements whose worst predicted std (deg; mm) is within `tolerance`, up to `most`, and
+        """The fewest measurements, up to `most`, whose worst predicted std (deg; mm) is within `tolerance`, and
         that notice every wrong model that some plan notices and that does harm."""
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from ...analysis.answer.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ...analysis.diagnostics.outliers import Robust
+from ...analysis.observability.power import DetectionPower
 from ...analysis.posterior.intervals import Intervals
 from ...analysis.solution import ParameterResult
 from ...words import numbers
@@ -15,6 +16,7 @@ from ...words.findings import likelihood_message
 from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
 from ...words.misfit import CAUSES, changed, diagnosis_said, explanation_sentence
 from ...words.numbers import times, unit_of
+from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import noise_factors, other_tables
@@ -43,6 +45,7 @@ def fit_section(result: Result) -> Section:
         *map(Paragraph, sentences),
         table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
         _both_estimates(result.parameters),
+        _power(result.power),
         _distances(result.distances),
         *other_tables(result.parameters),
     )
@@ -93,6 +96,20 @@ def _both_estimates(parameters: Sequence[ParameterResult]) -> Table | None:
         and row.std is not None
     ]
     return table_of("Offsets by both costs", columns, rows) if rows else None
+
+
+def _power(rows: Sequence[DetectionPower]) -> Table | None:
+    """What the test of the residuals would have detected."""
+    columns = ["wrong model", "probability of detection", "error of an offset, in u"]
+    shown_rows = [
+        row_of(
+            sentence(wrong_words(row)),
+            f"{100 * row.probability:.0f} %",
+            f"up to {numbers.significant(row.off_u, 2)}",
+        )
+        for row in rows
+    ]
+    return table_of("Wrong models that such a run would detect", columns, shown_rows) if rows else None
 
 
 def _distances(rows: Sequence[DistanceResult]) -> Table | None:
