@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ..analysis.analyse import Analysis
 from ..analysis.estimation.robust import Loss
 from ..analysis.solution import ParameterResult, ParameterTable
-from ..model.arrays import Progress
+from ..model.arrays import NORMAL_95, Progress
 from ..model.errors import BadInput, missing_extra
 from ..model.files.run import Run
 from ..reports.output.html import card, text
@@ -297,10 +297,12 @@ def analyse(
 
 def offset_table(solution: Analysed) -> Table:
     """The offsets with their expanded uncertainties; words where there is no number."""
-    k = numbers.significant(solution.quantile, 3)
+    factors = solution.quantiles[: len(solution.offsets)].tolist()
+    widths = [k for row, k in zip(solution.offsets, factors, strict=True) if not row.held] or [NORMAL_95]
+    k = " to ".join(dict.fromkeys(numbers.significant(end, 3) for end in (min(widths), max(widths))))
     columns = [("offset", "left"), (f"estimate ± U (k = {k})", "right"), ("status", "left")]
     caption = offsets_caption(row.status for row in solution.offsets)
-    rows = [_row(row, solution.quantile) for row in solution.offsets]
+    rows = [_row(row, k) for row, k in zip(solution.offsets, factors, strict=True)]
     if offsets_worth(solution.result) is not None:
         worth, of = worth_column(solution.result.geometry)
         columns += [("u", "right"), (worth, "right")]

@@ -128,8 +128,8 @@ class Planner:
             return design(self.candidates, shots, criterion, seed, starts, on_cluster)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
-        """The fewest measurements, up to `most`, whose worst predicted std (deg; mm) is within `tolerance`, and
-        that notice every wrong model that some plan notices and that does harm."""
+        """The fewest measurements, up to `most`, whose worst predicted std (deg; mm) is within `tolerance`,
+        and that notice every wrong model that some plan notices and that does harm."""
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)
         unknowns = self._problem.parameters.without_tolerance
