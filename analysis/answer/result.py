@@ -157,6 +157,8 @@ class Result:
     entered, conformity
         Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
         the robot then meets what the header requires. None where nothing can be promised.
+    coverage_factor : float
+        k of every expanded uncertainty U of this answer.
     power : tuple of DetectionPower
         With which probability such a run notices a wrong model; empty where nothing is tested, and of a
         misfit.
@@ -200,6 +202,7 @@ class Result:
     entered: Entered | None = None
     conformity: Conformity | None = None
     power: tuple[DetectionPower, ...] = ()
+    coverage_factor: float = 2.0
     without_prior: OffsetsWithoutPrior | None = None
 
     def __post_init__(self) -> None:
@@ -245,7 +248,7 @@ class Result:
 
 @dataclass(frozen=True)
 class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
+    """What is to be entered of a joint: its `value` and expanded uncertainty, rounded, with units."""
 
     name: str
     value: str
