@@ -200,12 +200,15 @@ def _of_backlash(biases: _Biases, revolute: list[int], dof: int, limit: float) -
 def _of_noise(biases: _Biases, dof: int, limit: float) -> DetectionPower:
     problem = biases.problem
     gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
-    readings = problem.shots * problem.tool.residual_size
-    scattered = min(readings + float((gram * biases.taken).sum()), float(dof))
+    readings, through = problem.shots * problem.tool.residual_size, gram @ biases.taken
+    # The form of the readings' errors has these sums of its eigenvalues and of their squares.
+    first = readings + float(np.trace(through))
+    second = readings + float(2 * np.trace(through) + (through * through.T).sum())
     variances = np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0)
     worst = float(np.sqrt((NOISE_TIMES**2 - 1) * variances).max(initial=0.0))
-    mean = dof + (NOISE_TIMES**2 - 1) * scattered
-    probability = _of_moments(limit, mean, 2 * (dof + (NOISE_TIMES**4 - 1) * scattered))
+    more = NOISE_TIMES**2 - 1
+    variance = 2 * (dof + 2 * more * first + more**2 * second)
+    probability = _of_moments(limit, dof + more * first, variance)
     return DetectionPower("noise", NOISE_TIMES, "1", probability, worst)
 
 
