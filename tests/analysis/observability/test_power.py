@@ -183,8 +183,8 @@ def test_what_a_pass_does_not_exclude() -> None:
     harmless, sure = DetectionPower("tool", 1.0, "mm", 0.0, 0.2), DetectionPower("noise", 3.0, "1", 0.9, 2.8)
     assert [each.dangerous for each in (jump, harmless, sure)] == [True, False, False]
     assert unnoticed_sentence((jump, harmless, sure)) == (
-        "A pass does not exclude a jump of 0.2° in the zero of joint 5 (probability 5 %, error of an offset up"
-        " to 15 u)."
+        "A pass does not exclude a jump of 0.2° in the zero of joint 5 (probability 5 %, error of an offset"
+        " up to 15 u)."
     )
     assert unnoticed_sentence((harmless, sure)) is unnoticed_sentence(()) is None
     assert no_plan_sentence((harmless,)) == (

@@ -44,9 +44,12 @@ def checked(proposal: Proposal) -> Check:
     return check(plan_of(stated(True), proposal.postures))
 
 
-def worst(found: Check) -> float:
-    """Of J2 to J5: that of J6 is set by the tool's tolerance, whatever the plan."""
-    stds = [row.std for row in found.parameters if row.name in ("delta2", "delta3", "delta4", "delta5")]
+def worst(found: Check, *without: str) -> float:
+    stds = [
+        row.std
+        for row in found.parameters
+        if row.group == "offset" and not row.held and row.name not in without
+    ]
     assert all(std is not None for std in stds)
     return max(std for std in stds if std is not None)
 
@@ -64,7 +67,9 @@ def test_seven_measurements_are_no_degenerate_plan_although_their_numbers_are_fe
 
 @pytest.mark.parametrize("shots", [7, 12])
 def test_a_plan_for_uncertain_geometry_holds_up_better_under_it(shots: int) -> None:
-    assert worst(checked(proposed(shots, True))) < 0.8 * worst(checked(proposed(shots, False)))
+    # That of J6 is set by the tool's tolerance, whatever the plan.
+    deviating, exact = (worst(checked(proposed(shots, free)), "delta6") for free in (True, False))
+    assert deviating < 0.8 * exact
 
 
 def test_the_bound_holds_and_the_wider_search_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,7 +107,7 @@ def test_twelve_measurements_of_ten_thousand_candidates_know_every_offset_to_a_h
 ):
     """Issue 15: worst u of δ2 … δ6 at most 0.012°, certified."""
     own = proposed(12, True, 10_000)
-    assert worst(checked(own)) <= 0.012
+    assert worst(checked(own), "delta6") <= 0.012
     assert own.efficiency >= 0.75
 
 
