@@ -13,6 +13,9 @@ from ...analysis.answer.message import Message
 from ...words.numbers import NO_BREAK
 
 
+_PHONE, _MARK = 49, 2  # letters of a phone's line, of a mark
+
+
 @dataclass(frozen=True)
 class Cell:
     """A cell of a table; `mark` is the status (a role of the palette) whose shape is in it, or ""; `link` the
@@ -49,6 +52,18 @@ class Table:
     rows: Sequence[Row]
     kind: ClassVar[str] = "table"
 
+    @property
+    def narrow(self) -> bool:
+        """Whether a phone shows it as a table: its rows fit a line there, heads broken at spaces."""
+        letters = [max(map(len, column.text.split()), default=0) for column in self.columns]
+        for row in self.rows:
+            at = 0
+            for cell in row.cells:
+                if cell.span == 1 and at < len(letters):
+                    letters[at] = max(letters[at], len(cell.text) + (_MARK if cell.mark else 0))
+                at += cell.span
+        return sum(letters) + len(letters) <= _PHONE
+
 
 @dataclass(frozen=True)
 class Paragraph:
@@ -75,6 +90,16 @@ class Facts:
 
     rows: Sequence[tuple[str, str]]
     kind: ClassVar[str] = "facts"
+
+
+@dataclass(frozen=True)
+class Form:
+    """Rows of a name and a text, on a ruled line for ink where there is none; `to_sign`, names of lines with
+    room for a signature."""
+
+    rows: Sequence[tuple[str, str]]
+    to_sign: Sequence[str] = ()
+    kind: ClassVar[str] = "form"
 
 
 @dataclass(frozen=True)
@@ -128,7 +153,7 @@ class Directions:
     kind: ClassVar[str] = "directions"
 
 
-Block = Table | Paragraph | Commands | Facts | Legend | FigureBlock | SceneBlock | Directions
+Block = Table | Paragraph | Commands | Facts | Form | Legend | FigureBlock | SceneBlock | Directions
 
 
 @dataclass(frozen=True)
