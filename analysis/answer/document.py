@@ -463,6 +463,17 @@ class EnterDocument(DocumentPart):
     tcp_after: TcpError
 
 
+class PowerDocument(DocumentPart):
+    """The probability with which a run notices a wrong model."""
+
+    wrong: WrongModel
+    size: float
+    unit: str
+    joint: int | None
+    probability: float
+    off_u: float
+
+
 class ResultDocument(DocumentPart):
     """The content of a result.json, in the order of its keys."""
 
@@ -490,6 +501,7 @@ class ResultDocument(DocumentPart):
     diagnosis: tuple[ExplanationDocument, ...]
     enter: EnterDocument | None
     conformity: Conformity | None
+    power: tuple[PowerDocument, ...]
     notes: tuple[str, ...]
     next_steps: NextSteps
     inputs: Inputs
@@ -508,17 +520,6 @@ class CheckedParameterDocument(DocumentPart):
     prior_std: float
     tolerance_share: Number
     reason: str | None
-
-
-class PowerDocument(DocumentPart):
-    """The probability with which a run notices a wrong model."""
-
-    wrong: WrongModel
-    size: float
-    unit: str
-    joint: int | None
-    probability: float
-    off_u: float
 
 
 class CheckDocument(DocumentPart):

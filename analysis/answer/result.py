@@ -21,10 +21,11 @@ from ..diagnostics.scene import RunScene
 from ..misfit import Misfit
 from ..observability.geometry import GeometryResult
 from ..observability.identifiability import Identifiability
+from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
-from ..status import UnsoundResult, Verdict, as_grave, coverage_factor, known, verdict_of
+from ..status import UnsoundResult, Verdict, as_grave, known, verdict_of
 from .findings import Finding
 
 RESULT_SCHEMA = "zerobeam/result/1"
@@ -156,6 +157,11 @@ class Result:
     entered, conformity
         Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
         the robot then meets what the header requires. None where nothing can be promised.
+    coverage_factor : float
+        k of every expanded uncertainty U of this answer.
+    power : tuple of DetectionPower
+        With which probability such a run notices a wrong model; empty where nothing is tested, and of a
+        misfit.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
 
@@ -195,6 +201,8 @@ class Result:
     diagnosis: tuple[Explanation, ...] = ()
     entered: Entered | None = None
     conformity: Conformity | None = None
+    power: tuple[DetectionPower, ...] = ()
+    coverage_factor: float = 2.0
     without_prior: OffsetsWithoutPrior | None = None
 
     def __post_init__(self) -> None:
@@ -229,11 +237,6 @@ class Result:
             self._refuse(unknown & {row.name for row in self.placements.jackknife.offsets}, "a jackknife")
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
-
-    @property
-    def coverage_factor(self) -> float:
-        """k of every expanded uncertainty U of this answer."""
-        return coverage_factor(self.likelihood.noise_scale is not None, self.likelihood.dof)
 
     @staticmethod
     def _refuse(names: set[str], what: str) -> None:
