@@ -10,8 +10,10 @@ import shlex
 
 from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
+from ..analysis.diagnostics.enter import Entered
 from ..analysis.displacement import Displacement
 from . import numbers
+from .enter import conformity_sentence, enter_sentence, geometry_sentence
 from .wording import be, label, listed
 
 _SAFE = re.compile(r"[\w./+@-]+")
@@ -87,35 +89,39 @@ def _not_yet(result: Result) -> tuple[NextStep, ...]:
     return tuple(steps)
 
 
+def offered(result: Result) -> Entered | None:
+    """The values to enter, where they may be entered: one rule for all who show them."""
+    return result.entered if next_steps(result).enter else None
+
+
 def _values(result: Result) -> tuple[EnteredValue, ...]:
+    if result.entered is None:
+        return ()
     entries = []
-    for row in result.parameters:
-        if row.group != "offset" or row.status != "identified":
-            continue
+    for name, value in result.entered.values.items():
+        row, u = result.parameters.named(name), result.entered.u[name]
         assert row.estimate is not None
         assert row.std is not None
-        value = numbers.estimate(row.estimate, row.std, row.unit)
-        entries.append(EnteredValue(row.name, value, numbers.spread(2 * row.std, row.unit)))
+        entries.append(
+            EnteredValue(
+                name,
+                numbers.estimate(value, u, row.unit),
+                numbers.spread(2 * u, row.unit),
+                numbers.estimate(row.estimate, row.std, row.unit),
+            )
+        )
     return tuple(entries)
 
 
 def _steps(result: Result) -> tuple[NextStep, ...]:
     run, (command, file) = _run(result), _command(result)
-    gain = "2. What it gains at the TCP is not claimed: it depends on what is not determined."
-    accuracy = result.accuracy
-    if accuracy is not None and accuracy.workspace is not None:
-        now, then = accuracy.workspace.before_mm.median, accuracy.workspace.after95_mm.median
-        gain = (
-            f"2. What it gains: the TCP is off by {numbers.significant(now, 2, 'mm')} now in the median"
-            f" posture, and by at most {numbers.significant(then, 2, 'mm')} with the values (95 %, nominal"
-            " geometry taken as exact)."
-        )
+    gain = " ".join(filter(None, (enter_sentence(result), geometry_sentence(result))))
     return (
         NextStep(
             "1. Write the file for this robot. It says how it is used.",
             (f"zerobeam {command} {run} -o {file}",),
         ),
-        NextStep(gain),
+        NextStep(f"2. What it gains: {gain} {conformity_sentence(result)}"),
         NextStep(
             "3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
             " The answer is pass, fail or inconclusive.",

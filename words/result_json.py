@@ -29,7 +29,7 @@ from .findings import (
     tcp_words,
 )
 from .misfit import criterion_sentence, explanation_sentence
-from .next_steps import next_steps
+from .next_steps import next_steps, offered
 from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
@@ -54,7 +54,8 @@ def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
     steps = next_steps(result)
-    entered = result.entered if steps.enter else None  # one rule for what may be entered
+    entered = offered(result)
+    with_links = result.entered_geometry if entered else None
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
@@ -86,6 +87,7 @@ def document_of(result: Result) -> document.ResultDocument:
             for one in result.diagnosis
         ),
         enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
+        enter_geometry=with_links and document.EnterDocument.filled(with_links, for_=with_links.of),
         notes=notes(result),
         conformity=entered and result.conformity,
         next_steps=steps,

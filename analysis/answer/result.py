@@ -153,9 +153,10 @@ class Result:
         What the answer was made from.
     diagnosis : tuple
         What explains a misfit, the best explanation first; empty where nothing does or there is none.
-    entered, conformity
-        Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
-        the robot then meets what the header requires. None where nothing can be promised.
+    entered, entered_geometry, conformity
+        Values that serve a controller with nominal geometry best, and one that takes the estimated geometry,
+        each with the error of the TCP to expect; whether the robot with the first meets what the header
+        requires. None where nothing can be promised; the second also of an exact arm.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
 
@@ -194,6 +195,7 @@ class Result:
     inputs: Inputs
     diagnosis: tuple[Explanation, ...] = ()
     entered: Entered | None = None
+    entered_geometry: Entered | None = None
     conformity: Conformity | None = None
     without_prior: OffsetsWithoutPrior | None = None
 
@@ -240,11 +242,13 @@ class Result:
 
 @dataclass(frozen=True)
 class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
+    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), and the `estimate` of
+    the arm's offset, rounded, with units; `estimate` is None in results of earlier versions."""
 
     name: str
     value: str
     expanded_u: str
+    estimate: str | None = None
 
 
 @dataclass(frozen=True)

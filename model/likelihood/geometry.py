@@ -8,8 +8,9 @@ parameters are deviations from nominal, minimal and continuous (Hayati and Mirmi
 in a frame on axis i + 1, where it is nearest to axis i: z along axis i, x along the common normal (the x axis
 of Denavit and Hartenberg). Where the two axes are nearly parallel that place is not defined: it is then the
 origin of the next joint, and beta is a parameter in place of d. The rotation about z is the joint's offset.
-Behind a prismatic joint, where d is the offset, the rotation theta about z is the parameter. The last link is
-whole: with a shift b along y, whatever the flange can be displaced by relative to the last axis is a parameter.
+Behind a prismatic joint, where d is the offset, the rotation theta about z is the parameter. The last link
+is whole: with a shift b along y, whatever the flange can be displaced by relative to the last axis is a
+parameter.
 
 What the offset of joint i is depends on the recorded positions q where the arm bends:
 
@@ -209,11 +210,14 @@ class Geometry:
     def bent(self, robot: Robot, arm: ca.SX, recorded: ca.SX) -> ca.SX:
         """(n, 1) offsets that hold at one posture: those of `arm` (n + g,) and what its gravity and harmonics
         add, with what was `recorded` of the posture (see `recorded`)."""
-        delta, values = arm[: robot.n], arm[robot.n :]
+        delta = arm[: robot.n]
         if self.gravity is None and not self.harmonics:
             return delta
+        return delta + ca.vertcat(*self._added(robot, arm[robot.n :], recorded, ca.SX(0)))
+
+    def _added(self, robot: Robot, values: Any, recorded: Any, zero: Any) -> list[Any]:
         start = sum(len(link.axes) for link in self.links)
-        added = [ca.SX(0)] * robot.n
+        added = [zero] * robot.n
         if self.gravity is not None:
             for i in self.gravity.joints:
                 added[i] += values[start] * recorded[2 * robot.n + i]
@@ -221,7 +225,12 @@ class Geometry:
         for i in self.harmonics:
             added[i] += values[start] * recorded[2 * i] + values[start + 1] * recorded[2 * i + 1]
             start += 2
-        return delta + ca.vertcat(*added)
+        return added
+
+    def added(self, robot: Robot, values: Matrix, joints: Matrix) -> Matrix:
+        """(n,) in numbers what gravity and harmonics at `values` (g,) add to the offsets at recorded `joints`
+        (n,), rad or mm."""
+        return np.array(self._added(robot, values, self.recorded(robot, joints), 0.0))
 
     def recorded(self, robot: Robot, joints: Matrix) -> Matrix:
         """(…, 2n or 3n): cosines, sines as `Robot.recorded_turns`; the torques too where gravity counts."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...analysis.answer.result import Result
+from ...words.enter import WHY_THEY_DIFFER
 from ...words.next_steps import next_steps
 from ...words.wording import label
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
@@ -13,10 +14,15 @@ def next_steps_section(result: Result) -> Section:
     advice = next_steps(result)
     blocks: list[Block] = []
     if advice.enter:
-        columns = ["joint", "add to the recorded position", "expanded U (k = 2)"]
-        rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
-        caption = "Values to enter: true position = recorded position + value"
+        columns = ["joint", "enter (controller)", "expanded U (k = 2)", "offset of the arm"]
+        rows = [
+            row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u, row.estimate or "")
+            for row in advice.enter
+        ]
+        caption = "Values to enter: corrected reading = recorded position + value"
         blocks.append(table_of(caption, columns, rows))
+        if result.entered_geometry is not None:
+            blocks.append(Paragraph(WHY_THEY_DIFFER))
     for step in advice.steps:
         blocks.append(Paragraph(step.text))
         if step.commands:
