@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from ..analysis.acceptance.acceptance_test import (
     accept,
     choose,
 )
+from ..analysis.diagnostics.enter import values_to_enter
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.solution import Solution
 from ..model.errors import BadInput, located
@@ -80,8 +82,8 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
         return accept(prediction, solution, _tolerances(run.header, tolerance))
 
 
-def _determined(run: Run) -> tuple[Solution, tuple[str, ...]]:
-    """The solution of a run, and the offsets that are to be entered: all that are not held, each
+def _determined(run: Run) -> tuple[Solution, dict[str, float]]:
+    """The solution of a run, and the values to enter, deg (mm) by offset: of all that are not held, each
     identified."""
     solution = converged_solution(run, "nothing was to be entered")
     free = [row for row in solution.offsets if not row.held]
@@ -96,15 +98,13 @@ def _determined(run: Run) -> tuple[Solution, tuple[str, ...]]:
                 allowed="a run with the verdict pass",
                 remedy="record more measurements: zerobeam check PLAN says which postures help",
             )
-    return solution, tuple(row.name for row in free)
+    return solution, values_to_enter(solution)
 
 
 def offsets_to_enter(run: Run) -> dict[str, float]:
     """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
     with one_blas_thread():
-        solution, entered = _determined(run)
-    rows = {row.name: row.estimate for row in solution.offsets if row.name in entered}
-    return {name: estimate for name, estimate in rows.items() if estimate is not None}
+        return _determined(run)[1]
 
 
 def _tolerances(header: Header, tolerance: float | None) -> dict[str, float]:
@@ -137,7 +137,7 @@ def _require_of(run: Run, verified: Run) -> None:
 
 
 def _write(
-    run: Run, solution: Solution, plan: VerificationPlan, entered: tuple[str, ...], file: Path, force: bool
+    run: Run, solution: Solution, plan: VerificationPlan, entered: Collection[str], file: Path, force: bool
 ) -> None:
     problem = solution.problem
     points = problem.split(solution.fit.x).targets

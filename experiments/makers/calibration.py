@@ -117,11 +117,10 @@ class GeometryValue(Correction):
         row = self.row
         if row.estimate is None or row.std is None:
             why = "" if self.reason is None else f": {self.reason}"
+            words = "UNIDENTIFIABLE by itself, as in the estimate of all together"
             if self.status == "held" or self.left_out:
-                return (
-                    f"{self.name}: {'HELD' if self.status == 'held' else 'EXCLUDED on request'}, nominal{why}"
-                )
-            return f"{self.name}: UNIDENTIFIABLE by itself, as in the estimate of all together{why}"
+                words = f"{'HELD' if self.status == 'held' else 'EXCLUDED on request'}, nominal"
+            return f"{self.name}: {words}{why}"
         words = STATUS_WORDS[self.status]
         words += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
         return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {words}"

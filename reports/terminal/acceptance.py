@@ -26,7 +26,7 @@ _HEAD: dict[Acceptance, tuple[str, str]] = {
     "inconclusive": ("Inconclusive", "bold yellow"),
 }
 _STEPS = (
-    "Enter the offsets, bring the target back to about its place, and record these postures with the"
+    "Enter the values, bring the target back to about its place, and record these postures with the"
     " corrected robot, as the run was recorded."
 )
 _ENTERED = {"not entered": "left at the old value", "wrong sign": "entered with the wrong sign"}
@@ -94,7 +94,7 @@ def _table(offsets: Sequence[EnteredOffset]) -> Table:
     rows = [
         row_of(
             label(offset.name),
-            numbers.estimate(offset.estimate, offset.std, offset.unit),
+            numbers.estimate(offset.entered, offset.std, offset.unit),
             f"{numbers.exact(offset.tolerance, offset.unit)}: {_percent(offset.power)}",
             _percent(offset.power_not_entered),
         )
