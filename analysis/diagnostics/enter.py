@@ -41,7 +41,7 @@ from .tcp_positions import (
 )
 
 _POSTURES = 256
-_FITTED = 64  # of them: the first are spread as evenly as all
+_FITTED = 128  # of them: the first are spread as evenly as all
 _DRAWS = 200  # of the posterior
 _STEPS = 2  # Gauss-Newton from the estimates: what is left is below a micrometre
 _FRONT = float(np.radians(90.0))
