@@ -13,7 +13,7 @@ from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.enter import Entered
 from ..analysis.displacement import Displacement
 from . import numbers
-from .enter import conformity_sentence, enter_sentence, geometry_sentence
+from .enter import WHY_THEY_DIFFER, conformity_sentence, enter_sentence, geometry_sentence
 from .wording import be, label, listed
 
 _SAFE = re.compile(r"[\w./+@-]+")
@@ -115,13 +115,14 @@ def _values(result: Result) -> tuple[EnteredValue, ...]:
 
 def _steps(result: Result) -> tuple[NextStep, ...]:
     run, (command, file) = _run(result), _command(result)
+    why = f" {WHY_THEY_DIFFER}" if result.entered_geometry else ""
     gain = " ".join(filter(None, (enter_sentence(result), geometry_sentence(result))))
     return (
         NextStep(
-            "1. Write the file for this robot. It says how it is used.",
+            f"1. Write the file for this robot. It says how it is used.{why}",
             (f"zerobeam {command} {run} -o {file}",),
         ),
-        NextStep(f"2. What it gains: {gain} {conformity_sentence(result)}"),
+        NextStep(f"2. {gain} {conformity_sentence(result)}"),
         NextStep(
             "3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
             " The answer is pass, fail or inconclusive.",

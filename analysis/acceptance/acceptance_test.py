@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -151,29 +152,27 @@ class AcceptancePrediction:
         parts = self.problem.split(x)
         x[target] = self.problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
         for _ in range(_STEPS):
-            residual, jacobian, _, _ = self._whitened(x)
+            residual, jacobian = self._whitened(x)[:2]
             step = np.linalg.lstsq(jacobian[:, target], residual, rcond=None)[0]
             x[target] -= step * self.problem.parameters.prior_std[target]
-        residual, jacobian, whitened, spread = self._whitened(x)
+        residual, jacobian, whitened, covariance = self._whitened(x)
         free = _left_of(jacobian[:, target])
-        predicted = float(np.sqrt(np.trace(spread) / self.problem.shots))
+        d, shots = self.problem.tool.residual_size, self.problem.shots
+        in_mm = block_diag(*whitened.factor) / self._scale
+        predicted = float(np.sqrt(np.trace(in_mm @ covariance[: shots * d, : shots * d] @ in_mm.T) / shots))
         return PredictedResiduals(
             free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted
         )
 
     def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
-        """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in mm."""
+        """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in stds of the noise."""
         whitened = self.problem.whiten(x)
         residual, jacobian = whitened.residual * self._scale, whitened.jacobian * self._scale
         by = jacobian[:, self._uncertain]
         covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
         root = np.linalg.cholesky(covariance)
-        d = self.problem.tool.residual_size
-        in_mm = block_diag(*whitened.factor) / self._scale
-        shots = self.problem.shots * d
-        spread = in_mm @ covariance[:shots, :shots] @ in_mm.T
         solved = solve_triangular(root, np.column_stack([residual, jacobian]), lower=True)
-        return solved[:, 0], solved[:, 1:], whitened, spread
+        return solved[:, 0], solved[:, 1:], whitened, covariance
 
     def power(self, shift: Matrix) -> float:
         """Probability that a shift (k,) of the whitened residuals is noticed."""
@@ -186,9 +185,7 @@ class AcceptancePrediction:
 
     def critical(self, k: int) -> float:
         """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
-        if self.noise_dof is None:
-            return float(stats.chi2.isf(FALSE_ALARM, k) / k)
-        return float(stats.f.isf(FALSE_ALARM, k, self.noise_dof))
+        return _critical(k, self.noise_dof)
 
     def p_value(self, predicted: PredictedResiduals) -> float | None:
         k = predicted.dof
@@ -198,6 +195,13 @@ class AcceptancePrediction:
         if self.noise_dof is None:
             return float(stats.chi2.sf(statistic, k))
         return float(stats.f.sf(statistic / k, k, self.noise_dof))
+
+
+@cache
+def _critical(k: int, noise_dof: int | None) -> float:
+    if noise_dof is None:
+        return float(stats.chi2.isf(FALSE_ALARM, k) / k)
+    return float(stats.f.isf(FALSE_ALARM, k, noise_dof))
 
 
 def accept(

@@ -303,6 +303,12 @@ def _gravity(robot: Robot, geometry: StatedGeometry) -> Gravity | None:
     up = np.array(geometry.up, dtype=float)
     up /= np.abs(up).max()  # first, that nothing underflows
     up /= np.linalg.norm(up)
+    return _bending(robot, tuple(masses.tolist()), tuple(up.tolist()))
+
+
+@lru_cache(maxsize=8)  # every plan and every prediction of a run asks for it
+def _bending(robot: Robot, masses_kg: tuple[float, ...], upwards: tuple[float, ...]) -> Gravity | None:
+    masses, up = np.array(masses_kg), np.array(upwards)
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
     largest = np.abs(_torques(robot, masses, up, rows)).max(axis=0)
     largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding

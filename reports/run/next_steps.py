@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from ...analysis.answer.result import Result
-from ...words.enter import WHY_THEY_DIFFER
 from ...words.next_steps import next_steps
 from ...words.wording import label
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
@@ -21,8 +20,6 @@ def next_steps_section(result: Result) -> Section:
         ]
         caption = "Values to enter: corrected reading = recorded position + value"
         blocks.append(table_of(caption, columns, rows))
-        if result.entered_geometry is not None:
-            blocks.append(Paragraph(WHY_THEY_DIFFER))
     for step in advice.steps:
         blocks.append(Paragraph(step.text))
         if step.commands:

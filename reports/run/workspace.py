@@ -1,4 +1,4 @@
-"""The section on accuracy: how far the TCP is off, without the offsets and with them; maps of it."""
+"""The section on accuracy: how far the TCP is off, with nothing entered and with the values; maps of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
+from ...analysis.diagnostics.enter import TcpError
 from ...words import numbers
+from ...words.enter import conformity_sentence, enter_sentence, error_words, geometry_sentence
 from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
@@ -35,23 +37,36 @@ def workspace_section(result: Result) -> Section:
     if result.misfit is not None:
         why = "the model does not describe the measurements, and what it misses moves the TCP as well"
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
+    told = [_summary(workspace)] if _expected(result) is None else _from_entered(result)
     return section_of(
         TITLE,
-        Paragraph(_summary(workspace)),
-        *map(Paragraph, _doubts(result)),
+        *map(Paragraph, [*told, *_doubts(result)]),
         FigureBlock(NAME),
-        _table(workspace, near),
+        _table(result, workspace, near),
         Paragraph(f"{_where(accuracy)} {_postures(workspace, near)}"),
     )
+
+
+def _expected(result: Result) -> tuple[TcpError, TcpError] | None:
+    """The TCP's error before and after the values are entered; None where there are none."""
+    entered = result.entered
+    if entered is None or entered.tcp_before is None or entered.tcp_after is None:
+        return None
+    return entered.tcp_before, entered.tcp_after
+
+
+def _from_entered(result: Result) -> list[str]:
+    sentences = (enter_sentence(result), geometry_sentence(result), conformity_sentence(result))
+    return [sentence for sentence in sentences if sentence is not None]
 
 
 def _summary(region: Region) -> str:
     before, after = region.before_mm, region.after95_mm
     median, worst = (numbers.significant(value, 2, "mm") for value in (before.median, before.worst))
     return (
-        f"Without the offsets the TCP is off by {median} in the median posture and by {worst} in the"
-        f" worst. With them 95 % of the error is within {_spread(after.median)} in the median posture and"
-        f" {_spread(after.worst)} in the worst."
+        f"With nothing entered the TCP is off by {median} in the median posture and by {worst} in the"
+        f" worst. With the values entered 95 % of the error is within {_spread(after.median)} in the median"
+        f" posture and {_spread(after.worst)} in the worst."
     )
 
 
@@ -79,13 +94,16 @@ def _where(accuracy: TcpAccuracy) -> str:
 def _postures(workspace: Region, near: Region) -> str:
     return (
         f"Workspace: {workspace.postures} postures evenly over the joints’ limits, without regard to"
-        f" obstacles. Near the measurements: {near.postures} over the ranges of their joints; beyond them"
-        " the numbers rest on the nominal geometry. Deviations from it, the arm’s repeatability and"
-        " its load are not in them."
+        f" obstacles. Near the measurements: {near.postures} over the ranges of their joints. Links, gravity"
+        " and harmonics count as far as the header lets the arm deviate; repeatability and load do not."
+        " Median and 95 % are of the postures in front of the arm (joint 1 within 90° of its middle)."
     )
 
 
-def _table(workspace: Region, near: Region) -> Table:
+def _table(result: Result, workspace: Region, near: Region) -> Table:
+    expected = _expected(result)
+    if expected is not None:
+        return _table_of_entered(result, expected, workspace, near)
     columns = ["TCP", "workspace, median", "worst", "near the measurements, median", "worst"]
     regions = (workspace, near)
     stds = [
@@ -95,12 +113,33 @@ def _table(workspace: Region, near: Region) -> Table:
     after = [level for region in regions for level in (region.after95_mm.median, region.after95_mm.worst)]
     rms = [level for region in regions for level in (region.after_rms_mm.median, region.after_rms_mm.worst)]
     rows = [
-        row_of("error without the offsets", *map(_rounded, errors, stds)),
+        row_of("error with nothing entered", *map(_rounded, errors, stds)),
         row_of("its standard uncertainty", *map(_spread, stds)),
-        row_of("with them, 95 % within", *map(_spread, after)),
-        row_of("with them, expected error (rms)", *map(_spread, rms)),
+        row_of("with the values entered, 95 % within", *map(_spread, after)),
+        row_of("with the values entered, expected error (rms)", *map(_spread, rms)),
     ]
     return table_of("Accuracy before and after", columns, rows)
+
+
+def _table_of_entered(
+    result: Result, expected: tuple[TcpError, TcpError], workspace: Region, near: Region
+) -> Table:
+    """Median and 95 % are of posture and posterior together: those of the first page. The worst posture is
+    that of `workspace` and of `near`."""
+    columns = ["TCP error", "median", "95 % below", "worst posture", "worst near the measurements"]
+    before, after = ([*error_words(error)] for error in expected)
+    rows = [
+        row_of("nothing entered", *before, *map(_size, (workspace.before_mm.worst, near.before_mm.worst))),
+        row_of("values entered", *after, *map(_size, (workspace.after95_mm.worst, near.after95_mm.worst))),
+    ]
+    whole = result.entered_geometry
+    if whole is not None and whole.tcp_after is not None:
+        rows.append(row_of("links entered too", *error_words(whole.tcp_after), "", ""))
+    return table_of("Accuracy before and after", columns, rows)
+
+
+def _size(value: float) -> str:
+    return numbers.significant(value, 2, "mm")
 
 
 def _rounded(value: float, std: float) -> str:
@@ -113,7 +152,7 @@ def _spread(value: float) -> str:
 
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
-_COLUMNS = ("without the offsets: error, mm", "with them: 95 % within, mm")
+_COLUMNS = ("nothing entered: error, mm", "values entered: 95 % within, mm")
 # Inches: beside, below and between panels, above all of them.
 _LEFT, _BELOW, _BETWEEN, _RIGHT, _KEY = 0.7, 0.42, 0.38, 0.2, 0.85
 
@@ -285,6 +324,7 @@ def _alt(accuracy: TcpAccuracy) -> str:
         return f"{median} in the median posture, {worst} in the worst"
 
     return (
-        "Maps of the workspace, from the side and from above. Without the offsets the TCP is off"
-        f" by {levels(region.before_mm)}; with them 95 % of the error is within {levels(region.after95_mm)}."
+        "Maps of the workspace, from the side and from above. With nothing entered the TCP is off"
+        f" by {levels(region.before_mm)}; with the values entered 95 % of the error is within"
+        f" {levels(region.after95_mm)}."
     )
