@@ -27,6 +27,7 @@ from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, tabl
 from ..words import numbers
 from ..words.findings import headline, likelihood_message, posterior_message
 from ..words.fit import report_notes
+from ..words.next_steps import offered
 from ..words.numbers import unit_of
 from ..words.result_json import to_json
 from ..words.verdict import VERDICT_WORDS
@@ -57,7 +58,11 @@ class Analysed(Analysis):
         measurements: all numbers are then `unvalidated`, and `misfit` says why.
     parameters, offsets : ParameterTable
         Rows in their order: all parameters, the joint offsets alone. Offsets are in degrees (mm for prismatic
-        joints) and are added to the recorded joint positions. `.to_frame()` makes a pandas DataFrame.
+        joints) and of the arm: true position = recorded position + offset. `.to_frame()` makes a pandas
+        DataFrame.
+    enter : dict
+        Values to enter into a controller with nominal geometry, degrees (mm) by offset; empty where nothing
+        may be entered.
     covariance : Covariance
         `.matrix` (m, m) of the m parameters that the data determine, `.names` and `.units` (m,);
         `covariance["delta2", "delta3"]` is one element. It has no row for anything else.
@@ -89,6 +94,14 @@ class Analysed(Analysis):
     def parameters(self) -> ParameterTable:
         """A row for each parameter, in their order, with the paper's midpoint estimate where there is one."""
         return self.result.parameters
+
+    @property
+    def enter(self) -> dict[str, float]:
+        """What to enter into a controller with nominal geometry, degrees (mm) by offset: values that make up
+        for links that deviate too. Empty where nothing may be entered; `result.entered` has the error of the
+        TCP to expect."""
+        values = offered(self.result)
+        return {} if values is None else dict(values.values)
 
     @property
     def posterior(self) -> xr.DataTree:
