@@ -12,6 +12,7 @@ import zerobeam as zb
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.enter import Conformity, Entered, TcpError
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.words import numbers
 from zerobeam.words.enter import (
     NO_REQUIREMENT,
     NOT_CLAIMED,
@@ -19,6 +20,7 @@ from zerobeam.words.enter import (
     enter_sentence,
     geometry_sentence,
 )
+from zerobeam.words.message import message
 from zerobeam.words.next_steps import next_steps, offered
 
 BEFORE, AFTER, LESS = (
@@ -55,10 +57,14 @@ def test_links_are_spoken_of_where_they_are_estimated() -> None:
 
 
 def test_a_table_has_the_value_and_the_offset_of_the_arm() -> None:
-    row = next_steps(values()).enter[0]
+    row = next_steps(values(), message(values())).enter[0]
     estimate = passed().parameters.named("delta2").estimate
     assert estimate is not None
-    assert (row.name, row.value, row.expanded_u) == ("delta2", "0.500°", "0.042°")
+    assert (row.name, row.value, row.expanded_u) == (
+        "delta2",
+        "0.500°",
+        numbers.spread(passed().coverage_factor * 0.021, "deg"),
+    )
     assert row.estimate is not None
     assert row.estimate.startswith(f"\u2212{abs(estimate):.2f}"[:4])
     assert offered(replace(values(), entered=None)) is None
@@ -84,7 +90,7 @@ def test_conformity_is_said_with_its_rule(
 
 def test_without_a_requirement_nothing_is_called_accurate_enough() -> None:
     assert conformity_sentence(values()) == NO_REQUIREMENT
-    assert NO_REQUIREMENT in " ".join(step.text for step in next_steps(values()).steps)
+    assert NO_REQUIREMENT in " ".join(step.text for step in next_steps(values(), message(values())).steps)
     header = {**passed().inputs.header, "required": {"tcp_mm": 0.5}}
     asked = replace(values(None, None), inputs=replace(passed().inputs, header=header))
     assert "cannot be said" in conformity_sentence(asked)
