@@ -12,7 +12,7 @@ from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
 from ...analysis.diagnostics.enter import TcpError
 from ...words import numbers
-from ...words.enter import conformity_sentence, enter_sentence, error_words, geometry_sentence
+from ...words.enter import enter_sentence, error_words
 from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
@@ -37,10 +37,10 @@ def workspace_section(result: Result) -> Section:
     if result.misfit is not None:
         why = "the model does not describe the measurements, and what it misses moves the TCP as well"
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
-    told = [_summary(workspace)] if _expected(result) is None else _from_entered(result)
     return section_of(
         TITLE,
-        *map(Paragraph, [*told, *_doubts(result)]),
+        Paragraph(_summary(workspace) if _expected(result) is None else enter_sentence(result) or ""),
+        *map(Paragraph, _doubts(result)),
         FigureBlock(NAME),
         _table(result, workspace, near),
         Paragraph(f"{_where(accuracy)} {_postures(workspace, near)}"),
@@ -53,11 +53,6 @@ def _expected(result: Result) -> tuple[TcpError, TcpError] | None:
     if entered is None or entered.tcp_before is None or entered.tcp_after is None:
         return None
     return entered.tcp_before, entered.tcp_after
-
-
-def _from_entered(result: Result) -> list[str]:
-    sentences = (enter_sentence(result), geometry_sentence(result), conformity_sentence(result))
-    return [sentence for sentence in sentences if sentence is not None]
 
 
 def _summary(region: Region) -> str:
