@@ -43,8 +43,8 @@ _NUMBERS = 1_000_000  # simulated residuals at once
 _DETERMINED_MM = 10.0  # a direction that the measurements determine no better is free
 _EULER = float(np.euler_gamma)
 _RHO_STEP = 0.05
-# The only significant step of a hundred typical arms at rest has 1.9; steps of forty with a target moved by 1 mm
-# have 2.5 to 5.4, and those of sockets that slipped on real arms (panda_2, kuka_14) 3.6 to 6.2.
+# The only significant step of a hundred typical arms at rest has 1.9; steps of forty with a target moved by
+# 1 mm have 2.5 to 5.4, and those of sockets that slipped on real arms (panda_2, kuka_14) 3.6 to 6.2.
 _STANDS_OUT = 2.0
 
 
