@@ -14,7 +14,7 @@ def next_steps_section(result: Result) -> Section | None:
     advice = next_steps(result, message(result))
     blocks: list[Block] = []
     if advice.enter:
-        columns = ["joint", "enter (controller)", "U", "offset of the arm"]
+        columns = ["joint", "to enter", "U", "offset of the arm"]
         rows = [
             row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u, row.estimate or "")
             for row in advice.enter
