@@ -42,10 +42,10 @@ def geometry_sentence(result: Result) -> str | None:
     entered, whole = result.entered, result.entered_geometry
     if entered is None or whole is None or entered.tcp_after is None or whole.tcp_after is None:
         return None
-    return (
-        f"Where links can be entered too (export robot, export urdf), {_mm(whole.tcp_after.median_mm)} and"
-        f" {_mm(whole.tcp_after.p95_mm)} are left."
-    )
+    (before, _), (median, p95) = error_words(entered.tcp_after), error_words(whole.tcp_after)
+    if median == before:
+        return None
+    return f"Where links can be entered too (export robot, export urdf), {median} and {p95} are left."
 
 
 def conformity_sentence(result: Result) -> str:

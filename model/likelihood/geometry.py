@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 LinkAxis = Literal["a", "b", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
 
+_SHIFTS: tuple[LinkAxis, ...] = ("a", "b", "d")  # along x, y, z
 # Of the last link: all but what is the offset of its joint.
 _WHOLE: dict[JointKind, tuple[LinkAxis, ...]] = {
     "revolute": ("a", "b", "d", "alpha", "beta"),
@@ -62,8 +63,8 @@ class Link:
         """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
         by_axis = dict(zip(self.axes, values, strict=True))
         shift = ca.SX.eye(4)
-        for row, axis in enumerate(("a", "b", "d")):
-            shift[row, 3] = by_axis.get(axis, 0)
+        for row, axis in enumerate(_SHIFTS):
+            shift[row, 3] = by_axis.get(axis, ca.SX(0))
         parts = [ca.SX(self.before), shift]
         for axis, angle in (
             ("z", by_axis.get("theta")),
@@ -209,10 +210,11 @@ class Geometry:
     def bent(self, robot: Robot, arm: ca.SX, recorded: ca.SX) -> ca.SX:
         """(n, 1) offsets that hold at one posture: those of `arm` (n + g,) and what its gravity and harmonics
         add, with what was `recorded` of the posture (see `recorded`)."""
-        delta = arm[: robot.n]
+        delta: ca.SX = arm[: robot.n]
         if self.gravity is None and not self.harmonics:
             return delta
-        return delta + ca.vertcat(*self._added(robot, arm[robot.n :], recorded, ca.SX(0)))
+        added: ca.SX = ca.vertcat(*self._added(robot, arm[robot.n :], recorded, ca.SX(0)))
+        return delta + added
 
     def _added(self, robot: Robot, values: Any, recorded: Any, zero: Any) -> list[Any]:
         start = sum(len(link.axes) for link in self.links)
