@@ -149,7 +149,7 @@ def _analyse(
     report("diagnostics", 0.3)
     placed = placement_result(solution, solution.effective)
     report("diagnostics", 0.6)
-    to_enter, conformity = entered(solution, run.header.required)
+    to_enter, with_links, conformity = entered(solution, run.header.required)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -161,7 +161,7 @@ def _analyse(
         shots=shots,
         distances=_distances(solution),
         intervals=intervals(solution, posterior) if between is None or draws is not None else between,
-        accuracy=accuracy(solution),
+        accuracy=accuracy(solution, values=None if to_enter is None else to_enter.values),
         budget=budget(solution, posterior),
         robust=robust,
         hold_out=held_out_fit,
@@ -172,6 +172,7 @@ def _analyse(
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
         entered=to_enter,
+        entered_geometry=with_links,
         conformity=conformity,
         power=_power(solution),
         coverage_factor=solution.coverage_factor,

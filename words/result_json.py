@@ -32,7 +32,7 @@ from .findings import (
 )
 from .message import headline, message
 from .misfit import criterion_sentence, explanation_sentence
-from .next_steps import next_steps
+from .next_steps import next_steps, offered
 from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
@@ -58,9 +58,9 @@ def to_json(result: Result) -> dict[str, Any]:
 def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
-    said = message(result)
+    said, entered = message(result), offered(result)
     steps = next_steps(result, said)
-    entered = result.entered if steps.enter else None  # one rule for what may be entered
+    with_links = result.entered_geometry if entered else None
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
@@ -93,6 +93,7 @@ def document_of(result: Result) -> document.ResultDocument:
             for one in result.diagnosis
         ),
         enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
+        enter_geometry=with_links and document.EnterDocument.filled(with_links, for_=with_links.of),
         notes=notes(result),
         conformity=entered and result.conformity,
         power=_powers(result.power),

@@ -19,7 +19,7 @@ from ...model.files.json_document import keys_of
 from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
-from ..diagnostics.enter import Conformity, TcpError
+from ..diagnostics.enter import Conformity, TakenGeometry, TcpError
 from ..diagnostics.hypotheses import Cause
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.scene import RunScene
@@ -457,10 +457,11 @@ class ExplanationDocument(DocumentPart):
 class EnterDocument(DocumentPart):
     """Values to enter, and the error of the TCP to expect."""
 
-    for_: Literal["nominal"] = Field(alias="for")
+    for_: TakenGeometry = Field(alias="for")
     values: dict[str, float]
-    tcp_before: TcpError
-    tcp_after: TcpError
+    u: dict[str, float]
+    tcp_before: TcpError | None
+    tcp_after: TcpError | None
 
 
 class PowerDocument(DocumentPart):
@@ -500,6 +501,7 @@ class ResultDocument(DocumentPart):
     misfit: MisfitDocument | None
     diagnosis: tuple[ExplanationDocument, ...]
     enter: EnterDocument | None
+    enter_geometry: EnterDocument | None
     conformity: Conformity | None
     power: tuple[PowerDocument, ...]
     notes: tuple[str, ...]

@@ -154,9 +154,10 @@ class Result:
         What the answer was made from.
     diagnosis : tuple
         What explains a misfit, the best explanation first; empty where nothing does or there is none.
-    entered, conformity
-        Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
-        the robot then meets what the header requires. None where nothing can be promised.
+    entered, entered_geometry, conformity
+        Values that serve a controller with nominal geometry best, and one that takes the estimated geometry,
+        each with the error of the TCP to expect; whether the robot with the first meets what the header
+        requires. None where nothing can be promised; the second also of an exact arm.
     coverage_factor : float
         k of every expanded uncertainty U of this answer.
     power : tuple of DetectionPower
@@ -200,6 +201,7 @@ class Result:
     inputs: Inputs
     diagnosis: tuple[Explanation, ...] = ()
     entered: Entered | None = None
+    entered_geometry: Entered | None = None
     conformity: Conformity | None = None
     power: tuple[DetectionPower, ...] = ()
     coverage_factor: float = 2.0
@@ -248,11 +250,13 @@ class Result:
 
 @dataclass(frozen=True)
 class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty, rounded, with units."""
+    """What is to be entered of a joint: its `value` and expanded uncertainty U, and the `estimate` of
+    the arm's offset, rounded, with units; `estimate` is None in results of earlier versions."""
 
     name: str
     value: str
     expanded_u: str
+    estimate: str | None = None
 
 
 @dataclass(frozen=True)
