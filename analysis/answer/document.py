@@ -19,8 +19,8 @@ from ...model.files.json_document import keys_of
 from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
+from ..diagnostics.cause import Cause
 from ..diagnostics.enter import Conformity, TcpError
-from ..diagnostics.hypotheses import Cause
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss

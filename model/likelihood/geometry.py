@@ -140,6 +140,14 @@ class Geometry:
         """This geometry without its gravity, or without its harmonics."""
         return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())
 
+    def of_robot(self, robot: Robot) -> Geometry:
+        """The same tolerances of another robot with as many joints of the same kinds."""
+        links = tuple(_links(robot)) if self.links else ()
+        gravity = self.gravity
+        if gravity is not None:
+            gravity = _bending(robot, gravity.masses, gravity.up)
+        return replace(self, links=links, gravity=gravity)
+
     def scaled(self, length: float, angle: float) -> Geometry:
         """This geometry with the tolerances of links multiplied: lengths by one factor, angles by another."""
         return replace(self, length=self.length * length, angle=self.angle * angle)
@@ -294,6 +302,10 @@ def _gravity(robot: Robot, geometry: StatedGeometry) -> Gravity | None:
     up = np.array(geometry.up, dtype=float)
     up /= np.abs(up).max()  # first, that nothing underflows
     up /= np.linalg.norm(up)
+    return _bending(robot, masses, up)
+
+
+def _bending(robot: Robot, masses: Matrix, up: Matrix) -> Gravity | None:
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
     largest = np.abs(_torques(robot, masses, up, rows)).max(axis=0)
     largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding
