@@ -150,7 +150,8 @@ def too_few_measurements(problem: Problem, size: int) -> Mechanism | None:
 class Identifiability:
     """Rank facts of the whitened, prior-scaled Jacobian (section 2 of the design).
 
-    `condition` is None where the matrix is singular; the observability indices are 0 there.
+    `rank` counts the unknowns that are determined, those with a tolerance among them. `condition` is None
+    where the matrix is singular; the observability indices are 0 there.
     """
 
     rank: int
@@ -202,13 +203,26 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     size = int(free.sum())
     spectrum = np.append(singular, np.zeros(gauge.shape[1]))
     facts = Identifiability(
-        rank=int((spectrum >= _AS_KNOWN).sum()),
+        rank=_rank(jacobian, tolerated),
         size=size,
         condition=None if gauge.shape[1] else float(spectrum.max() / spectrum.min()),
         observability=observability(spectrum, problem.shots),
         null_space=tuple(null_space),
     )
     return Identified(status, data_std, facts)
+
+
+def _rank(jacobian: Matrix, tolerated: Mask) -> int:
+    """How many unknowns of A (M, f) are determined: those with a tolerance, which is knowledge by itself, and
+    the directions of the others of which the measurements say more than a unit prior, the tolerances
+    marginalised. (The singular values of A mix both: a tolerance that makes up for a little of an offset
+    has one just below 1.)
+    """
+    known, rest = jacobian[:, tolerated], jacobian[:, ~tolerated]
+    if known.shape[1]:
+        basis = np.linalg.qr(known)[0]
+        rest = rest - basis @ (basis.T @ rest)
+    return int(known.shape[1] + (np.linalg.svd(rest, compute_uv=False) >= _AS_KNOWN).sum())
 
 
 def no_better_than(problem: Problem, identified: Identified, std: Matrix) -> Identified:
