@@ -15,7 +15,8 @@ from ..analysis.misfit import (
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
 from .numbers import p_words, times
-from .wording import Namer, clipped, listed
+from .misfit_causes import changed
+from .wording import Namer, listed
 
 UNVALIDATED = "no estimate or uncertainty of this run is validated"
 _MOST_NAMED = 8
@@ -85,21 +86,7 @@ def _off(parameter: OffPrior, name: Namer) -> str:
     )
 
 
-_MOST_MEASUREMENTS = 10
 _LESS = 0.9  # of the residuals, above which it is the estimates that a cause explains
-
-CAUSES = {
-    "swapped_joints": "joint columns exchanged",
-    "sign": "sign of a joint",
-    "zero": "zero of a joint",
-    "units": "unit of the angles",
-    "coupling": "coupled joints",
-    "twist": "sign of a twist",
-    "placement": "one placement",
-    "measurements": "single measurements",
-    "moved_target": "moved target",
-    "geometry": "link geometry",
-}
 
 
 def explanation_sentence(tried: Explanation) -> str:
@@ -113,53 +100,18 @@ def explanation_sentence(tried: Explanation) -> str:
     return f"{changed(tried)}: {left}"
 
 
-def changed(explanation: Explanation) -> str:
-    """What is different under this explanation."""
-    joints = [f"J{joint}" for joint in explanation.joints]
-    targets = [clipped(name) for name in explanation.targets]
-    match explanation.cause:
-        case "swapped_joints":
-            return f"with {listed(joints)} exchanged"
-        case "sign":
-            return f"with the sign of {joints[0]} reversed"
-        case "zero":
-            how = "added to" if explanation.amount > 0 else "subtracted from"
-            quarter = explanation.amount % 90 == 0
-            by = (
-                numbers.exact(abs(explanation.amount))
-                if quarter
-                else numbers.significant(abs(explanation.amount))
-            )
-            return f"with {numbers.with_unit(by, 'deg')} {how} {joints[0]}"
-        case "units":
-            if explanation.amount > 1:
-                return "with the joint angles read as radians"
-            return "with the joint angles divided by 57.3 (converted from radians to degrees twice)"
-        case "coupling":
-            how = "added to" if explanation.amount > 0 else "subtracted from"
-            return f"with {joints[0]} {how} {joints[1]} (coupled joints)"
-        case "twist":
-            if len(joints) == 1:
-                return f"with the sign of the twist from {joints[0]} to the flange reversed in the robot file"
-            return f"with the sign of the twist from {joints[0]} to {joints[1]} reversed in the robot file"
-        case "placement":
-            return f"without the measurements at {listed(targets)}"
-        case "measurements":
-            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            return f"without {noun} {listed([str(n) for n in explanation.measurements], _MOST_NAMED)}"
-        case "moved_target":
-            return (
-                f"with {targets[0]} moved between measurements {explanation.measurements[0]} and"
-                f" {explanation.measurements[1]}"
-            )
-        case "geometry":
-            return "with link geometry estimated"
-
-
 def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
     """How far to trust the explanations of a result; there is at least one."""
     if not explanations[0].agrees:
         return "None of these alone explains the residuals to the noise: something else is wrong too."
     if len(explanations) > 1:
-        return "The measurements do not decide between these: check each. Nothing was applied."
-    return "No other cause that was tried explains the residuals as well. Nothing was applied."
+        return (
+            "The measurements do not decide between these: check each. Next best by evidence:"
+            f" {changed(explanations[1])}, evidence ratio {evidence_ratio(explanations[1])}. Nothing was applied."
+        )
+    return "No other cause that was tried is within an evidence ratio of 1:1000. Nothing was applied."
+
+
+def evidence_ratio(rival: Explanation) -> str:
+    """Of a rival to the best explanation: 1:40."""
+    return f"1:{numbers.significant(1 / rival.odds, 2) if rival.odds < 1 else 1}"

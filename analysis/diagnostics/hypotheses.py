@@ -1,9 +1,9 @@
 """Hypotheses on what is wrong with a recording, a robot file or a cell, and what a fit of each leaves.
 
-There are two sorts. What changes everything (columns exchanged, signs, zeros, units, axes of the spot, another
-arm) is screened with nominal geometry, all at once (`screening`); what changes little is screened by its
-evidence at the mode as recorded, linearised (`suspects`). The best few of both are fitted with all else as
-it is, at the stated noise. Nothing is applied.
+There are two sorts. What changes everything (columns exchanged, signs, zeros, units, another arm) is screened
+with nominal geometry, all at once (`screening`); what changes little is screened by its evidence at the mode
+as recorded, linearised (`suspects`). The best few of both are fitted with all else as it is, at the stated
+noise. Nothing is applied.
 """
 
 from __future__ import annotations
@@ -43,25 +43,16 @@ _CONFIRMED = 4  # recordings and robots that go on to a whole fit
 _SUSPECTS = 10  # the same of what changes little
 _WORTH = 8.0  # of log evidence: a suspect so much below the best is not fitted
 _LARGEST = 1e300
-_TURNED: dict[str, list[list[int]]] = {
-    "exchanged": [[0, 1], [1, 0]],
-    "rotated by 90°": [[0, -1], [1, 0]],
-    "rotated by −90°": [[0, 1], [-1, 0]],
-    "negated": [[-1, 0], [0, -1]],
-    "first negated": [[-1, 0], [0, 1]],
-    "second negated": [[1, 0], [0, -1]],
-    "exchanged and negated": [[0, -1], [-1, 0]],
-}
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One thing that may be wrong, and the positions `recorded` (N, n), the `spots` (N, d) and the `robot` that
-    would be there without it (None: as they are).
+    """One thing that may be wrong, and the positions `recorded` (N, n) or the `robot` that would be there
+    without it (None: as they are).
 
     `joints` are numbered from 1: those concerned; of a twist the joints before and behind the link, or the
     last one for the link that ends in the flange. `amount` is what is added to a zero (deg), the factor of
-    units, or how many times joint 2 is added to joint 3. `of` names the arm or the axes. `volume` is the
+    units, or how many times joint 2 is added to joint 3. `of` names the arm or the convention. `volume` is the
     logarithm of the factor by which positions shrink, `occam` the price of what is chosen to suit the data.
     """
 
@@ -70,7 +61,6 @@ class Change:
     recorded: Matrix | None = None
     amount: float = 0.0
     of: str = ""
-    spots: Matrix | None = None
     robot: Robot | None = None
     volume: float = 0.0
     occam: float = 0.0
@@ -103,9 +93,6 @@ def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
         neighbours = recorded.copy()
         neighbours[order] = np.roll(recorded[order], steps, axis=0)
         yield Change("rows", (), neighbours, float(steps))
-    if problem.tool.kind == "laser" and problem.spots.any():
-        for name, axes in _TURNED.items():
-            yield Change("spot", spots=problem.spots @ np.array(axes, dtype=float), of=name)
     yield from map(_of_variant, file_variants(robot))
     yield from map(_of_variant, other_arms(robot, siblings=True))
 
@@ -267,9 +254,8 @@ def _of_changes(
     rows = _thinned(problem, _SCREENED)
     few = problem.select(rows)
     recorded = [few.joints, *(few.joints if own.recorded is None else own.recorded[rows] for own in every)]
-    spots = [few.spots, *(few.spots if own.spots is None else own.spots[rows] for own in every)]
     robots = [problem.robot, *(own.robot or problem.robot for own in every)]
-    x, cost = screened(few, robots, np.array(recorded), np.array(spots))
+    x, cost = screened(few, robots, np.array(recorded))
     criterion = cost[1:] + 2 * few.data_size * np.array([own.volume for own in every])
     best = [int(i) for i in np.argsort(criterion, kind="stable")[:most] if criterion[i] < cost[0]]
     nominal = problem.parameters.without("geometry")
@@ -295,7 +281,7 @@ def _changed(problem: Problem, change: Change) -> Problem:
         functions = shot_functions(change.robot, problem.tool, geometry=geometry)
         parameters = problem.parameters.with_geometry(geometry, change.robot, problem.tool)
         problem = replace(problem, robot=change.robot, parameters=parameters, functions=functions)
-    return problem.moved(problem.joints if change.recorded is None else change.recorded, change.spots)
+    return problem if change.recorded is None else problem.moved(change.recorded)
 
 
 def _whole_fit(problem: Problem, nominal: Parameters, x: Matrix) -> HypothesisFit:

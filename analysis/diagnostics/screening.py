@@ -25,13 +25,11 @@ _TOLERANCE = 1e-4  # of the cost: a ranking needs no more
 _LARGEST = 1e150
 
 
-def screened(
-    problem: Problem, robots: Sequence[Robot], joints: Matrix, spots: Matrix
-) -> tuple[Matrix, Matrix]:
-    """The parameters (V, p) of the problem with nominal geometry, and the squares (V,) of residuals and scaled
-    parameters there, of V robots with the recorded `joints` (V, N, n) and `spots` (V, N, d)."""
+def screened(problem: Problem, robots: Sequence[Robot], joints: Matrix) -> tuple[Matrix, Matrix]:
+    """The parameters (V, p) of the problem with nominal geometry, and the squares (V,) of residuals and of
+    scaled parameters there, of V robots with the recorded `joints` (V, N, n)."""
     problem = problem.with_geometry(NOMINAL)
-    screen = _Screen(problem, robots, joints, spots)
+    screen = _Screen(problem, robots, joints)
     minima = levenberg_marquardt(
         least_squares(screen.residuals),
         np.zeros((len(robots), screen.size)),
@@ -43,8 +41,8 @@ def screened(
 
 
 class _Screen:
-    def __init__(self, problem: Problem, robots: Sequence[Robot], joints: Matrix, spots: Matrix) -> None:
-        self.problem, self.joints, self.spots = problem, joints, spots
+    def __init__(self, problem: Problem, robots: Sequence[Robot], joints: Matrix) -> None:
+        self.problem, self.joints = problem, joints
         by_identity = {id(robot): _transforms(robot) for robot in robots}
         self.transforms = np.array([by_identity[id(robot)] for robot in robots])
         self.free = problem.parameters.free
@@ -64,11 +62,11 @@ class _Screen:
         problem, parameters = self.problem, self.problem.parameters
         x, shots, d = self.parameters(z), problem.shots, problem.tool.residual_size
         parts = problem.split(x)
-        joints, spots = self.joints[rows], self.spots[rows]
+        joints = self.joints[rows]
         of_shots = [
             np.repeat(self.transforms[rows], shots, axis=0),
             joints.reshape(-1, joints.shape[-1]),
-            spots.reshape(-1, d),
+            np.tile(problem.spots, (len(z), 1)),
             np.repeat(parts.arm, shots, axis=0),
             parts.targets[:, problem.target_index].reshape(-1, 3),
             np.repeat(parts.tool, shots, axis=0),

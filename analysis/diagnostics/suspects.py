@@ -38,6 +38,16 @@ _FEWEST = 2  # measurements before and after a change
 _MOST_OUTLIERS = 3
 _MOST_COLUMNS = 400  # of a placement
 
+_TURNED: dict[str, list[list[int]]] = {
+    "exchanged": [[0, 1], [1, 0]],
+    "rotated by 90°": [[0, -1], [1, 0]],
+    "rotated by −90°": [[0, 1], [-1, 0]],
+    "negated": [[-1, 0], [0, -1]],
+    "first negated": [[-1, 0], [0, 1]],
+    "second negated": [[1, 0], [0, -1]],
+    "exchanged and negated": [[0, -1], [-1, 0]],
+}
+
 Columns = Callable[["Linear"], Matrix]
 Corrected = Callable[["Linear", Matrix], Problem]
 
@@ -132,6 +142,7 @@ def suspects(linear: Linear) -> list[Suspect]:
         *_of_parameters(linear),
         *_tolerances(linear),
         *_noise(linear),
+        *_spots(linear),
     ]
     return sorted(every, key=lambda suspect: -suspect.evidence)
 
@@ -502,7 +513,7 @@ def _tolerances(linear: Linear) -> Iterator[Suspect]:
                 items[i] = replace(items[i], prior_std=items[i].prior_std * times)
             return replace(linear.problem, parameters=Parameters(tuple(items)))
 
-        suspect = _made(cause, lambda linear: np.zeros((len(linear.residual), 0)), corrected)
+        suspect = _made(cause, _no_columns, corrected)
         yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times)
 
 
@@ -517,7 +528,7 @@ def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
             items[i] = replace(items[i], held=False)
         return replace(linear.problem, parameters=Parameters(tuple(items)))
 
-    suspect = _made("geometry", lambda linear: np.zeros((len(linear.residual), 0)), corrected)
+    suspect = _made("geometry", _no_columns, corrected)
     yield replace(suspect, evidence=evidence, fixed_amount=1.0)
 
 
@@ -545,8 +556,31 @@ def _noise(linear: Linear) -> Iterator[Suspect]:
             linear.problem, noise=replace(noise, joint=noise.joint * times, spot=noise.spot * times)
         )
 
-    suspect = _made("noise", lambda linear: np.zeros((len(linear.residual), 0)), corrected)
+    suspect = _made("noise", _no_columns, corrected)
     yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times)
+
+
+def _spots(linear: Linear) -> Iterator[Suspect]:
+    """Other axes of the spots: exact, as residuals are linear in them."""
+    problem = linear.problem
+    if problem.tool.kind != "laser" or not problem.spots.any():
+        return
+    price = float(np.log(len(_TURNED)))
+    for name, axes in _TURNED.items():
+        spots = problem.spots @ np.array(axes, dtype=float)
+        columns = linear.rows(linear.by_spot * (spots - problem.spots)[:, None, :]).sum(axis=1)
+        y, gram = linear.normal(columns[:, None])
+
+        def corrected(linear: Linear, _: Matrix, spots: Matrix = spots) -> Problem:
+            return replace(linear.problem, spots=spots)
+
+        suspect = _made("spot", _no_columns, corrected, of=name)
+        evidence = -float(y[0] + gram[0, 0] / 2) - price
+        yield replace(suspect, evidence=evidence, log_choices=price, fixed_amount=0.0)
+
+
+def _no_columns(linear: Linear) -> Matrix:
+    return np.zeros((len(linear.residual), 0))
 
 
 def _free_geometry(parameters: Parameters) -> list[tuple[int, str]]:

@@ -13,7 +13,8 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.findings import likelihood_message
 from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit import CAUSES, changed, diagnosis_said, explanation_sentence
+from ...words.misfit import diagnosis_said, explanation_sentence
+from ...words.misfit_causes import CAUSES, changed
 from ...words.numbers import times, unit_of
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
