@@ -132,7 +132,7 @@ def _explanations(
             for i, value in evidence.items()
             if fits[i].cause not in _RIVALS_OF_LINKS or value > links + margin
         }
-    rows = sorted(((value, i) for i, value in evidence.items() if value > margin), reverse=True)
+    rows = _once(sorted(((value, i) for i, value in evidence.items() if value > margin), reverse=True), fits)
     best = rows[0][0] if rows else 0.0
     return tuple(
         Explanation(
@@ -154,3 +154,12 @@ def _explanations(
         for value, i in rows[:_MOST]
         if (left := fits[i]).cause is not None and value > best - margin
     )
+
+
+def _once(rows: list[tuple[float, int]], fits: Sequence[HypothesisFit]) -> list[tuple[float, int]]:
+    """Evidence and place, the best first, without those that say the same."""
+    kept: dict[tuple[object, ...], tuple[float, int]] = {}
+    for value, i in rows:
+        left = fits[i]
+        kept.setdefault((left.cause, left.joints, left.targets, left.measurements, left.of), (value, i))
+    return list(kept.values())

@@ -23,6 +23,7 @@ from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..estimation.fit import CONTRADICTED, modes
 from ..observability.geometry import with_links
+from ..placements import placements
 from .cause import Cause
 from .robot_variants import Variant, file_variants, other_arms
 from .screening import screened
@@ -42,6 +43,7 @@ _SCREENED = 60  # measurements on which recordings and robots are screened, wher
 _CONFIRMED = 4  # recordings and robots that go on to a whole fit
 _SUSPECTS = 10  # the same of what changes little
 _WORTH = 8.0  # of log evidence: a suspect so much below the best is not fitted
+_OFF_MM = 1.0  # a measurement that is wrong is off by no less
 _LARGEST = 1e300
 
 
@@ -52,7 +54,8 @@ class Change:
 
     `joints` are numbered from 1: those concerned; of a twist the joints before and behind the link, or the
     last one for the link that ends in the flange. `amount` is what is added to a zero (deg), the factor of
-    units, or how many times joint 2 is added to joint 3. `of` names the arm or the convention. `volume` is the
+    units, or how many times joint 2 is added to joint 3. `of` names the arm or the convention, `gone` the
+    places of measurements that are left out. `volume` is the
     logarithm of the factor by which positions shrink, `occam` the price of what is chosen to suit the data.
     """
 
@@ -62,6 +65,8 @@ class Change:
     amount: float = 0.0
     of: str = ""
     robot: Robot | None = None
+    gone: tuple[int, ...] = ()
+    targets: tuple[str, ...] = ()
     volume: float = 0.0
     occam: float = 0.0
 
@@ -93,6 +98,12 @@ def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
         neighbours = recorded.copy()
         neighbours[order] = np.roll(recorded[order], steps, axis=0)
         yield Change("rows", (), neighbours, float(steps))
+    if problem.shots <= _EXACT:
+        for i in range(problem.shots):
+            yield Change("measurements", gone=(i,), targets=(problem.targets[problem.target_index[i]],))
+    every = placements(problem)
+    for placement in every if len(every) > 1 else ():
+        yield Change("placement", gone=tuple(placement.rows.tolist()), targets=placement.targets)
     yield from map(_of_variant, file_variants(robot))
     yield from map(_of_variant, other_arms(robot, siblings=True))
 
@@ -255,23 +266,46 @@ def _of_changes(
     few = problem.select(rows)
     recorded = [few.joints, *(few.joints if own.recorded is None else own.recorded[rows] for own in every)]
     robots = [problem.robot, *(own.robot or problem.robot for own in every)]
-    x, cost = screened(few, robots, np.array(recorded))
+    weights = [few.weights, *(_weights(problem, own)[rows] for own in every)]
+    x, cost = screened(few, robots, np.array(recorded), np.array(weights))
     criterion = cost[1:] + 2 * few.data_size * np.array([own.volume for own in every])
     best = [int(i) for i in np.argsort(criterion, kind="stable")[:most] if criterion[i] < cost[0]]
     nominal = problem.parameters.without("geometry")
     return [
-        replace(
-            _whole_fit(_changed(problem, every[i]), nominal, x[1 + i]),
-            cause=every[i].cause,
-            joints=every[i].joints,
-            amount=every[i].amount,
-            of=every[i].of,
-            occam=every[i].occam,
-            volume=every[i].volume,
-            log_choices=float(np.log(tried)),
-        )
+        left
         for i in best
+        if (left := _of_change(problem, every[i], nominal, x[1 + i], float(np.log(tried)))).dof > 0
+        or not left.freed  # else nothing is left that could contradict it
     ]
+
+
+def _of_change(
+    problem: Problem, change: Change, nominal: Parameters, x: Matrix, log_tried: float
+) -> HypothesisFit:
+    """Fitted whole, from x of the nominal parameters."""
+    changed = _changed(problem, change)
+    start = changed.parameters.with_values(changed.parameters.prior_mean, nominal, x)
+    moved, (left,) = fits_from(Density(changed), start[None], most_steps=_FEW_STEPS)
+    if change.gone:
+        left = _left_without(problem, moved[0], left, np.array(change.gone))
+    return replace(
+        left,
+        cause=change.cause,
+        joints=change.joints,
+        targets=change.targets,
+        amount=change.amount,
+        of=change.of,
+        measurements=left.measurements if change.cause == "measurements" else (),
+        occam=left.occam + change.occam,
+        volume=change.volume,
+        log_choices=log_tried,
+    )
+
+
+def _weights(problem: Problem, change: Change) -> Matrix:
+    weights = problem.weights.copy()
+    weights[list(change.gone)] = 0.0
+    return weights
 
 
 def _changed(problem: Problem, change: Change) -> Problem:
@@ -281,13 +315,9 @@ def _changed(problem: Problem, change: Change) -> Problem:
         functions = shot_functions(change.robot, problem.tool, geometry=geometry)
         parameters = problem.parameters.with_geometry(geometry, change.robot, problem.tool)
         problem = replace(problem, robot=change.robot, parameters=parameters, functions=functions)
+    if change.gone:
+        problem = replace(problem, weights=_weights(problem, change))
     return problem if change.recorded is None else problem.moved(change.recorded)
-
-
-def _whole_fit(problem: Problem, nominal: Parameters, x: Matrix) -> HypothesisFit:
-    """From x of the nominal parameters."""
-    start = problem.parameters.with_values(problem.parameters.prior_mean, nominal, x)
-    return fits_from(Density(problem), start[None], most_steps=_FEW_STEPS)[1][0]
 
 
 def _thinned(problem: Problem, most: int) -> Index:
@@ -315,7 +345,9 @@ def _of_suspects(problem: Problem, x: Matrix) -> Iterator[HypothesisFit]:
     least = every[0].evidence - _WORTH
     chosen = [suspect for suspect in every[:_SUSPECTS] if suspect.evidence > max(least, 0.0)]
     for suspect in chosen:
-        yield suspect_fit(linear, suspect)
+        left = suspect_fit(linear, suspect)
+        if left.dof > 0 or not left.freed:  # else nothing is left that could contradict it
+            yield left
     if problem.shots > _EXACT:
         yield from _without_outlying(problem, x)
 
@@ -351,7 +383,7 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
         linear = Linear(corrected, moved[0])
         if not len(step):
             break
-    freed = 0.0
+    freed = suspect.freed
     if len(values):
         freed = float(len(values) - np.trace(np.linalg.inv(suspect.size**2 * whole)))
     amount = suspect.fixed_amount
@@ -368,7 +400,7 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
         of=suspect.of,
         amount=amount,
         freed=freed,
-        dof=max(fit.dof - round(freed), 0),
+        dof=max(fit.dof - round(freed), 0) if len(values) else fit.dof,
         occam=occam,
         log_choices=suspect.log_choices,
     )
@@ -389,28 +421,24 @@ def _without_outlying(problem: Problem, x: Matrix) -> Iterator[HypothesisFit]:
         moved, (left,) = fits_from(density.weighted(1.0 - gone[None]), x[None])
         x = moved[0]
     if left is not None:
-        yield _as_measurements(problem, x, left, np.flatnonzero(gone))
+        n, m = problem.shots, int(gone.sum())
+        gamma = scipy.special.gammaln
+        ways = float(gamma(n + 1) - gamma(m + 1) - gamma(n - m + 1))
+        numbers = _left_without(problem, x, left, np.flatnonzero(gone))
+        names = tuple(dict.fromkeys(problem.targets[k] for k in problem.target_index[gone]))
+        yield replace(numbers, cause="measurements", targets=names, log_choices=ways)
 
 
-_OUTLIER_MM = 10.0  # std of what is wrong
-
-
-def _as_measurements(problem: Problem, x: Matrix, left: HypothesisFit, gone: Index) -> HypothesisFit:
-    numbers = tuple(sorted(problem.shot_numbers[i] for i in gone))
-    names = tuple(dict.fromkeys(problem.targets[problem.target_index[i]] for i in gone))
-    n, m = problem.shots, len(gone)
-    ways = float(
-        scipy.special.gammaln(n + 1) - scipy.special.gammaln(m + 1) - scipy.special.gammaln(n - m + 1)
-    )
+def _left_without(problem: Problem, x: Matrix, left: HypothesisFit, gone: Index) -> HypothesisFit:
+    """The same with the price of leaving measurements out: each is off by an amount of the size that all of them
+    are, and its density is that of a normal so wide."""
     whitened = problem.whiten(x)
+    off = whitened.residual_mm[gone]
+    size = max(float(np.sqrt((off**2).mean())), _OFF_MM)
     factors = np.diagonal(whitened.factor[gone], axis1=1, axis2=2)
-    occam = float(np.log(_OUTLIER_MM / factors).sum())
     return replace(
         left,
-        cause="measurements",
-        targets=names,
-        measurements=numbers,
-        freed=float(m * problem.tool.residual_size),
-        occam=occam + float((whitened.residual_mm[gone] ** 2).sum()) / _OUTLIER_MM**2 / 2,
-        log_choices=ways,
+        measurements=tuple(sorted(problem.shot_numbers[i] for i in gone)),
+        freed=float(off.size),
+        occam=float(np.log(size / factors).sum() + (off**2).sum() / size**2 / 2),
     )

@@ -25,11 +25,14 @@ _TOLERANCE = 1e-4  # of the cost: a ranking needs no more
 _LARGEST = 1e150
 
 
-def screened(problem: Problem, robots: Sequence[Robot], joints: Matrix) -> tuple[Matrix, Matrix]:
+def screened(
+    problem: Problem, robots: Sequence[Robot], joints: Matrix, weights: Matrix
+) -> tuple[Matrix, Matrix]:
     """The parameters (V, p) of the problem with nominal geometry, and the squares (V,) of residuals and of
-    scaled parameters there, of V robots with the recorded `joints` (V, N, n)."""
+    scaled parameters there, of V robots with the recorded `joints` (V, N, n) and the `weights` (V, N)
+    of the measurements."""
     problem = problem.with_geometry(NOMINAL)
-    screen = _Screen(problem, robots, joints)
+    screen = _Screen(problem, robots, joints, weights)
     minima = levenberg_marquardt(
         least_squares(screen.residuals),
         np.zeros((len(robots), screen.size)),
@@ -41,8 +44,8 @@ def screened(problem: Problem, robots: Sequence[Robot], joints: Matrix) -> tuple
 
 
 class _Screen:
-    def __init__(self, problem: Problem, robots: Sequence[Robot], joints: Matrix) -> None:
-        self.problem, self.joints = problem, joints
+    def __init__(self, problem: Problem, robots: Sequence[Robot], joints: Matrix, weights: Matrix) -> None:
+        self.problem, self.joints, self.weights = problem, joints, weights
         by_identity = {id(robot): _transforms(robot) for robot in robots}
         self.transforms = np.array([by_identity[id(robot)] for robot in robots])
         self.free = problem.parameters.free
@@ -81,7 +84,7 @@ class _Screen:
         stacked = np.concatenate([residual[..., None], scaled], axis=-1)
         with np.errstate(all="ignore"):
             stacked = np.linalg.solve(np.linalg.cholesky(covariance), stacked)
-        stacked *= np.sqrt(problem.weights)[:, None, None]
+        stacked *= np.sqrt(self.weights[rows])[:, :, None, None]
         whole = np.zeros((len(z), shots * d, len(parameters)))
         where = np.broadcast_to(
             np.repeat(problem.columns, d, axis=0), (len(z), shots * d, stacked.shape[-1] - 1)

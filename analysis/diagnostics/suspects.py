@@ -22,7 +22,6 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import ANGLES
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ..placements import placements
 from ..recordings.recordings import by_targets
 from .cause import Cause
 
@@ -36,7 +35,6 @@ _TIMES = (2.0, 3.0, 5.0, 10.0)  # the tolerances
 _NOISE_TIMES = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
 _FEWEST = 2  # measurements before and after a change
 _MOST_OUTLIERS = 3
-_MOST_COLUMNS = 400  # of a placement
 
 _TURNED: dict[str, list[list[int]]] = {
     "exchanged": [[0, 1], [1, 0]],
@@ -71,6 +69,7 @@ class Suspect:
     of: str = ""
     unit: float = 1.0
     fixed_amount: float | None = None
+    freed: float = 0.0  # where it has no columns
 
 
 class Linear:
@@ -85,6 +84,10 @@ class Linear:
         information = self.free.T @ self.free
         self.information = information + np.eye(len(information))
         self.covariance = np.linalg.inv(self.information)
+        parameters = problem.parameters
+        z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+        # Of a point that is not quite the mode: the residuals there, by one step of Gauss and Newton's.
+        self.residual = self.residual - self.free @ (self.covariance @ (self.free.T @ self.residual + z))
         self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
         self.size = problem.tool.residual_size
         _, shot_jacobians = problem.linearise(x)
@@ -105,6 +108,11 @@ class Linear:
     def roots(self) -> Matrix:
         """(N, d, f)."""
         return self.free[: self.problem.shots * self.size].reshape(self.problem.shots, self.size, -1)
+
+    @cached_property
+    def at_prior_means(self) -> Matrix:
+        """(M,) r0, the residuals at the prior means: r = (I - A C A') r0."""
+        return np.asarray(self.residual + self.free @ (self.free.T @ self.residual))
 
     def rows(self, of_shots: Matrix) -> Matrix:
         """(M, k) whitened columns of all residuals, from those of the measurements (N, d, k)."""
@@ -136,7 +144,6 @@ def suspects(linear: Linear) -> list[Suspect]:
         *_jumps(linear),
         *_moved_targets(linear),
         *_outliers(linear),
-        *_placements(linear),
         *_of_motion(linear),
         *_drifts(linear),
         *_of_parameters(linear),
@@ -323,10 +330,10 @@ def _with_each(linear: Linear, gone: list[int]) -> tuple[Matrix, Matrix]:
     return y, gram
 
 
-def _without(linear: Linear, gone: Sequence[int], cause: Cause = "measurements") -> Suspect:
+def _without(linear: Linear, gone: Sequence[int]) -> Suspect:
     problem, d = linear.problem, linear.size
     names = tuple(dict.fromkeys(problem.targets[problem.target_index[i]] for i in sorted(gone)))
-    numbers = tuple(sorted(problem.shot_numbers[i] for i in gone)) if cause == "measurements" else ()
+    numbers = tuple(sorted(problem.shot_numbers[i] for i in gone))
 
     def parts(linear: Linear) -> Matrix:
         result = np.zeros((problem.shots, d, d * len(gone)))
@@ -334,24 +341,7 @@ def _without(linear: Linear, gone: Sequence[int], cause: Cause = "measurements")
             result[i, :, d * place : d * place + d] = linear.by_spot[i]
         return result
 
-    return _of_spots(cause, parts, targets=names, measurements=numbers)
-
-
-def _placements(linear: Linear) -> Iterator[Suspect]:
-    every = placements(linear.problem)
-    if len(every) < 2:
-        return
-    for placement in every:
-        rows = placement.rows
-        if len(rows) * linear.size > _MOST_COLUMNS:
-            continue
-        suspect = replace(_without(linear, rows.tolist(), "placement"), targets=placement.targets)
-        y, gram = linear.normal(suspect.columns(linear))
-        price = float(np.log(len(every)))
-        yield from (
-            replace(one, log_choices=one.log_choices + price, evidence=one.evidence - price)
-            for one in _suspects(y[None], gram[None], _MM, lambda _, suspect=suspect: suspect)
-        )
+    return _of_spots("measurements", parts, targets=names, measurements=numbers)
 
 
 # Errors that follow the motion
@@ -514,7 +504,13 @@ def _tolerances(linear: Linear) -> Iterator[Suspect]:
             return replace(linear.problem, parameters=Parameters(tuple(items)))
 
         suspect = _made(cause, _no_columns, corrected)
-        yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times)
+        freed = _effective(gram, times**2 - 1)
+        yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times, freed=freed)
+
+
+def _effective(gram: Matrix, variance: float) -> float:
+    """The effective number of parameters with that prior variance: the trace of the reduction."""
+    return float(len(gram) - np.trace(np.linalg.inv(np.eye(len(gram)) + variance * gram)))
 
 
 def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
@@ -529,15 +525,13 @@ def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
         return replace(linear.problem, parameters=Parameters(tuple(items)))
 
     suspect = _made("geometry", _no_columns, corrected)
-    yield replace(suspect, evidence=evidence, fixed_amount=1.0)
+    yield replace(suspect, evidence=evidence, fixed_amount=1.0, freed=_effective(gram, 1.0))
 
 
 def _noise(linear: Linear) -> Iterator[Suspect]:
     """All readings scatter so many times as much as stated: the marginal likelihood at that noise."""
     problem = linear.problem
-    free = problem.parameters.free
-    z = ((linear.x - problem.parameters.prior_mean) / problem.parameters.prior_std)[free]
-    at_means = linear.residual - linear.free @ z
+    at_means = linear.at_prior_means
     values, vectors = np.linalg.eigh(linear.free.T @ linear.free)
     values = np.maximum(values, 0.0)
     along = (vectors.T @ (linear.free.T @ at_means)) ** 2
