@@ -440,6 +440,8 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
             and item.of.startswith("link")
             and (item.axis in ANGLES) == angle
             and item.held_by not in ("first link", "free tool")
+            # What the last link is off the tool may be off as well: it is called that.
+            and item.of != f"link{linear.problem.robot.n}"
         ]
         if which:
             y, gram = _each(linear, _by_parameters(linear, which))
