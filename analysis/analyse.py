@@ -31,6 +31,7 @@ from .ladder import solve_run
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     NOTHING_KNOWN,
+    OF_A_MISFIT,
     UNSAMPLED,
     Draws,
     Omitted,
@@ -128,8 +129,9 @@ def _analyse(
     problem = solution.problem
     report("identifiability", 1.0)
     posterior, draws, between = UNSAMPLED, None, None
-    if solution.converged and not solution.known:
-        # All of the posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
+    if solution.misfit is not None:
+        posterior = OF_A_MISFIT
+    elif solution.converged and not solution.known:
         posterior = NOTHING_KNOWN
     elif solution.converged:
         if sampling != "always":
@@ -144,7 +146,7 @@ def _analyse(
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
     report("diagnostics", 0.3)
-    placed = placement_result(solution, solution.effective, solution.link_columns)
+    placed = placement_result(solution, solution.effective)
     report("diagnostics", 0.6)
     to_enter, conformity = entered(solution, run.header.required)
     result = Result(
@@ -165,7 +167,7 @@ def _analyse(
         placements=placed,
         scene=scene(solution),
         misfit=solution.misfit,
-        findings=findings(solution, posterior, shots, robust, held_out_fit, placed.steps, run.warnings),
+        findings=findings(solution, posterior, shots, robust, held_out_fit, run.warnings),
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
         entered=to_enter,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import scipy
@@ -47,6 +47,8 @@ class Displacement:
     `better_alone` says that it does so better. `rest_agrees` says that with the displacement the residuals
     agree with the stated noise (True where its scale is estimated).
     """
+
+    kind: ClassVar[str] = "moved_target"
 
     at: ChangePoint
     p_value: float

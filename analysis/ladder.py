@@ -76,7 +76,7 @@ def climb_ladder(
     fit: LikelihoodFit | None = None,
 ) -> tuple[LikelihoodFit, tuple[Rung, ...], Factors | None]:
     """The fit of the highest rung, all rungs below it, and by what the data multiply the tolerances (None
-    where they are known). An exact arm has no ladder.
+    where they are known). An exact arm has no ladder, nor has a run where a rung has no mode to compare.
     `progress` gets the share that is done; `fit` is that of `problem` if it is there already."""
     declared, whole = header.arm, problem.geometry
     if declared is None:
@@ -97,7 +97,8 @@ def climb_ladder(
     factors = None
     if declared.scale == "estimated" and fit.converged:
         fit, factors = with_factors(fit)
-    return fit, tuple(rungs), factors
+    comparable = all(np.isfinite(rung.log_evidence) for rung in rungs)
+    return fit, tuple(rungs) if comparable else (), factors
 
 
 def _rung(name: RungName, fit: LikelihoodFit, *, kept: bool) -> Rung:
@@ -116,7 +117,10 @@ def from_near(problem: Problem, near: LikelihoodFit) -> LikelihoodFit:
 
 
 def log_evidence(fit: LikelihoodFit) -> float:
-    """Log marginal likelihood by Laplace's formula, up to what all models of the same data share."""
+    """Log marginal likelihood by Laplace's formula, up to what all models of the same data share; nan of a fit
+    without a covariance."""
+    if not np.isfinite(fit.covariance).all():
+        return float("nan")
     density, x = Density(fit.problem), fit.x[None]
     # The curvature at the mode itself, where the scale of the noise is that of the mode.
     ratio = density.noise_weight(x) / fit.weight

@@ -1,4 +1,4 @@
-"""Does the model describe the measurements at all? Four criteria, each with its figures; one is enough.
+"""Does the model describe the measurements at all? Six criteria, each with its figures; one is enough.
 
 An interval follows from the noise and from the model. Where the model is not the arm, no status can be relied
 on, however small the standard uncertainties. So a misfit is decided beside the statuses, by what the
@@ -8,9 +8,12 @@ statuses do not see:
     noise factor         an estimated noise that is beyond what the header calls plausible
     prior                estimates that contradict what is known of them beforehand
     placements           offsets that differ from placement to placement by more than each scatters
+    moved target         a target that was displaced between two measurements
+    steps                measurements of one recording that are off together, as if the target had slipped
 
-The last one needs no stated noise: its yardstick is the scatter within the placements, so that a misfit
-cannot vanish into a noise that is estimated from the very residuals that it causes.
+Placements and steps need no stated noise: their yardstick is the scatter within the placements and
+recordings, so that a misfit cannot vanish into a noise that is estimated from the very residuals that it
+causes.
 """
 
 from __future__ import annotations
@@ -24,9 +27,11 @@ import scipy
 
 from ..model.arrays import Matrix
 from ..model.likelihood.problem import Problem, rms_length
+from .displacement import Displacement
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.identifiability import Identified
 from .placements import placements
+from .recordings.steps import RecordingStep
 from .status import LACK_OF_FIT, UnsoundResult, known
 
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
@@ -37,7 +42,6 @@ DISAGREES = 1.6
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 
 Geometry = Literal["nominal", "estimated"]
-Kind = Literal["chi2", "noise_factor", "prior", "placements"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class LackOfFit:
     """The residuals are `factor` times what the stated noise explains; `rms_mm` None where that is not at
     hand. `with_priors`: together with the scaled parameters, as no number is left over to test alone."""
 
-    kind: ClassVar[Kind] = "chi2"
+    kind: ClassVar[str] = "chi2"
 
     chi2: float
     dof: int
@@ -65,7 +69,7 @@ class ImplausibleNoise:
     """An estimated noise `factor` whose 99.8 % `interval` lies beyond `plausible` times the stated noise, or
     below 1 over it: that of all readings, of the joints, or of the spot."""
 
-    kind: ClassVar[Kind] = "noise_factor"
+    kind: ClassVar[str] = "noise_factor"
 
     of: Literal["all", "joint", "spot"]
     factor: float
@@ -86,7 +90,7 @@ class OffPrior:
 class BeyondPrior:
     """Parameters whose estimates are beyond `limit` prior stds."""
 
-    kind: ClassVar[Kind] = "prior"
+    kind: ClassVar[str] = "prior"
 
     parameters: tuple[OffPrior, ...]
     limit: float = BEYOND_PRIOR
@@ -98,7 +102,7 @@ class PlacementsDisagree:
     square that they explain (`rank` degrees of freedom) over the mean square left within the placements
     (`dof`); `most` is the placement whose own offsets explain most."""
 
-    kind: ClassVar[Kind] = "placements"
+    kind: ClassVar[str] = "placements"
 
     placements: tuple[str, ...]
     most: str
@@ -109,7 +113,7 @@ class PlacementsDisagree:
     geometry: Geometry = "nominal"
 
 
-Criterion = LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree
+Criterion = LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree | Displacement | RecordingStep
 
 
 @dataclass(frozen=True)
@@ -123,22 +127,21 @@ class Misfit:
             raise UnsoundResult("a misfit by no criterion")
 
 
-def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values adjusted for being the least of so many (Holm, Scand. J. Statist. 6, 1979)."""
-    raised, adjusted = 0.0, [0.0] * len(p_values)
-    for k, i in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
-        raised = max(raised, min(1.0, (len(p_values) - k) * p_values[i]))
-        adjusted[i] = raised
-    return adjusted
-
-
-def misfit_of(fit: LikelihoodFit, identified: Identified) -> Misfit | None:
-    """What speaks against the model at a converged fit; None where nothing does."""
+def misfit_of(
+    fit: LikelihoodFit,
+    identified: Identified,
+    moved: Displacement | None = None,
+    steps: Sequence[RecordingStep] = (),
+) -> Misfit | None:
+    """What speaks against the model at a converged fit; None where nothing does. `moved` is a significant
+    displacement of a target, `steps` are the significant steps of the recordings."""
     criteria: tuple[Criterion, ...] = (
         *_lack_of_fit(fit, identified.facts.rank),
         *_implausible_noise(fit, identified),
         *_beyond_prior(fit, identified),
         *_disagreement(fit),
+        *(() if moved is None else (moved,)),
+        *steps,
     )
     return Misfit(criteria) if criteria else None
 

@@ -35,10 +35,12 @@ from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, U
 from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
 from .recordings.recordings import Effective
+from .recordings.steps import RecordingSteps, steps
 from .status import (
     Status,
     UnsoundResult,
     Verdict,
+    coverage_factor,
     known,
     require_no_more_than,
     verdict_of,
@@ -63,6 +65,7 @@ class ParameterResult:
     `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
     eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
     part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
+    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
@@ -80,6 +83,7 @@ class ParameterResult:
     midpoint: float | None
     cause: Cause | None
     tolerance_share: float | None = None
+    tolerated: bool = False
 
     def __post_init__(self) -> None:
         if self.held != (self.status == "held"):
@@ -184,7 +188,14 @@ class Solution:
     @cached_property
     def misfit(self) -> Misfit | None:
         """Why the model does not describe the measurements; None where it does, or without an answer."""
-        return misfit_of(self.fit, self.identified) if self.converged else None
+        if not self.converged:
+            return None
+        steps = self.recording_steps.rows
+        # A target that was off for some measurements only has not moved: its step says so.
+        moved = self.moved_target
+        if moved is not None and moved.at.target in {step.target for step in steps}:
+            moved = None
+        return misfit_of(self.fit, self.identified, moved, steps)
 
     @cached_property
     def status(self) -> tuple[Status, ...]:
@@ -207,15 +218,19 @@ class Solution:
         return moved if moved is not None and moved.significant else None
 
     @property
-    def contradictions(self) -> tuple[Criterion | Displacement, ...]:
-        """What contradicts the model: the criteria of the misfit, and a target that has moved."""
-        criteria = () if self.misfit is None else self.misfit.criteria
-        return criteria if self.moved_target is None else (*criteria, self.moved_target)
+    def contradictions(self) -> tuple[Criterion, ...]:
+        """What contradicts the model: the criteria of the misfit, if there is one."""
+        return () if self.misfit is None else self.misfit.criteria
 
     @property
     def consistent(self) -> bool:
         """Nothing contradicts the model."""
-        return not self.contradictions
+        return self.misfit is None
+
+    @cached_property
+    def recording_steps(self) -> RecordingSteps:
+        """The significant steps inside the recordings; none without an answer."""
+        return steps(self.fit, self.link_columns)
 
     @property
     def null_space(self) -> tuple[NullDirection, ...]:
@@ -284,6 +299,11 @@ class Solution:
             return float(scipy.special.stdtrit(self.dof, 0.975))
         return NORMAL_95
 
+    @property
+    def coverage_factor(self) -> float:
+        """k of an expanded uncertainty U."""
+        return coverage_factor(self.problem.noise.estimated, self.dof)
+
     @cached_property
     def std(self) -> Matrix:
         """(p,) internal units; nan where held or not determined."""
@@ -346,6 +366,8 @@ class Solution:
         status, value = self.status[i], float(self.fit.x[i])
         determined = known(status)
         data_std = item.shown_std(value, float(self.identified.data_std[i]))
+        by_tolerances = float(self._tolerance_share[i]) if determined and self._tolerated else None
+        cause = cause_for(self.null_space, item, status, by_tolerances)
         return ParameterResult(
             name=item.name,
             unit=item.unit,
@@ -358,8 +380,9 @@ class Solution:
             interval95=self.interval(i) if determined else None,
             prior_std=item.shown_prior[1],
             midpoint=None,
-            cause=cause_for(self.null_space, item, status) if self.converged or item.held else Unconverged(),
-            tolerance_share=float(self._tolerance_share[i]) if determined and self._tolerated else None,
+            cause=cause if self.converged or item.held else Unconverged(),
+            tolerance_share=by_tolerances,
+            tolerated=item.tolerated,
         )
 
     @property
@@ -421,13 +444,13 @@ def require_noise_data(problem: Problem) -> None:
 
 def too_few_for_noise(problem: Problem) -> BadInput:
     """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
-    free = int(problem.parameters.free.sum())
-    counts = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
-    links = f", {len(problem.tolerated)} of them of the geometry" if len(problem.tolerated) else ""
+    numbers = f"{problem.measured_size:g} numbers from {problem.shots} measurements"
+    links = len(problem.tolerated)
+    within = f", and {links} parameters of geometry and tool deviate within their tolerances" if links else ""
     return BadInput(
         "the noise scale cannot be estimated from so few measurements",
-        found=counts + links,
-        allowed="more numbers than unknowns",
+        found=f"{numbers} for {problem.parameters.without_tolerance} unknowns{within}",
+        allowed="more numbers than unknowns" + (" and deviations can fit exactly" if links else ""),
         remedy="record more measurements, or state noise.scale: known",
     )
 

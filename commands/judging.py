@@ -60,9 +60,8 @@ def demo(
     from ..model.files.run import read_run
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_side_by_side
-    from ..reports.terminal.check import print_verdict
-    from ..words.findings import headline
-    from ..words.wording import person
+    from ..reports.terminal.check import print_message
+    from ..words.message import message
 
     cases = demo_runs()
     for case in cases:
@@ -76,7 +75,7 @@ def demo(
     print_side_by_side(out, [case.title for case in cases], answers)
     for case, answer in zip(cases, answers, strict=True):
         out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
-        print_verdict(out, answer.verdict, headline(answer, person))
+        print_message(out, answer.verdict, message(answer))
         say(f"Report: {folder / case.name / 'report.html'}")
 
 

@@ -53,7 +53,10 @@ def plan(
     ] = None,
     header: Annotated[
         Path | None,
-        typer.Option(help="Header file (.yaml): robot, tool, noise; not for verify.", show_default=False),
+        typer.Option(
+            help="Header file (.yaml): robot, tool, noise; or a run file (.jsonl). Not for verify.",
+            show_default=False,
+        ),
     ] = None,
     target: Annotated[
         str | None,
@@ -125,10 +128,11 @@ def plan(
     from ..model.files.plan import read_plan
     from ..model.files.plan_file import Obstacles
     from ..model.files.robot_file import robot_path
+    from ..model.files.run import header_of_run
     from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 
-    shared_header = read_header(header)
+    shared_header = header_of_run(header) if header.suffix == ".jsonl" else read_header(header)
     refuse_existing(
         file, force=force, keep=[header, obstacles, robot_path(shared_header.robot, header.parent)]
     )

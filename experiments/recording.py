@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,10 +18,11 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
-from ..words.findings import finding_sentence, headline_so_far
+from ..words.message import headline_so_far, message_so_far
+from ..words.misfit import criterion_sentence
 from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
-from ..words.wording import listed, person
+from ..words.wording import listed
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Ended, KnownOffset, Listener, RunOpened
 from .procedure.order import Adaptive, InTurn, Order, WithClosing
@@ -360,11 +361,12 @@ def _answer(
         numbers = listed([str(number) for number in result.missing], 99)
         be = "is" if len(result.missing) == 1 else "are"
         incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
+    said = message_so_far(state, file.name, header)
     return Ended(
         file=file.name,
         verdict=state.verdict,
         headline=incomplete + headline_so_far(state),
-        person_headline=incomplete + headline_so_far(state, person),
+        message=replace(said, verdict=incomplete + said.verdict),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
             for row in state.offsets
@@ -376,8 +378,9 @@ def _answer(
         saved=None if why is None else len(saved),
         why=why,
         seconds={name: round(value, 3) for name, value in result.seconds.items()},
-        notes=(*notes, *(finding_sentence(finding) for finding in state.contradictions)),
+        notes=(*notes, *map(criterion_sentence, state.contradictions)),
         geometry=state.geometry(plan.header),
         true=true_values(header.provenance),
         missing=result.missing,
+        coverage_factor=state.coverage_factor,
     )

@@ -12,25 +12,22 @@ from typing import TYPE_CHECKING, Any
 
 from ..analysis.analyse import Analysis
 from ..analysis.estimation.robust import Loss
-from ..analysis.solution import ParameterResult, ParameterTable
+from ..analysis.solution import ParameterTable
 from ..model.arrays import Progress
 from ..model.errors import BadInput, missing_extra
 from ..model.files.run import Run
 from ..reports.output.html import card, text
 from ..reports.output.posterior_file import write_posterior
-from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_picture, offsets_worth, worth_column
+from ..reports.run.parameters import offsets_picture, offsets_table
 from ..reports.run.posterior_summary import posterior_picture
 from ..reports.run.report import ReportPaths, write_report
 from ..reports.run.residuals import residuals_picture
 from ..reports.run.run_scene import run_turnable
-from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
-from ..words import numbers
-from ..words.findings import headline, likelihood_message, posterior_message
-from ..words.fit import report_notes
-from ..words.numbers import unit_of
+from ..reports.style.blocks import Page, Verdict
+from ..words.findings import likelihood_message, posterior_message
+from ..words.message import message
 from ..words.result_json import to_json
-from ..words.verdict import VERDICT_WORDS
-from ..words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
+from ..words.wording import clipped, counted
 from .arguments import require_choice, require_kind, require_number
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView
@@ -173,20 +170,20 @@ class Analysed(Analysis):
         return to_json(self.result)
 
     def __repr__(self) -> str:
-        return text(self._page(), offset_table(self))
+        return text(self._page(), offsets_table(self.result))
 
     def _repr_html_(self) -> str:
-        return card(self._page(), [offset_table(self)])
+        return card(self._page(), [offsets_table(self.result)])
 
     def _page(self) -> Page:
         inputs = self.result.inputs
-        worth = offsets_worth(self.result)
         return Page(
             f"Solution of {clipped(inputs.run, 60)}",
             f"{counted(inputs.shots, 'measurement')}, {clipped(inputs.robot)}",
-            Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(headline(self.result, person))),
-            [*report_notes(self.result), *([] if worth is None else [worth])],
+            Verdict(self.verdict, "", ""),
             [],
+            [],
+            message=message(self.result),
         )
 
 
@@ -293,34 +290,3 @@ def analyse(
     if isinstance(held_out, str):
         held_out = (held_out,)
     return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
-
-
-def offset_table(solution: Analysed) -> Table:
-    """The offsets with their expanded uncertainties; words where there is no number."""
-    k = numbers.significant(solution.quantile, 3)
-    columns = [("offset", "left"), (f"estimate ± U (k = {k})", "right"), ("status", "left")]
-    caption = offsets_caption(row.status for row in solution.offsets)
-    rows = [_row(row, solution.quantile) for row in solution.offsets]
-    if offsets_worth(solution.result) is not None:
-        worth, of = worth_column(solution.result.geometry)
-        columns += [("u", "right"), (worth, "right")]
-        rows = [
-            Row((*shown.cells, Cell(_u(row)), Cell(of(row))), shown.tone)
-            for shown, row in zip(rows, solution.offsets, strict=True)
-        ]
-    return table_of(caption, columns, rows)
-
-
-def _row(row: ParameterResult, k: float) -> Row:
-    name, word, unit = label(row.name), Cell(row.status, mark=row.status), unit_of(row.unit)
-    if row.held and row.estimate is not None:
-        return row_of(name, f"held at {numbers.exact(row.estimate, unit)}", word, tone=row.status)
-    if row.estimate is None or row.u is None:
-        return row_of(name, NOT_DETERMINED, word, tone=row.status)
-    half = k * row.u
-    interval = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
-    return row_of(name, interval, word, tone=row.status)
-
-
-def _u(row: ParameterResult) -> str:
-    return NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..analysis.answer.findings import FileWarning, OtherBasins
-from ..analysis.displacement import Displacement
-from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
 from ..analysis.repeatability.compare import Comparison
 from ..analysis.repeatability.consistency import LEVEL, of_a_std
 from ..analysis.repeatability.repeat import (
@@ -16,7 +14,6 @@ from ..analysis.repeatability.repeat import (
     SharedTolerances,
     StatedMisfit,
 )
-from .findings import displacement_sentence
 from .misfit import criterion_sentence
 from .numbers import p_words
 from .wording import be, listed
@@ -127,12 +124,8 @@ def notes(compared: Comparison) -> Iterator[str]:
 def sentence_of(finding: RunFinding) -> str:
     """What was found of a run, to follow its name and a colon."""
     match finding:
-        case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
-            return criterion_sentence(finding)
         case StatedMisfit(text):
             return text
-        case Displacement():
-            return displacement_sentence(finding)
         case OtherBasins():
             return "other offsets fit it nearly as well"
         case SharedDistances():
@@ -152,6 +145,8 @@ def sentence_of(finding: RunFinding) -> str:
             )
         case FileWarning(text):
             return text
+        case _:
+            return criterion_sentence(finding)
 
 
 def _hint_of_a_drift(comparison: Comparison) -> Iterator[str]:

@@ -19,51 +19,17 @@ from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
-from ..analysis.displacement import Displacement
-from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
-from ..analysis.observability.causes import Cause, NullDirection
+from ..analysis.observability.causes import Cause
 from ..analysis.posterior.posterior import PosteriorSummary
-from ..analysis.solution import ParameterTable, Solution
-from .misfit import criterion_sentence, misfit_headline
+from .misfit import criterion_sentence
 from .observability import reason
-from .verdict import verdict_sentence
 from .wording import Namer, be, listed
 
 MOST_NAMED = 10
-_NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
-_MOST_EXPLANATIONS = 3
-
-
-def headline(result: Result, name: Namer = str) -> str:
-    """The verdict in one or two sentences, with the reason where it is not a pass; `name` writes names."""
-    if not result.likelihood.converged:
-        return _no_fit(result.likelihood.reason)
-    return _headline(result.parameters, result.identifiability.null_space, result.misfit, name)
-
-
-def solution_headline(solution: Solution, name: Namer = str) -> str:
-    """The same of a fit alone."""
-    if not solution.converged:
-        return _no_fit(solution.fit.reason)
-    return _headline(solution.parameters, solution.null_space, solution.misfit, name)
-
-
-def headline_so_far(solution: Solution, name: Namer = str) -> str:
-    """The same while measurements are being made."""
-    if not solution.converged:
-        return "These measurements determine no offset yet."
-    return solution_headline(solution, name)
-
-
-def _no_fit(why: str) -> str:
-    return f"The fit did not converge ({why}): no offset is reported."
-
-
-def _headline(
-    parameters: ParameterTable, null_space: Sequence[NullDirection], misfit: Misfit | None, name: Namer
-) -> str:
-    sentence = verdict_sentence(parameters, null_space, name)
-    return sentence if misfit is None else f"{misfit_headline(misfit, name)} {sentence}".rstrip()
+_USELESS = {
+    "nothing known": "no parameter is identifiable",
+    "misfit": "the model does not describe the measurements",
+}
 
 
 def notes(result: Result) -> tuple[str, ...]:
@@ -76,8 +42,6 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
     match finding:
         case NotConverged(reason=why):
             return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
-        case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
-            return criterion_sentence(finding, name)
         case OtherBasins(count, undecided):
             sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
             what = "What differs between them is unidentifiable; the rest" if undecided else "The one"
@@ -98,8 +62,6 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
                 f" {listed([name(each) for each in parameters], MOST_NAMED)} differs from the curvature at"
                 " the mode: sample it before you rely on these intervals"
             )
-        case Displacement():
-            return displacement_sentence(finding)
         case HeldOutMisfit(targets, rms_mm, factor):
             return (
                 f"At the held-out targets ({listed(list(targets))}) the residuals ({rms_mm:.2f} mm rms) are"
@@ -121,38 +83,12 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             )
         case FileWarning(text):
             return text
+        case _:
+            return criterion_sentence(finding, name)
 
 
 def _measurements(numbers: Sequence[int]) -> str:
     return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
-
-
-def displacement_sentence(moved: Displacement) -> str:
-    """What a reader must know of a significant moved, and what to do."""
-    p_value = f"= {moved.p_value:.0e}" if moved.p_value > _NEVER else f"< {_NEVER:.0e}"
-    others = [
-        f"{point.target} moved between {point.after_shot} and {point.before_shot}"
-        for point in moved.elsewhere[:_MOST_EXPLANATIONS]
-    ]
-    if moved.alone is not None:
-        others.append(f"measurement {moved.alone} alone is wrong")
-    doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
-    return (
-        f"Target {moved.at.target} seems to have moved{_by(moved)} between measurements"
-        f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}).{doubt} Discard the measurements"
-        " before or after, or give them another target name"
-    )
-
-
-def _by(moved: Displacement) -> str:
-    if moved.size_mm is not None and moved.size_std_mm is not None:
-        return f" by {moved.size_mm:.1f} ± {moved.size_std_mm:.1f} mm"
-    along = [
-        f"{shift:.1f} ± {std:.1f} mm along {axis}"
-        for axis, shift, std in zip("xyz", moved.shift_mm, moved.std_mm, strict=True)
-        if shift is not None and std is not None
-    ]
-    return f" by {' and '.join(along)}" if along else ""
 
 
 def likelihood_message(fit: LikelihoodSummary) -> str | None:
@@ -168,8 +104,8 @@ def likelihood_message(fit: LikelihoodSummary) -> str | None:
 
 def posterior_message(posterior: PosteriorSummary) -> str:
     """How the sampling went."""
-    if posterior.nothing_known:
-        return "not sampled: no parameter is identifiable"
+    if posterior.useless is not None:
+        return f"not sampled: {_USELESS[posterior.useless]}"
     if posterior.omitted is not None:
         if posterior.omitted.enough:
             return (

@@ -9,9 +9,9 @@ from ..analysis.diagnostics.outliers import Robust
 from ..analysis.misfit import LackOfFit
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
-from .findings import finding_sentence, hold_out_message
+from .findings import hold_out_message
 from .misfit import criterion_sentence
-from .wording import ended, listed, person, sentence
+from .wording import listed, person, sentence
 
 
 def misfit_factor(result: Result) -> str | None:
@@ -59,15 +59,6 @@ def not_converged(fit: LikelihoodSummary) -> list[str]:
         f"The fit did not converge ({sentence(fit.reason)}): do not use its numbers. "
         "Look at the residuals for a wrong measurement, or state a better guess of target and tool."
     ]
-
-
-def report_notes(result: Result) -> list[str]:
-    """What a reader must see, the gravest first; what the headline has said is not said again."""
-    first = None if result.misfit is None else result.misfit.criteria[0]
-    notes = [
-        ended(sentence(finding_sentence(finding, person))) for finding in result.findings if finding != first
-    ]
-    return not_converged(result.likelihood) + notes
 
 
 def robust_sentence(result: Result, robust: Robust) -> str:

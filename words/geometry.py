@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from ..analysis.observability.causes import Cause, NotResolvable
@@ -36,6 +36,16 @@ class OffsetRow(Protocol):
     def tolerance_share(self) -> float | None: ...
 
 
+class _Grouped(Protocol):
+    @property
+    def group(self) -> str: ...
+
+
+def geometry_title(tolerated: Iterable[_Grouped]) -> str:
+    """The title of what is said of the parameters with tolerances."""
+    return "Geometry and tool" if any(row.group == "tool" for row in tolerated) else "Geometry"
+
+
 def tolerances_words(geometry: GeometryResult) -> str:
     """The tolerances of the links: 0.3 mm and 0.1°; of lists the smallest and the largest."""
     return f"{tolerance_words(geometry.length_mm, 'mm')} and {tolerance_words(geometry.angle_deg, 'deg')}"
@@ -51,34 +61,35 @@ def tolerance_words(tolerance: Tolerance, unit: str) -> str:
     return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
 
 
-def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow]) -> str | None:
-    """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u."""
+def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: float = 1.0) -> str | None:
+    """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u. With a
+    coverage factor `k` of expanded uncertainties U."""
     std = {row.name: row.std for row in offsets if row.std is not None}
     units = {row.name: row.unit for row in offsets}
-    considered = _range(geometry.consider, units)
+    considered = _range(geometry.consider, units, k)
     if not std or considered is None:
         return None
-    present = _range(std, units)
+    present, u = _range(std, units, k), "u" if k == 1 else "U"
     if not geometry.stated:
         return (
-            f"With nominal geometry u is {present}; if the arm deviates from it by"
-            f" {tolerances_words(geometry)}, {considered}. State geometry in the header to estimate it."
+            f"With nominal geometry {u} is {present}; if the arm deviates from it by"
+            f" {tolerances_words(geometry)}, {considered}. Leave out geometry: exact to estimate it."
         )
-    half, twice = _range(geometry.at_half, units), _range(geometry.at_twice, units)
+    half, twice = _range(geometry.at_half, units, k), _range(geometry.at_twice, units, k)
     factors = "" if geometry.factors is None else ", multiplied by the factors that the data give them"
     return (
-        f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) u is"
+        f"With the geometry estimated within its tolerances ({tolerances_words(geometry)}{factors}) {u} is"
         f" {present}. With half the tolerances it would be {half or _UNKNOWN}, with twice"
         f" {twice or _UNKNOWN}; with nominal geometry, if the arm deviates from it by these tolerances,"
         f" {considered}."
     )
 
 
-def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str]) -> str | None:
-    """The smallest to the largest, by unit."""
+def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str], k: float) -> str | None:
+    """The smallest to the largest, by unit, each `k` times."""
     ranges = []
     for unit in dict.fromkeys(units[name] for name in uncertainties if name in units):
-        of_unit = [u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
+        of_unit = [k * u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
         if not of_unit:
             continue
         low, high = (numbers.spread(end, unit) for end in (min(of_unit), max(of_unit)))
@@ -161,10 +172,11 @@ def check_lines(check: Check) -> list[str]:
     if worst is not None:
         why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
         lines += [] if why is None else [why]
-    rows = [row for row in check.parameters if row.group == "geometry" and not row.held]
+    rows = [row for row in check.parameters if row.tolerated and not row.held]
     if rows:
         determined = sum(row.std is not None for row in rows)
         lines.append(
-            f"Geometry: {determined} of {len(rows)} parameters will be determined, the others prior only."
+            f"{geometry_title(rows)}: {determined} of {len(rows)} parameters will be"
+            " determined, the others prior only."
         )
     return lines

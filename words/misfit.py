@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.displacement import Displacement
 from ..analysis.misfit import (
     BeyondPrior,
     Criterion,
@@ -12,14 +15,17 @@ from ..analysis.misfit import (
     OffPrior,
     PlacementsDisagree,
 )
+from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
 from .numbers import p_words, times
-from .misfit_causes import changed
-from .wording import Namer, listed
+from .misfit_causes import CAUSES, changed
+from .wording import Namer, capital, clipped, listed
 
 UNVALIDATED = "no estimate or uncertainty of this run is validated"
 _MOST_NAMED = 8
+_MOST_ALTERNATIVES = 3
+_NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
 _LEVEL = f"{100 * (1 - 2 * LACK_OF_FIT):.1f} %"
 _NOISE = {"all": "estimated noise", "joint": "estimated noise of the joints", "spot": "estimated spot noise"}
 
@@ -68,6 +74,10 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
                 f" {criterion.dof}), {p_words(criterion.p_value)}), most of all at {criterion.most}: the"
                 f" {criterion.geometry} geometry does not describe this arm, or a placement is wrong"
             )
+        case Displacement():
+            return displacement_sentence(criterion)
+        case RecordingStep():
+            return step_sentence(criterion)
 
 
 def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
@@ -75,7 +85,49 @@ def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
     first = criterion_sentence(misfit.criteria[0], name).removeprefix("Lack of fit: ")
     more = len(misfit.criteria) - 1
     also = f" {more} more {'criterion says' if more == 1 else 'criteria say'} so." if more else ""
-    return f"{first[0].upper()}{first[1:]}.{also} {UNVALIDATED[0].upper()}{UNVALIDATED[1:]}."
+    return f"{capital(first)}.{also} {capital(UNVALIDATED)}."
+
+
+def displacement_sentence(moved: Displacement) -> str:
+    """Which target moved, when and how far, without a full stop."""
+    p_value = f"= {moved.p_value:.0e}" if moved.p_value > _NEVER else f"< {_NEVER:.0e}"
+    others = [
+        f"{point.target} moved between {point.after_shot} and {point.before_shot}"
+        for point in moved.elsewhere[:_MOST_ALTERNATIVES]
+    ]
+    if moved.alone is not None:
+        others.append(f"measurement {moved.alone} alone is wrong")
+    doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
+    return (
+        f"Target {clipped(moved.at.target)} seems to have moved{_by(moved)} between measurements"
+        f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}){doubt}"
+    )
+
+
+def _by(moved: Displacement) -> str:
+    if moved.size_mm is not None and moved.size_std_mm is not None:
+        return f" by {moved.size_mm:.1f} ± {moved.size_std_mm:.1f} mm"
+    along = [
+        f"{shift:.1f} ± {std:.1f} mm along {axis}"
+        for axis, shift, std in zip("xyz", moved.shift_mm, moved.std_mm, strict=True)
+        if shift is not None and std is not None
+    ]
+    return f" by {' and '.join(along)}" if along else ""
+
+
+def step_sentence(step: RecordingStep) -> str:
+    """Which measurements of a recording are off together, without a full stop."""
+    shots = measurements(step.first_shot, step.last_shot)
+    size = "" if step.size_mm is None else f" by {numbers.significant(step.size_mm, 2, 'mm')}"
+    return (
+        f"Target {clipped(step.target)} seems to have slipped: {shots} are off"
+        f" the rest of its recording{size} ({p_words(step.p_value)}, Holm-adjusted)"
+    )
+
+
+def measurements(first: int, last: int) -> str:
+    """Measurements from a number to another, by both."""
+    return f"measurement {first}" if first == last else f"measurements {first} to {last}"
 
 
 def _off(parameter: OffPrior, name: Namer) -> str:
@@ -92,12 +144,34 @@ _LESS = 0.9  # of the residuals, above which it is the estimates that a cause ex
 def explanation_sentence(tried: Explanation) -> str:
     """What is changed, and what that leaves: without a full stop."""
     left = f"{times(tried.factor)} times the noise instead of {times(tried.before)}"
-    if tried.factor > _LESS * tried.before:
-        left = (
-            f"the estimates are within {numbers.significant(tried.farthest, 2)} prior standard deviations"
-            f" instead of {times(tried.farthest_before)}; residuals {times(tried.factor)} times the noise"
-        )
+    if _explains_estimates(tried):
+        left = f"{_estimates_within(tried)}; residuals {times(tried.factor)} times the noise"
     return f"{changed(tried)}: {left}"
+
+
+def _explains_estimates(tried: Explanation) -> bool:
+    return tried.factor > _LESS * tried.before
+
+
+def _estimates_within(tried: Explanation) -> str:
+    return (
+        f"the estimates are within {numbers.significant(tried.farthest, 2)} prior standard deviations"
+        f" instead of {times(tried.farthest_before)}"
+    )
+
+
+def cause_sentence(explanations: Sequence[Explanation]) -> str:
+    """The best explanation of a misfit with its rivals, and what it leaves."""
+    best, *rivals = explanations
+    left = f"the residuals are {times(best.factor)} times the noise instead of {times(best.before)}"
+    if _explains_estimates(best):
+        left = _estimates_within(best)
+    text = f"Most likely: {CAUSES[best.cause]}. {capital(changed(best))} {left}."
+    if rivals:
+        next_best = f"{changed(rivals[0])} (evidence ratio {evidence_ratio(rivals[0])})"
+        also = [changed(rival) for rival in rivals[1:]]
+        text += f" Next best: {listed([next_best, *also], _MOST_ALTERNATIVES)}."
+    return text if best.agrees else f"{text} That alone does not explain them."
 
 
 def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
@@ -105,13 +179,10 @@ def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
     if not explanations[0].agrees:
         return "None of these alone explains the residuals to the noise: something else is wrong too."
     if len(explanations) > 1:
-        return (
-            "The measurements do not decide between these: check each. Next best by evidence:"
-            f" {changed(explanations[1])}, evidence ratio {evidence_ratio(explanations[1])}. Nothing was applied."
-        )
+        return "The measurements do not decide between these: check each. Nothing was applied."
     return "No other cause that was tried is within an evidence ratio of 1:1000. Nothing was applied."
 
 
 def evidence_ratio(rival: Explanation) -> str:
     """Of a rival to the best explanation: 1:40."""
-    return f"1:{numbers.significant(1 / rival.odds, 2) if rival.odds < 1 else 1}"
+    return f"1:{numbers.significant(max(1 / rival.odds, 1.0), 2)}"

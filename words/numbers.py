@@ -99,6 +99,11 @@ def with_unit(text: str, unit: str) -> str:
     return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")
 
 
+def coverage(k: float) -> str:
+    """The coverage factor of an expanded uncertainty U."""
+    return f"k{NO_BREAK}={NO_BREAK}{fixed(k, 2).removesuffix('.00')}"
+
+
 def symbol(unit: str) -> str:
     """A unit in the head of a column or on an axis: ° for degrees."""
     return _UNITS.get(unit, unit).strip(NO_BREAK)

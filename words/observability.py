@@ -26,21 +26,30 @@ from ..analysis.observability.causes import (
     ToolRotation,
     Unconverged,
     Unexplained,
+    WithinTolerances,
 )
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
 from ..analysis.observability.power import NOTICED, DetectionPower
+from ..model.likelihood.parameters import Group
 from ..model.likelihood.tool import ToolKind
 from . import numbers
-from .wording import Namer, label, listed, shown
+from .wording import Namer, counted, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
     " (section 3.3)"
 )
 _MOST_AT_OPTIMA = 3
+_SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated laser (section 3.1)"
+_UNKNOWN: dict[Group, str] = {
+    "offset": "offset",
+    "target": "target coordinate",
+    "tool": "tool parameter",
+    "noise": "noise factor",
+}
 
 
 def reason(cause: Cause, name: Namer = str) -> str:
@@ -48,8 +57,13 @@ def reason(cause: Cause, name: Namer = str) -> str:
     match cause:
         case Held(by="base frame") | BaseFrame():
             return _BASE_FRAME
-        case Held(by="tool rotation") | ToolRotation(tool="laser"):
+        case Held(by="tool rotation") | ToolRotation("laser", _, None):
             return _TOOL_ROTATION
+        case ToolRotation("laser", joint, float(known_to)):
+            return (
+                f"a rotation of joint {joint} is equivalent to a tilt of the laser, which is known to"
+                f" {numbers.exact(known_to, numbers.unit_of('deg'))} (tool.sigma)"
+            )
         case Held(by="first link"):
             return "it moves the arm and every target alike, as the choice of the base frame does"
         case Held(by="free tool"):
@@ -64,6 +78,15 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "not resolvable at this noise level"
         case ToleranceOnly():
             return "prior only: the measurements say no more of it than its tolerance"
+        case WithinTolerances(share, largest):
+            named = [
+                f"{name(each.name)} ({numbers.exact(each.std, numbers.unit_of(each.unit))})"
+                for each in largest
+            ]
+            return (
+                "arm and tool may deviate within their tolerances with nearly the same effect: the tolerances"
+                f" set {100 * share:.0f} % of the variance{f', most by {listed(named)}' if named else ''}"
+            )
         case TargetUnseen(target, 1):
             return f"the target {name(target)} has one measurement only"
         case TargetUnseen(target, _):
@@ -78,19 +101,25 @@ def reason(cause: Cause, name: Namer = str) -> str:
                 f"the {_tool(tool)} lies on or near the axis of joint {joint}: a rotation of that joint"
                 " hardly moves it"
             )
-        case ToolRotation(_, joint):
+        case ToolRotation(_, joint, None):
             return f"joint {joint} and a free probe tip rotate together: only the sum of both moves the tip"
+        case ToolRotation(_, joint, known_to):
+            return (
+                f"a rotation of joint {joint} is equivalent to a shift of the probe tip, which is known to"
+                f" {numbers.exact(known_to or 0.0, 'mm')} (tool.sigma)"
+            )
         case CommonMotion():
             return _common_motion(cause)
-        case ParallelAxes(first, second):
+        case ParallelAxes(first, second, angle):
+            within = f" to within {numbers.significant(angle, 2)}°" if angle > _SEEN_DEG else ""
             return (
-                f"the axes of joints {first} and {second} stay parallel, so that the measurements do not"
-                " separate their offsets"
+                f"the axes of joints {first} and {second} stay parallel{within}, so that the measurements do"
+                " not separate their offsets"
             )
         case ToolAgainstTarget():
             return "the tool rotates too little over the measurements to be separated from the target"
-        case TooFewMeasurements(measurements, numbers, unknowns, _):
-            return f"too few measurements: {measurements} give {numbers} numbers for {unknowns} unknowns"
+        case TooFewMeasurements():
+            return f"too few measurements: {_counts(cause)}"
         case OnePosition():
             return "all measurements are at one position, and a motion that keeps it is free"
         case LocalOptima():
@@ -110,6 +139,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "nothing: it is a choice of base frame and costs no accuracy"
         case Held(by="free tool"):
             return "nothing: it is part of the tool, which is estimated"
+        case ToolRotation(_, joint, float()):
+            return f"calibrate the tool better and state its tool.sigma, or hold {name(f'delta{joint}')}"
         case Held() | ToolRotation():
             joint = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
             return f"hold {joint}, or calibrate the tool separately and state it as calibrated"
@@ -120,7 +151,12 @@ def remedy(cause: Cause, name: Namer = str) -> str:
         case NotResolvable():
             return "add measurements, or measure with less noise"
         case ToleranceOnly():
-            return "add measurements in postures that differ in the joints around this link"
+            return "add measurements in postures that differ in the joints around it"
+        case WithinTolerances():
+            return (
+                "add measurements in postures that differ in every joint, or state smaller tolerances where"
+                " geometry or tool were measured"
+            )
         case TargetUnseen(target, _):
             return f"add measurements of {name(target)} from other directions"
         case NoiseSplit():
@@ -132,7 +168,7 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             )
         case CommonMotion():
             return _vary(cause)
-        case ParallelAxes(_, second):
+        case ParallelAxes(_, second, _):
             return (
                 f"add measurements that differ in the joints up to {second}: vary joint {second} by 30°"
                 " or more"
@@ -147,6 +183,18 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "add measurements in postures that differ in every joint, until one optimum is left"
         case Unexplained():
             return "add measurements in postures that differ in every joint, then check again"
+
+
+def _counts(cause: TooFewMeasurements) -> str:
+    """What measurements give and what they must determine."""
+    given = counted(cause.measurements, "measurement")
+    if cause.distances:
+        given += f" and {counted(cause.distances, 'stated distance')}"
+    gives = "gives" if cause.measurements + cause.distances == 1 else "give"
+    parts = [counted(count, _UNKNOWN[group]) for group, count in cause.unknowns.items()]
+    total = sum(cause.unknowns.values())
+    unknowns = f"{listed(parts)}, {total} in all," if len(parts) > 1 else parts[0]
+    return f"{given} {gives} {counted(cause.numbers, 'number')}; {unknowns} must be determined"
 
 
 def _tool(kind: ToolKind) -> str:

@@ -55,9 +55,14 @@ SIMULATED = "simulated"  # of the provenance key `origin`
 _TRUE = re.compile(r"true (\S+) \((?:deg|mm|1)\)")
 
 
+def is_simulated(provenance: Mapping[str, object]) -> bool:
+    """Whether no robot was measured."""
+    return provenance.get("origin") == SIMULATED
+
+
 def true_values(provenance: Mapping[str, object]) -> dict[str, float]:
     """The true values by parameter (deg, mm) that the provenance of a simulated run states; else none."""
-    if provenance.get("origin") != SIMULATED:
+    if not is_simulated(provenance):
         return {}
     matches = ((_TRUE.fullmatch(key), value) for key, value in provenance.items())
     return {

@@ -12,15 +12,16 @@ from typing import Any
 from ..analysis.answer import document
 from ..analysis.answer.result import RESULT_SCHEMA, Result
 from ..analysis.diagnostics.hold_out import PlacementResult
+from ..analysis.displacement import Displacement
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import GeometryResult
 from ..analysis.observability.identifiability import Identifiability
+from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult
 from .findings import (
     accuracy_reason,
-    headline,
     hold_out_message,
     likelihood_message,
     notes,
@@ -28,6 +29,7 @@ from .findings import (
     robust_message,
     tcp_words,
 )
+from .message import headline, message
 from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps
 from .observability import reason, remedy
@@ -39,6 +41,8 @@ _CRITERIA: dict[type, type[document.DocumentPart]] = {
     ImplausibleNoise: document.ImplausibleNoiseDocument,
     BeyondPrior: document.BeyondPriorDocument,
     PlacementsDisagree: document.PlacementsDisagreeDocument,
+    Displacement: document.MovedTargetDocument,
+    RecordingStep: document.StepDocument,
 }
 
 
@@ -53,11 +57,13 @@ def to_json(result: Result) -> dict[str, Any]:
 def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
-    steps = next_steps(result)
+    said = message(result)
+    steps = next_steps(result, said)
     entered = result.entered if steps.enter else None  # one rule for what may be entered
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
+        message=said,
         headline=headline(result),
         parameters=tuple(map(parameter_document, result.parameters)),
         without_prior=alone and document.WithoutPriorDocument.filled(alone),
@@ -186,7 +192,10 @@ def _fits(result: Result) -> document.FitsDocument:
 def _misfit(misfit: Misfit | None) -> document.MisfitDocument | None:
     if misfit is None:
         return None
-    rows = (_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one)) for one in misfit.criteria)
+    rows = []
+    for one in misfit.criteria:
+        at = one.at._asdict() if isinstance(one, Displacement) else {}
+        rows.append(_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one), **at))
     return document.MisfitDocument.model_construct(criteria=tuple(rows))
 
 

@@ -22,7 +22,7 @@ _PERHAPS = re.compile(r"[^\n -~]")
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
-_GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|alpha|d|beta|theta|gravity|cos|sin)")
+_GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|b|d|alpha|beta|theta|gravity|cos|sin)")
 _GREEK = {"alpha": "α", "beta": "β", "theta": "θ", "cos": "cos q", "sin": "sin q"}
 
 NOT_DETERMINED = "not determined by these data"
@@ -75,6 +75,11 @@ def sentence(text: str) -> str:
         rf"\S{{{LONGEST_WORD + 1},}}", lambda word: clipped(word.group(), LONGEST_WORD), shown(text)
     )
     return re.sub(r"(?<=\d) %", "\u00a0%", words)
+
+
+def capital(text: str) -> str:
+    """`text` with a capital at its beginning."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def ended(text: str) -> str:

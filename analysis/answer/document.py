@@ -34,6 +34,7 @@ from ..posterior.posterior import PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
 from ..status import Status, UnsoundResult, Verdict, known
+from .message import Message
 from .result import RESULT_SCHEMA, DistanceResult, Inputs, NextSteps
 
 Interval = tuple[float, float]
@@ -398,8 +399,38 @@ class PlacementsDisagreeDocument(DocumentPart):
     sentence: str
 
 
+class MovedTargetDocument(DocumentPart):
+    """A target that was displaced between two measurements."""
+
+    kind: Literal["moved_target"]
+    target: str
+    after_shot: int
+    before_shot: int
+    p_value: float
+    size_mm: Number
+    size_std_mm: Number
+    sentence: str
+
+
+class StepDocument(DocumentPart):
+    """Measurements of one recording that are off together."""
+
+    kind: Literal["step"]
+    target: str
+    first_shot: int
+    last_shot: int
+    size_mm: Number
+    p_value: float
+    sentence: str
+
+
 CriterionDocument = Annotated[
-    LackOfFitDocument | ImplausibleNoiseDocument | BeyondPriorDocument | PlacementsDisagreeDocument,
+    LackOfFitDocument
+    | ImplausibleNoiseDocument
+    | BeyondPriorDocument
+    | PlacementsDisagreeDocument
+    | MovedTargetDocument
+    | StepDocument,
     Field(discriminator="kind"),
 ]
 
@@ -419,6 +450,7 @@ class ExplanationDocument(DocumentPart):
     measurements: tuple[int, ...]
     factor: float
     agrees: bool
+    odds: float
     sentence: str
 
 
@@ -436,6 +468,8 @@ class ResultDocument(DocumentPart):
 
     schema_: Literal["zerobeam/result/1"] = Field(alias="schema")
     verdict: Verdict
+    message: Message
+    coverage_factor: float
     headline: str
     parameters: tuple[ParameterDocument, ...]
     without_prior: WithoutPriorDocument | None
@@ -521,6 +555,8 @@ class ReadResult(DocumentPart):
     """What is read back of a result; earlier versions lack what is optional here."""
 
     verdict: Verdict
+    message: Message | None = None
+    coverage_factor: float = 2.0
     headline: str
     parameters: tuple[ParameterDocument, ...]
     without_prior: WithoutPriorDocument | None = None

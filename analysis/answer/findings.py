@@ -11,10 +11,8 @@ import scipy
 from ..diagnostics.hold_out import HoldOut
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import OUTLYING, Robust
-from ..displacement import Displacement
 from ..misfit import Criterion
 from ..posterior.posterior import PosteriorSummary
-from ..recordings.steps import RecordingSteps
 from ..solution import Solution, undecided_names
 from ..status import LACK_OF_FIT
 
@@ -88,7 +86,6 @@ Finding = (
     | OtherBasins
     | NoPosterior
     | PoorCurvature
-    | Displacement
     | HeldOutMisfit
     | RobustNotConverged
     | Outlying
@@ -100,8 +97,7 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
     """Findings against a fit as a whole."""
     if not solution.fit.converged:
         yield NotConverged(solution.fit.reason)
-    if solution.misfit is not None:
-        yield from solution.misfit.criteria
+    yield from solution.contradictions
     if solution.fit.other_basins:
         undecided = undecided_names(solution.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
@@ -113,19 +109,13 @@ def findings(
     shots: Sequence[ShotResult],
     robust: Robust | None,
     held_out: HoldOut | None,
-    steps: RecordingSteps,
     warnings: Sequence[str],
 ) -> tuple[Finding, ...]:
-    """All of a result, the gravest first; `warnings` are those of the run's file. A target that was off for
-    some measurements only has not moved: its step is said where the recordings are (`steps`)."""
-    moved = solution.moved_target
-    if moved is not None and moved.at.target in {step.target for step in steps.rows}:
-        moved = None
+    """All of a result, the gravest first; `warnings` are those of the run's file."""
     return (
         *on_the_model(solution),
         *((NoPosterior(posterior),) if posterior.draws and not posterior.converged else ()),
         *_on_omitted(posterior),
-        *(() if moved is None else (moved,)),
         *on_held_out(held_out),
         *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
         *(FileWarning(text) for text in warnings),

@@ -24,7 +24,7 @@ from ..observability.identifiability import Identifiability
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
-from ..status import UnsoundResult, Verdict, as_grave, known, verdict_of
+from ..status import UnsoundResult, Verdict, as_grave, coverage_factor, known, verdict_of
 from .findings import Finding
 
 RESULT_SCHEMA = "zerobeam/result/1"
@@ -230,6 +230,11 @@ class Result:
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
 
+    @property
+    def coverage_factor(self) -> float:
+        """k of every expanded uncertainty U of this answer."""
+        return coverage_factor(self.likelihood.noise_scale is not None, self.likelihood.dof)
+
     @staticmethod
     def _refuse(names: set[str], what: str) -> None:
         if names:
@@ -240,7 +245,7 @@ class Result:
 
 @dataclass(frozen=True)
 class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
+    """What is to be entered of a joint: its `value` and expanded uncertainty, rounded, with units."""
 
     name: str
     value: str

@@ -23,7 +23,7 @@ from ..estimation.fit import fit_likelihood, modes, unbiased_weight
 from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
 from ..recordings.recordings import Effective
-from ..recordings.steps import RecordingSteps, steps
+from ..recordings.steps import RecordingSteps
 from ..solution import Solution
 from ..status import known
 
@@ -434,16 +434,13 @@ class PlacementResult:
     steps: RecordingSteps
 
 
-def placement_result(
-    solution: Solution, effective: Effective, rival: Matrix | None = None
-) -> PlacementResult:
-    """Of a solution's measurements at their `effective` number; `rival` is what else may explain their
-    residuals (`link_columns`)."""
+def placement_result(solution: Solution, effective: Effective) -> PlacementResult:
+    """Of a solution's measurements at their `effective` number."""
     fits = fits_without(solution)
     return PlacementResult(
         tuple(placement.name for placement in placements(solution.problem)),
         leave_one_out(solution, fits),
         jackknife(solution, fits),
         effective,
-        steps(solution.fit, rival),
+        solution.recording_steps,
     )

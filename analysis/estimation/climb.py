@@ -191,6 +191,7 @@ _TURN, _SHIFT = 0.2, 200.0  # rad, mm: the longest step of an offset, beyond whi
 _FLAT = 1e-3  # curvature, as a share of Fisher's, below which a direction is no ridge to trust
 _DIFFERENCE = 1e-3  # step of the differences, in posterior stds
 _CONVERGED = 1e-4  # size of the gradient, in posterior stds
+NOT_POSITIVE = "the information of the measurements is not positive definite to rounding"
 _STILL = 3e-3  # posterior stds: after a shorter way the curvature is as it was
 
 
@@ -273,6 +274,8 @@ class Climb:
                     True,
                     f"the gradient is {length:.1e} posterior standard deviations",
                 )
+            elif converged[row] and not np.isfinite(length):
+                converged[row], reason[row] = False, NOT_POSITIVE
             elif converged[row]:
                 converged[row] = False
                 reason[row] = f"the gradient stays at {length:.1e} posterior standard deviations"
@@ -281,7 +284,7 @@ class Climb:
     def _newton(self, minima: Minima, rows: Index) -> tuple[Matrix, Matrix, Matrix, Matrix, Index]:
         """Of these rows where Newton's steps end: v, covariance, value, size of the gradient, iterations."""
         v, iterations, of = minima.x[rows], minima.iterations[rows], self.of[rows]
-        sound = np.isfinite(minima.cost[rows])
+        sound = np.isfinite(minima.cost[rows]) & _positive(minima.curvature[rows])
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
         information = np.where(sound[:, None, None], minima.curvature[rows], curvature)
         # Of the information, not of its inverse, which rounding may leave indefinite.
@@ -381,6 +384,21 @@ def _steep(curvature: Matrix) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
+
+
+def _positive(information: Matrix) -> NDArray[np.bool_]:
+    """(W,) which of (W, f, f) have Cholesky's factor. Of residuals that are 1e10 of their noise rounding may
+    leave an information without one."""
+    result = np.ones(len(information), dtype=bool)
+    try:
+        np.linalg.cholesky(information)
+    except np.linalg.LinAlgError:
+        for row, matrix in enumerate(information):
+            try:
+                np.linalg.cholesky(matrix)
+            except np.linalg.LinAlgError:
+                result[row] = False
+    return result
 
 
 def _length(vectors: Matrix) -> Matrix:

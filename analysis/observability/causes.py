@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ...model.likelihood.parameters import HeldBy, Parameter
+from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ...model.likelihood.tool import ToolKind
 from ..status import Status
+
+MOST = 0.5  # of a variance that tolerances set: they are its reason
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,25 @@ class NotResolvable:
 
 @dataclass(frozen=True)
 class ToleranceOnly:
-    """A geometry parameter of which the measurements say no more than its tolerance."""
+    """A parameter of geometry or tool of which the measurements say no more than its tolerance."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What a parameter of geometry or tool is known to: `std` in its `unit`."""
+
+    name: str
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class WithinTolerances:
+    """What the arm and tool may deviate within their tolerances has the same effect: `share` (0 to 1) of the
+    variance is set by them, most by `largest`."""
+
+    share: float
+    largest: tuple[Tolerance, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,10 +88,12 @@ class OnAxis:
 
 @dataclass(frozen=True)
 class ToolRotation:
-    """The last joint and a free tool rotate together (section 3.1 of the paper)."""
+    """The last joint and the tool rotate together (section 3.1 of the paper): a free one, or one that is
+    `known_to` a sigma (degrees of a laser's direction, mm of a probe's tip)."""
 
     tool: ToolKind
     joint: int
+    known_to: float | None = None
 
 
 @dataclass(frozen=True)
@@ -93,10 +115,11 @@ class CommonMotion:
 
 @dataclass(frozen=True)
 class ParallelAxes:
-    """The axes of the joints `first` and `second` stay parallel."""
+    """The axes of the joints `first` and `second` stay parallel, to within `angle_deg`."""
 
     first: int
     second: int
+    angle_deg: float
 
 
 @dataclass(frozen=True)
@@ -106,11 +129,13 @@ class ToolAgainstTarget:
 
 @dataclass(frozen=True)
 class TooFewMeasurements:
-    """`numbers` from `measurements` for `unknowns`; `needed` measurements at the least."""
+    """`measurements` and stated `distances` give `numbers`, fewer than the unknowns that they must determine:
+    so many of each group. `needed` measurements at the least."""
 
     measurements: int
+    distances: int
     numbers: int
-    unknowns: int
+    unknowns: dict[Group, int]
     needed: int
 
 
@@ -150,6 +175,7 @@ Cause = (
     | NotTheModel
     | NotResolvable
     | ToleranceOnly
+    | WithinTolerances
     | TargetUnseen
     | BaseFrame
     | NoiseSplit
@@ -168,6 +194,7 @@ Cause = (
 @dataclass(frozen=True)
 class NullDirection:
     """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
+    What has a tolerance has no part in it: it is known up to that, whatever the data say.
 
     `data_std` is its std without prior, in prior stds along it; None for an exact gauge.
     Of the kind `optima` it is the way from the best local optimum to another, and `data_std` its length.
@@ -199,12 +226,22 @@ def _share(direction: NullDirection, name: str) -> float:
     return abs(weights[name]) * direction.data_std / math.hypot(*weights.values())
 
 
-def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Status) -> Cause | None:
-    """Why a parameter has no number, or a poor one; None for an identified one."""
+def cause_for(
+    null_space: Sequence[NullDirection], item: Parameter, status: Status, tolerance_share: float | None = None
+) -> Cause | None:
+    """Why a parameter has no number, or a poor one; None for an identified one.
+
+    `tolerance_share` (0 to 1) is the part of its variance that the tolerances set.
+    """
     if item.held_by is not None:
         return Held(item.held_by)
-    if item.group == "geometry" and status == "unidentifiable":
+    if item.tolerated and status == "unidentifiable":
         return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()
-    return None if status == "identified" else worst_direction(null_space, item.name).cause
+    if status == "identified":
+        return None
+    cause = worst_direction(null_space, item.name).cause
+    if isinstance(cause, NotResolvable) and tolerance_share is not None and tolerance_share >= MOST:
+        return WithinTolerances(tolerance_share)
+    return cause

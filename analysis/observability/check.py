@@ -72,7 +72,7 @@ class Violation:
 @dataclass(frozen=True)
 class CheckedParameter:
     """One unknown before the shots: `data_std` None for an exact gauge or a held one; `std` what the
-    calibration will know it to, None where it cannot know it."""
+    calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance."""
 
     name: str
     unit: str
@@ -84,6 +84,7 @@ class CheckedParameter:
     prior_std: float
     cause: Cause | None
     tolerance_share: float | None = None
+    tolerated: bool = False
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, std=self.std)
@@ -257,6 +258,7 @@ class Check:
         rows = []
         for i, item in enumerate(parameters.items):
             status, data_std = identified.status[i], float(identified.data_std[i])
+            by_tolerances = float(share[i]) if known(status) and len(problem.tolerated) else None
             rows.append(
                 CheckedParameter(
                     name=item.name,
@@ -267,8 +269,9 @@ class Check:
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
                     std=float(std[i]) * item.display if known(status) else None,
                     prior_std=item.prior_std * item.display,
-                    cause=cause_for(identified.facts.null_space, item, status),
-                    tolerance_share=float(share[i]) if known(status) and len(problem.tolerated) else None,
+                    cause=cause_for(identified.facts.null_space, item, status, by_tolerances),
+                    tolerance_share=by_tolerances,
+                    tolerated=item.tolerated,
                 )
             )
         return cls(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
-from .aim import HIT_MM, aim, joint_scale, moving_joints
+from .aim import HIT_MM, Aimed, aim, at_one_position, at_rest, joint_scale, moving_joints
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements come to hit by small steps only
@@ -29,10 +29,10 @@ _AIMED_AT_ONCE = 5000  # shots: more are no faster
 class Gauge:
     """The Jacobian of measurements that hit at a point, and its null space.
 
-    `aimed` has the shots there, `jacobian` is A (M, f); `basis` (f, g) spans its null space and `part` (f,)
-    says which parameters have a part in that. `dimension` of it are confirmed near by: an exact gauge, in
-    which those of `exact_part` (f,) have a part. `spanned` (g,) says which geometry parameters do nothing
-    that the other parameters cannot do.
+    `aimed` has the shots there, `jacobian` is A (M, f). A tolerance is a row of A, so only the m parameters
+    without one can have a part in the null space: `basis` (m, g) spans it and `part` (m,) says which have.
+    `dimension` of it are confirmed near by: an exact gauge, in which those of `exact_part` (m,) have a part.
+    `spanned` (t,) says which parameters with a tolerance do nothing that the others cannot do.
     """
 
     aimed: Problem
@@ -48,9 +48,9 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower."""
     aimed, jacobian, hit = information_root(problem, x, weight)
     tolerated = problem.parameters.tolerated[problem.parameters.free]
-    null = _null_space(jacobian)
+    null = _null_space(jacobian, tolerated)
     taken_up = [spanned(jacobian, tolerated)]
-    followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
+    followed = _followed(aimed, x, hit, _weights(problem) > 0)
     if followed:
         near_by = []
         if null.size or tolerated.any():
@@ -66,7 +66,7 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
         if lowest_rank is not None and lowest_rank.null.size > null.size:
             # Judged where the true values may just as well be, and where the rank is lower.
             aimed, jacobian, _ = information_root(problem, lowest_rank.x, weight)
-            null = _null_space(jacobian, _ROUNDING_SPECIAL)
+            null = _null_space(jacobian, tolerated, _ROUNDING_SPECIAL)
     dimension, exact_part = _confirm(null, near_by, followed)
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
     every = np.any(taken_up, axis=0)
@@ -89,19 +89,31 @@ def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Proble
 def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple[Problem, Matrix, Mask]]:
     """`information_root` at many points (k, p), whose shots are aimed side by side.
 
-    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
+    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes. So is what
+    a joint at rest varies by.
     """
     centred, shots = problem.moved(problem.joints, np.zeros_like(problem.spots)), problem.shots
     weights, at_once = moving_joints(problem.joints), max(1, _AIMED_AT_ONCE // max(shots, 1))
+    rest = at_rest(problem) & (weights > 0)
     roots = []
     for some in (xs[i : i + at_once] for i in range(0, len(xs), at_once)):
         every = centred.select(np.tile(np.arange(shots), len(some)))
         aimed = aim(every, np.repeat(some, shots, axis=0), weights)
         for k, x in enumerate(some):
             rows = slice(k * shots, (k + 1) * shots)
-            there = centred.moved(aimed.problem.joints[rows])
-            roots.append((there, _root(there, x, weight), aimed.hit[rows]))
+            there, hit = centred.moved(aimed.problem.joints[rows]), aimed.hit[rows]
+            if rest.any():
+                still = at_one_position(
+                    Aimed(there, aimed.off_mm[rows], hit, aimed.ahead[rows]), x, rest, weights
+                )
+                there, hit = still.problem, still.hit
+            roots.append((there, _root(there, x, weight), hit))
     return roots
+
+
+def _weights(problem: Problem) -> Matrix:
+    """(n,) weights by which recorded shots may be moved, 0 of joints at rest."""
+    return np.where(at_rest(problem), 0.0, moving_joints(problem.joints))
 
 
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
@@ -124,7 +136,7 @@ def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
 
 @dataclass(frozen=True, eq=False)
 class _NullSpace:
-    """Numerical null space: an orthonormal `basis` (f, g), and (f,) which parameters have a `part` in it."""
+    """Numerical null space: an orthonormal `basis` (m, g), and (m,) which parameters have a `part` in it."""
 
     basis: Matrix
     part: Mask
@@ -134,13 +146,15 @@ class _NullSpace:
         return int(self.basis.shape[1])
 
 
-def _null_space(jacobian: Matrix, rounding: float = ROUNDING) -> _NullSpace:
-    """The null space of A (M, f), judged on columns of unit length.
+def _null_space(jacobian: Matrix, tolerated: Mask, rounding: float = ROUNDING) -> _NullSpace:
+    """The null space of A (M, f) by the m parameters without a tolerance, judged on columns of unit length.
 
     So are the parts in it: on them rounding turns a null vector by no more than its share of the smallest
     singular value that is not null, and a part larger than that is one. A small share of a large prior, as a
     target's, can be all that the data leave open of it, and leaves it open without a bound.
     """
+    # The tolerances are the last rows, and keep what has one out of it.
+    jacobian = jacobian[: len(jacobian) - int(tolerated.sum()), ~tolerated]
     size = jacobian.shape[1]
     length = np.linalg.norm(jacobian, axis=0)
     # A column that is rounding altogether must not be blown up to unit length.
@@ -161,9 +175,9 @@ def _null_space(jacobian: Matrix, rounding: float = ROUNDING) -> _NullSpace:
 
 
 def spanned(jacobian: Matrix, tolerated: Mask) -> Mask:
-    """(g,) which geometry parameters do to the data what the others that are free can do as well.
+    """(t,) which parameters with a tolerance do to the data what the others that are free can do as well.
 
-    From A (M, f), of which the last g rows are the tolerances. Rounding hides it in a std: one direction that
+    From A (M, f), of which the last t rows are the tolerances. Rounding hides it in a std: one direction that
     the data see a million times better than a tolerance is enough.
     """
     count = int(tolerated.sum())
@@ -228,7 +242,7 @@ def _near_by(
     point, the smaller the part of what has none at x. Where shots cannot be followed they need not be the
     same; fewer joints than a residual has coordinates reach no other point then.
     """
-    weights = moving_joints(problem.joints)
+    weights, tolerated = _weights(problem), problem.parameters.tolerated[problem.parameters.free]
     if followed is None and np.count_nonzero(weights) < problem.tool.residual_size:
         return []
     # Near special points other directions at every distance.
@@ -237,6 +251,8 @@ def _near_by(
     numbered: list[tuple[int, _NearBy]] = []
     missing = list(range(points))
     for halved in range(nearer):
+        if not missing:
+            break
         tried = missing
         steps = [_step(problem, rng, target_mm) for _ in tried]
         others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved
@@ -246,7 +262,9 @@ def _near_by(
             same = False
             if still[hit].all():
                 same = followed is not None and _same_shots(followed, x, other, hit, weights)
-                numbered.append((k, _NearBy(other, jacobian, _null_space(jacobian, rounding), same)))
+                numbered.append(
+                    (k, _NearBy(other, jacobian, _null_space(jacobian, tolerated, rounding), same))
+                )
             if not (same or (followed is None and still[hit].all())):
                 missing.append(k)
     return [point for _, point in sorted(numbered, key=lambda pair: pair[0])]
@@ -281,7 +299,7 @@ def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Ma
 
 
 def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, Mask]:
-    """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space
+    """Dimension of the exact gauge and (m,) which parameters have a part in it, from the null space
     at the point judged and those near by.
 
     What is null at one point must be null near by too, for the same shots; where more is null than there, the

@@ -4,24 +4,30 @@
 Everything follows from A, the Jacobian of the whitened residuals by the scaled parameters, taken at
 measurements that hit. There is no pseudo-inverse here: where the data say nothing, the answer is None.
 
+What has a tolerance (geometry, a calibrated tool) is known up to that, so it is noise that the measurements
+share: it is eliminated from A, and directions are of what the measurements alone must determine. So the
+reasons of a nominal arm are those of an uncertain one.
+
 The cause of a direction is tested, not guessed. A mechanism is a set of parameters that can move together
 without changing the residuals. It explains a null-space direction if a direction within that set alone is
-null (or as nearly null) too."""
+null (or as nearly null) too, with all other parameters known."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.likelihood.parameters import Parameter, Parameters
+from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
 from ..status import Status
 from .causes import (
+    MOST,
     BaseFrame,
     Cause,
     CommonMotion,
@@ -31,25 +37,29 @@ from .causes import (
     OnePosition,
     ParallelAxes,
     TargetUnseen,
+    Tolerance,
     TooFewMeasurements,
     ToolAgainstTarget,
     ToolRotation,
     Unexplained,
+    WithinTolerances,
 )
-from .gauges import PART, ROUNDING, complement, gauge_of
+from .gauges import PART, ROUNDING, Gauge, complement, gauge_of, information_roots
+from .marginal import Marginal
 
 _CONSTANT = 1e-9  # degrees or mm
 _NEARLY_CONSTANT_DEG = 10.0
 _NEARLY_CONSTANT_MM = 50.0
-_PARALLEL = 1e-9  # of the cosine
+_NEARLY_PARALLEL_DEG = 3.0
 _NO_SUPPORT = np.zeros(0, dtype=bool)
-_NO_INFORMATION = 1e-8  # on a geometry parameter, over that of its tolerance
+_NO_INFORMATION = 1e-8  # on a parameter with a tolerance, over that of its tolerance
 _AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data say no more than a unit prior
 _NEW = 1e-4  # a null direction is not named yet if this part of it is outside those named
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
+_LARGEST_TOLERANCES = 3  # of those that set a variance are named
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +89,29 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(parameters.group("noise"), NoiseSplit())
     yield Mechanism(offset(n - 1), OnAxis(problem.tool.kind, n))
     if tool.any() and free[n - 1]:
-        yield Mechanism(offset(n - 1) | tool, ToolRotation(problem.tool.kind, n))
+        yield Mechanism(offset(n - 1) | tool, _tool_rotation(problem))
     spread = np.ptp(problem.joints, axis=0) * problem.robot.display
     for k in range(1, n):
         if free[k]:
             yield Mechanism(offset(k) | targets, _common_motion(problem, spread, k))
     # Of too few measurements almost any pair of axes looks inseparable: that is no property of the axes.
-    enough = too_few_measurements(problem, int(free.sum())) is None
-    parallel = _parallel_axes(problem)
+    enough = too_few_measurements(problem) is None
+    angles = _angles_of_axes(problem)
     for i, j in combinations(np.flatnonzero(free[:n]), 2):
-        if enough and parallel[i, j]:
-            yield Mechanism(offset(int(i)) | offset(int(j)) | targets, ParallelAxes(int(i) + 1, int(j) + 1))
-    if tool.any():
+        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG:
+            cause = ParallelAxes(int(i) + 1, int(j) + 1, float(angles[i, j]))
+            yield Mechanism(offset(int(i)) | offset(int(j)) | targets, cause)
+    if tool.any() and not problem.tool.calibrated:
         yield Mechanism(tool | targets, ToolAgainstTarget())
+
+
+def _tool_rotation(problem: Problem) -> ToolRotation:
+    """The last joint and the tool: free, or within a stated sigma."""
+    tool = problem.tool
+    if not tool.calibrated:
+        return ToolRotation(tool.kind, problem.robot.n)
+    known_to = float(np.degrees(tool.tilt_std)) if tool.kind == "laser" else tool.shift_std
+    return ToolRotation(tool.kind, problem.robot.n, known_to)
 
 
 def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:
@@ -115,35 +135,39 @@ def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:
     )
 
 
-def _parallel_axes(problem: Problem) -> Mask:
-    """(n, n) True where two joint axes are parallel in every shot."""
+def _angles_of_axes(problem: Problem) -> Matrix:
+    """(n, n) the largest angle, deg, between two joint axes of nominal geometry over the measurements."""
     (axes,) = problem.functions.kernel("axes")(
         problem.joints, problem.split(problem.parameters.prior_mean).arm
     )
     axes = axes.reshape(-1, 3, problem.robot.n)  # the kernel gives one column without its axis
     cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
-    return np.asarray(cosine > 1 - _PARALLEL)
+    return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
 
-def unexplained(problem: Problem, size: int) -> Mechanism:
+def unexplained(problem: Problem) -> Mechanism:
     """What explains a direction that no single mechanism explains."""
-    few = too_few_measurements(problem, size)
+    few = too_few_measurements(problem)
     if few is not None:
         return few
     one_position = problem.tool.kind == "probe" and len(problem.targets) == 1
     return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
 
 
-def too_few_measurements(problem: Problem, size: int) -> Mechanism | None:
-    """The mechanism of having fewer numbers than unknowns, or None where there are enough."""
-    if problem.data_size >= size:
+def too_few_measurements(problem: Problem) -> Mechanism | None:
+    """The mechanism of having fewer numbers than unknowns, or None where there are enough. What has a
+    tolerance needs no measurement."""
+    parameters, measured = problem.parameters, problem.measured_size
+    count = int(parameters.untolerated.sum())
+    if measured >= count:
         return None
-    unknowns = size - len(problem.tolerated)  # what has a tolerance needs no measurement
-    needed = -(-unknowns // problem.tool.residual_size)
-    return Mechanism(
-        np.ones(len(problem.parameters), dtype=bool),
-        TooFewMeasurements(problem.shots, problem.measured_size, unknowns, needed),
-    )
+    by_group: dict[Group, int] = {}
+    for item in (parameters.items[i] for i in np.flatnonzero(parameters.untolerated)):
+        by_group[item.group] = by_group.get(item.group, 0) + 1
+    distances = len(problem.distances)
+    needed = -(-(count - distances) // problem.tool.residual_size)
+    cause = TooFewMeasurements(problem.shots, distances, measured, by_group, needed)
+    return Mechanism(np.ones(len(parameters), dtype=bool), cause)
 
 
 @dataclass(frozen=True)
@@ -176,53 +200,93 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     Measurements that do not hit are first turned onto their targets by the joints that vary;
     `weight` is 1 / noise scale^2, of measurements only.
     """
-    parameters, free = problem.parameters, problem.parameters.free
-    gauge_found = gauge_of(problem, x, weight)
-    jacobian, gauge = gauge_found.jacobian, gauge_found.basis
-    keep = complement(gauge)
-    _, singular, right = np.linalg.svd(jacobian @ keep, full_matrices=False)
-    floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
-    singular = np.maximum(singular, floor)
-    directions = keep @ right.T
-    if len(singular) < directions.shape[1]:
-        singular = np.append(singular, np.full(directions.shape[1] - len(singular), floor))
-    share = (directions / singular) ** 2
-    scaled_std = np.sqrt(share.sum(axis=1))
-    scaled_std = np.where(gauge_found.part, np.maximum(scaled_std, 1 / floor), scaled_std)
-    scaled_std = np.where(gauge_found.exact_part, np.inf, scaled_std)
-
-    tolerated = parameters.tolerated[free]
-    scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge_found.spanned)
+    parameters = problem.parameters
+    gauge = gauge_of(problem, x, weight)
+    tolerated = parameters.tolerated[parameters.free]
+    marginal = Marginal.of(gauge.jacobian, tolerated)
+    spectrum = _Spectrum.of(marginal.root, gauge.basis)
+    scaled_std = np.empty(len(tolerated))
+    scaled_std[~tolerated] = spectrum.std_of(np.eye(len(gauge.basis)))
+    scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
+    within = np.hypot(marginal.std, spectrum.std_of(marginal.response))
+    scaled_std[tolerated] = _without_own_tolerance(within, gauge.spanned)
     status, data_std = _statuses(parameters, scaled_std)
-    null_space = [
-        *_exact_directions(gauge_found.aimed, jacobian, gauge, gauge_found.dimension),
-        *_noise_directions(
-            gauge_found.aimed, jacobian, directions, singular, share, status, gauge_found.exact_part
-        ),
-    ]
-    size = int(free.sum())
-    spectrum = np.append(singular, np.zeros(gauge.shape[1]))
+    judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
+    singular = spectrum.of_all
     facts = Identifiability(
-        rank=_rank(jacobian, tolerated),
-        size=size,
-        condition=None if gauge.shape[1] else float(spectrum.max() / spectrum.min()),
-        observability=observability(spectrum, problem.shots),
-        null_space=tuple(null_space),
+        rank=int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum()),
+        size=len(tolerated),
+        condition=None if gauge.basis.shape[1] else float(singular.max() / singular.min()),
+        observability=observability(singular, problem.shots),
+        null_space=(*_exact_directions(judged), *_noise_directions(judged)),
     )
     return Identified(status, data_std, facts)
 
 
-def _rank(jacobian: Matrix, tolerated: Mask) -> int:
-    """How many unknowns of A (M, f) are determined: those with a tolerance, which is knowledge by itself, and
-    the directions of the others of which the measurements say more than a unit prior, the tolerances
-    marginalised. (The singular values of A mix both: a tolerance that makes up for a little of an offset
-    has one just below 1.)
-    """
-    known, rest = jacobian[:, tolerated], jacobian[:, ~tolerated]
-    if known.shape[1]:
-        basis = np.linalg.qr(known)[0]
-        rest = rest - basis @ (basis.T @ rest)
-    return int(known.shape[1] + (np.linalg.svd(rest, compute_uv=False) >= _AS_KNOWN).sum())
+@dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """Of what has no tolerance: `directions` (m, k) outside the gauge and their singular values (k,), none
+    below the `floor` of rounding; `of_all` (m,) has the zeros of the gauge too."""
+
+    directions: Matrix
+    singular: Matrix
+    floor: float
+    of_all: Matrix
+
+    @classmethod
+    def of(cls, root: Matrix, gauge: Matrix) -> _Spectrum:
+        """Of A (M, m) and its null space (m, g)."""
+        keep = complement(gauge)
+        missing = np.zeros((max(keep.shape[1] - len(root), 0), len(gauge)))
+        _, singular, right = np.linalg.svd(np.vstack([root, missing]) @ keep, full_matrices=False)
+        floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
+        singular = np.maximum(singular, floor)
+        return cls(keep @ right.T, singular, floor, np.append(singular, np.zeros(gauge.shape[1])))
+
+    def std_of(self, rows: Matrix) -> Matrix:
+        """(r,) the std of linear functions of the parameters, `rows` (r, m)."""
+        return np.asarray(np.sqrt(((rows @ self.directions / self.singular) ** 2).sum(axis=1)))
+
+    @property
+    def share(self) -> Matrix:
+        """(m, k) the variance that each direction gives each parameter."""
+        return np.asarray((self.directions / self.singular) ** 2)
+
+
+def _of_gauge(std: Matrix, gauge: Gauge, floor: float) -> Matrix:
+    """(m,) stds with those that have a part in the null space, and without a bound in an exact gauge."""
+    std = np.where(gauge.part, np.maximum(std, 1 / floor), std)
+    return np.where(gauge.exact_part, np.inf, std)
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """Measurements at x (p,) with the `weight` of `identify`, whose null-space directions are named."""
+
+    problem: Problem
+    x: Matrix
+    weight: float
+    gauge: Gauge
+    marginal: Marginal
+    spectrum: _Spectrum
+    status: tuple[Status, ...]
+
+    @property
+    def untolerated(self) -> list[Parameter]:
+        """The m parameters that the measurements must determine."""
+        parameters = self.problem.parameters
+        return [parameters.items[i] for i in np.flatnonzero(parameters.untolerated)]
+
+    @cached_property
+    def nominal(self) -> Matrix:
+        """A (M, f) of arm and tool without deviation: an estimate of its tilt, be it the noise's alone, turns
+        a beam off the axis that it lies on by its nominal place."""
+        parameters = self.problem.parameters
+        nominal = np.where(parameters.tolerated, parameters.prior_mean, self.x)
+        if np.array_equal(nominal, self.x):
+            return self.gauge.jacobian
+        ((_, jacobian, _),) = information_roots(self.problem, nominal[None], self.weight)
+        return jacobian
 
 
 def no_better_than(problem: Problem, identified: Identified, std: Matrix) -> Identified:
@@ -274,16 +338,18 @@ def _statuses(parameters: Parameters, scaled_std: Matrix) -> tuple[tuple[Status,
     return tuple(status), data_std
 
 
-def _exact_directions(
-    problem: Problem, jacobian: Matrix, gauge: Matrix, dimension: int
-) -> list[NullDirection]:
+def _exact_directions(judged: _Judged) -> list[NullDirection]:
     """Name the null space direction by direction: known mechanisms first, then what is left."""
-    free = problem.parameters.free
+    problem, gauge = judged.problem, judged.gauge.basis
     named: list[tuple[Matrix, Mechanism]] = []
     left = gauge  # what of the gauge is orthogonal to the directions found
     for mechanism in mechanisms(problem):
-        support = mechanism.support[free]
-        if left.shape[1] == 0 or not support.any():
+        if left.shape[1] == 0:
+            break
+        if (mechanism.support & problem.parameters.tolerated).any():
+            continue  # no gauge has a part of what has a tolerance
+        support = mechanism.support[problem.parameters.untolerated]
+        if not support.any():
             continue
         # All null directions within the support: two of them may share a part, such as the target's.
         _, singular, right = np.linalg.svd(gauge[~support], full_matrices=True)
@@ -295,66 +361,79 @@ def _exact_directions(
         if named:
             taken = np.array([direction for direction, _ in named]).T
             left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
-    rest = unexplained(problem, int(free.sum()))
+    rest = unexplained(problem)
     named += [(column, rest) for column in left.T]
     return [
-        _named(problem, jacobian, direction, "exact" if i < dimension else "noise", mechanism)
+        _named(judged, direction, "exact" if i < judged.gauge.dimension else "noise", mechanism)
         for i, (direction, mechanism) in enumerate(named)
     ]
 
 
-def _noise_directions(
-    problem: Problem,
-    jacobian: Matrix,
-    directions: Matrix,
-    singular: Matrix,
-    share: Matrix,
-    status: tuple[Status, ...],
-    exact_part: Mask,
-) -> list[NullDirection]:
+def _noise_directions(judged: _Judged) -> list[NullDirection]:
     """Directions that the noise hides: worse than the prior, or the main cause of a poor offset."""
-    parameters = problem.parameters
-    free_items = [item for item in parameters.items if not item.held]
-    free_status = [s for s, item in zip(status, parameters.items, strict=True) if not item.held]
-    chosen: dict[int, list[int]] = {int(k): [] for k in np.flatnonzero(singular < _AS_KNOWN)}
-    for row, (item, state) in enumerate(zip(free_items, free_status, strict=True)):
-        if item.group == "offset" and state in ("weak", "unidentifiable") and not exact_part[row]:
+    spectrum, gauge, items = judged.spectrum, judged.gauge, judged.untolerated
+    status = [judged.status[i] for i in np.flatnonzero(judged.problem.parameters.untolerated)]
+    share = spectrum.share
+    chosen: dict[int, list[int]] = {int(k): [] for k in np.flatnonzero(spectrum.singular < _AS_KNOWN)}
+    for row, (item, state) in enumerate(zip(items, status, strict=True)):
+        poor = state in ("weak", "unidentifiable") and not (gauge.part[row] or gauge.exact_part[row])
+        if item.group == "offset" and poor:
             chosen.setdefault(int(np.argmax(share[row])), []).append(row)
     std = np.sqrt(share.sum(axis=1))
-    alone = list(_alone(problem, jacobian)) if chosen else []
+    alone = list(_alone(judged)) if chosen else []
     null_directions: list[NullDirection] = []
     explained: list[Matrix] = []
-    for k in sorted(chosen, key=lambda k: singular[k]):
-        direction, mechanism = directions[:, k], unexplained(problem, len(free_items))
-        for candidate, vector, value in alone:
+    for k in sorted(chosen, key=lambda k: spectrum.singular[k]):
+        direction, value = spectrum.directions[:, k], float(spectrum.singular[k])
+        mechanism = None
+        for candidate, vector, by_itself in alone:
             if any(abs(vector @ known) > 0.9 for known in explained):
                 continue
             # It must be this direction, not another that happens to be as weak; or be enough alone.
-            same = value <= _AS_NEARLY_NULL * singular[k] and abs(vector @ direction) >= 0.5
+            same = by_itself <= _AS_NEARLY_NULL * value and abs(vector @ direction) >= 0.5
             if same or any(
-                abs(vector[row]) / value >= _enough(free_items[row], free_status[row], std[row])
+                abs(vector[row]) / by_itself >= _enough(items[row], status[row], std[row])
                 for row in chosen[k]
             ):
                 direction, mechanism = vector, candidate
                 break
+        mechanism = mechanism or _by_tolerances(judged, direction) or unexplained(judged.problem)
         explained.append(direction)
-        null_directions.append(_named(problem, jacobian, direction, "noise", mechanism))
+        null_directions.append(_named(judged, direction, "noise", mechanism))
     return null_directions
 
 
-def _alone(problem: Problem, jacobian: Matrix) -> Iterator[tuple[Mechanism, Matrix, float]]:
-    """Each mechanism with (f,) the direction that it hides best, were all other parameters known, and the
-    singular value of that."""
-    for mechanism in mechanisms(problem):
-        support = mechanism.support[problem.parameters.free]
+def _alone(judged: _Judged) -> Iterator[tuple[Mechanism, Matrix, float]]:
+    """Each mechanism with (m,) the direction that it hides best, were all other parameters known, and the
+    singular value of that. The tolerances of what is part of it count."""
+    parameters = judged.problem.parameters
+    for mechanism in mechanisms(judged.problem):
+        support = mechanism.support & parameters.untolerated
         if not support.any():
             continue
-        _, values, right = np.linalg.svd(jacobian[:, support], full_matrices=False)
+        columns = judged.nominal[:, mechanism.support[parameters.free]]
+        root = Marginal.of(columns, parameters.tolerated[mechanism.support & parameters.free]).root
+        _, values, right = np.linalg.svd(root, full_matrices=False)
         if len(values) < support.sum():
             continue
-        vector = np.zeros(len(support))
+        vector = np.zeros(len(parameters))
         vector[support] = right[-1]
-        yield mechanism, vector, float(max(values[-1], ROUNDING))
+        yield mechanism, vector[parameters.untolerated], float(max(values[-1], ROUNDING))
+
+
+def _by_tolerances(judged: _Judged, direction: Matrix) -> Mechanism | None:
+    """The mechanism of tolerances that set most of a direction's variance, or None where they do not."""
+    shares = judged.marginal.shares(direction)
+    if too_few_measurements(judged.problem) or shares.sum() < MOST:
+        return None
+    items = [judged.problem.parameters.items[i] for i in judged.problem.tolerated]
+    largest = [int(i) for i in np.argsort(-shares)[:_LARGEST_TOLERANCES]]
+    named = [items[i] for i in largest if shares[i] >= shares[largest[0]] / 2]
+    cause = WithinTolerances(
+        float(min(shares.sum(), 1.0)),
+        tuple(Tolerance(item.name, item.prior_std * item.display, item.unit) for item in named),
+    )
+    return Mechanism(_NO_SUPPORT, cause)
 
 
 def _enough(item: Parameter, status: Status, std: float) -> float:
@@ -364,22 +443,17 @@ def _enough(item: Parameter, status: Status, std: float) -> float:
 
 
 def _named(
-    problem: Problem,
-    jacobian: Matrix,
-    direction: Matrix,
-    kind: Literal["exact", "noise"],
-    mechanism: Mechanism,
+    judged: _Judged, direction: Matrix, kind: Literal["exact", "noise"], mechanism: Mechanism
 ) -> NullDirection:
     """The direction as a combination of named parameters, the large terms first, the largest +1."""
-    names = [item.name for item in problem.parameters.items if not item.held]
-    effect = np.abs(direction) * np.linalg.norm(jacobian, axis=0)
+    root = judged.marginal.root
+    effect = np.abs(direction) * np.linalg.norm(root, axis=0)
     large = (effect >= _NEGLIGIBLE * effect.max()) | (np.abs(direction) >= 0.01 * np.abs(direction).max())
     large &= np.abs(direction) > PART * np.abs(direction).max()
     order = [int(i) for i in np.argsort(-np.abs(direction)) if large[i]]
     if not mechanism.support.any():
         order = order[:_LARGEST_TERMS]
-    effect_size = max(float(np.linalg.norm(jacobian @ direction)), ROUNDING)
-    data_std = None if kind == "exact" else 1 / effect_size
+    effect_size = max(float(np.linalg.norm(root @ direction)), ROUNDING)
     weights = direction / direction[order[0]]
-    combination = {names[i]: float(weights[i]) for i in order}
-    return NullDirection(combination, kind, mechanism.cause, data_std)
+    combination = {judged.untolerated[i].name: float(weights[i]) for i in order}
+    return NullDirection(combination, kind, mechanism.cause, None if kind == "exact" else 1 / effect_size)

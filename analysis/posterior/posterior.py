@@ -66,8 +66,8 @@ class Omitted:
 class PosteriorSummary:
     """Diagnostics of the sampling; `parameters` is None unless it converged.
 
-    `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled: no
-    parameter is identifiable (`nothing_known`), it was `omitted`, or the fit did not converge.
+    `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled:
+    `useless` says why nobody needs it, it was `omitted`, or the fit did not converge.
     """
 
     converged: bool
@@ -80,7 +80,7 @@ class PosteriorSummary:
     acceptance: float | None
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
-    nothing_known: bool = False
+    useless: Literal["nothing known", "misfit"] | None = None
     omitted: Omitted | None = None
 
     def __post_init__(self) -> None:
@@ -89,7 +89,9 @@ class PosteriorSummary:
 
 
 UNSAMPLED = PosteriorSummary(False, False, 0, 0, 0, None, None, None, 0.0, None)
-NOTHING_KNOWN = replace(UNSAMPLED, nothing_known=True)
+# All of a posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
+NOTHING_KNOWN = replace(UNSAMPLED, useless="nothing known")
+OF_A_MISFIT = replace(UNSAMPLED, useless="misfit")
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ vectors.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix
 from ..estimation.fit import LikelihoodFit
-from ..misfit import holm
+from ..holm import holm
 from .recordings import (
     LARGE,
     SIGNIFICANCE,
@@ -54,6 +54,8 @@ class RecordingStep:
     these by the opposite. `p_value` is that of a run as clear anywhere in the recording, Holm-adjusted over
     the recordings.
     """
+
+    kind: ClassVar[str] = "step"
 
     target: str
     first_shot: int

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...model.arrays import Matrix, Progress
 from ...model.files.run import Run
-from ..misfit import holm
+from ..holm import holm
 from ..status import UnsoundResult, versions
 from .consistency import (
     AgainstOthers,

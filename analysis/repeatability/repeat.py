@@ -10,7 +10,6 @@ from typing import Literal
 
 from ...model.arrays import Matrix
 from ..answer.findings import FileWarning, OtherBasins
-from ..displacement import Displacement
 from ..misfit import Criterion
 from ..status import Status
 
@@ -52,7 +51,6 @@ RunFinding = (
     | SharedTolerances
     | PriorInEstimate
     | FileWarning
-    | Displacement
 )
 
 

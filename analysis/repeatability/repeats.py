@@ -180,10 +180,7 @@ def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repea
 
 
 def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
-    if solution.misfit is not None:
-        yield from solution.misfit.criteria
-    if (moved := solution.moved_target) is not None:
-        yield moved
+    yield from solution.contradictions
     if solution.fit.other_basins:
         undecided = undecided_names(solution.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...analysis.covariance import Covariance
+from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
+from ...analysis.recordings.steps import RecordingStep
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.status import Status, known, versions
 from ...model.arrays import Matrix
@@ -24,7 +26,6 @@ from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem, rms_length
-from ...words.findings import displacement_sentence
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.wording import listed
@@ -258,16 +259,16 @@ def calibration(
     with one_blas_thread(), located(run.path, run.header_line):
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
-            require_validated(solution)
+            require_validated(solution, allow_displaced)
         _require_one_basin(solution)
-        moved = _displaced(solution, allow_displaced or solution.misfit is not None)
+        despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
         offsets = [
             JointOffset(
                 row=row,
                 left_out=row.name in without,
-                despite_misfit=unvalidated,
+                despite_misfit=despite,
                 joint=joint.name,
                 kind=joint.kind,
             )
@@ -275,13 +276,12 @@ def calibration(
         ]
         _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
         geometry = tuple(
-            GeometryValue(row=row, left_out=row.name in without, despite_misfit=unvalidated)
+            GeometryValue(row=row, left_out=row.name in without, despite_misfit=despite)
             for row in rows
             if row.group == "geometry"
         )
         left_out = left_out_of(geometry, holds)
         gone = {value.name for value in left_out} | {offset.name for offset in offsets if offset.left_out}
-        misfit = () if solution.misfit is None else solution.misfit.criteria
         return RobotCalibration(
             tuple(offsets),
             geometry,
@@ -297,7 +297,7 @@ def calibration(
             solution.problem.shots,
             versions(),
             solution.misfit is not None,
-            (*map(criterion_sentence, misfit), *moved, *run.warnings),
+            (*map(criterion_sentence, solution.contradictions), *run.warnings),
         )
 
 
@@ -316,18 +316,31 @@ def converged_solution(run: Run, so: str) -> Solution:
     return solution
 
 
-def require_validated(solution: Solution) -> None:
-    """NotValidated where the model does not describe the measurements: then no status means anything."""
-    if solution.misfit is not None:
-        moved = solution.moved_target
-        also = "" if moved is None else f" {displacement_sentence(moved)}."
+def require_validated(solution: Solution, allow_displaced: bool = False) -> None:
+    """NotValidated where the model does not describe the measurements: then no status means anything.
+
+    Nothing but a target that seems to have moved may be allowed: an arm that deviates from its geometry can
+    look like that too, and no new run would mend it.
+    """
+    against = solution.contradictions
+    moved = [criterion_sentence(one) for one in against if isinstance(one, Displacement | RecordingStep)]
+    displaced = len(moved) == len(against)
+    if solution.misfit is None or (allow_displaced and displaced):
+        return
+    if displaced:
         raise NotValidated(
-            "the model does not describe the measurements, so no offset can be relied on (misfit)",
-            found=misfit_headline(solution.misfit) + also,
-            allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
-            remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"
-            " placement, geometry); or --unvalidated, if you want the numbers all the same: the file says so",
+            "the measurements contradict the model, so no offset can be relied on (misfit)",
+            found="; ".join(moved),
+            remedy="give the target another name in the measurements after it was moved, or record again; or"
+            " --allow-displaced, if it was not moved: the file then says so",
         )
+    raise NotValidated(
+        "the model does not describe the measurements, so no offset can be relied on (misfit)",
+        found=" ".join([misfit_headline(solution.misfit), *(f"{sentence}." for sentence in moved)]),
+        allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
+        remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"
+        " placement, geometry); or --unvalidated, if you want the numbers all the same: the file says so",
+    )
 
 
 def _require_one_basin(solution: Solution) -> None:
@@ -338,25 +351,6 @@ def _require_one_basin(solution: Solution) -> None:
             found=f"{solution.fit.other_basins} more that fit nearly as well",
             remedy="record more measurements, in varied postures",
         )
-
-
-def _displaced(solution: Solution, allowed: bool) -> tuple[str, ...]:
-    """The sentence that a target seems to have moved, if so; BadInput where that is not allowed.
-
-    An arm that deviates from its nominal geometry can look like that too, and no new run would mend it: so it
-    can be allowed, but not unnoticed.
-    """
-    moved = solution.moved_target
-    if moved is None:
-        return ()
-    if not allowed:
-        raise BadInput(
-            "the measurements contradict the model, so no offset can be relied on",
-            found=displacement_sentence(moved),
-            remedy="give the target another name in the measurements after it was moved, or record again; or"
-            " --allow-displaced, if it was not moved: the file then says so",
-        )
-    return (displacement_sentence(moved),)
 
 
 def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import ClassVar
 
+from ...analysis.answer.message import Message
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
 from ...words.result_json import geometry_document
@@ -224,18 +225,18 @@ class KnownOffset:
 class Ended(RunEvent):
     """The answer of `zerobeam run`, `zerobeam/carried/1`.
 
-    `headline` calls offsets as files do, `person_headline` is the same for people and is not printed as JSON.
+    `message` is what is shown first, as in result.json; `headline` calls offsets as files do.
     `saved` postures were not needed, and `why` an adaptive run ended; None in any other. `missing` are the
     measurements that were still to come where a run by hand ended before the plan was through. `seconds` by
-    phase. `geometry` says what the offsets are worth if the arm deviates from what was taken. `true` has the
-    true offsets (deg; mm) of a simulated run by name, else nothing.
+    phase. `coverage_factor` is k of every expanded uncertainty. `geometry` says what the offsets are worth if
+    the arm deviates from what was taken. `true` has the true offsets (deg; mm) of a simulated run by name.
     """
 
     event: ClassVar[str] = "end"
     file: str
     verdict: Verdict
+    message: Message
     headline: str
-    person_headline: str
     parameters: tuple[KnownOffset, ...]
     p_value: float | None
     consistent: bool
@@ -248,6 +249,7 @@ class Ended(RunEvent):
     geometry: GeometryResult | None = None
     true: Mapping[str, float] = field(default_factory=dict)
     missing: tuple[int, ...] = ()
+    coverage_factor: float = 2.0
 
 
 Listener = Callable[[RunEvent], None]
@@ -259,7 +261,6 @@ def event_json(event: RunEvent) -> dict[str, object]:
     if isinstance(event, Ended):
         content["schema"] = "zerobeam/carried/1"
     content |= asdict(event)
-    content.pop("person_headline", None)
     if isinstance(event, Ended):
         content["geometry"] = None if event.geometry is None else geometry_document(event.geometry).to_json()
     if isinstance(event, MeasurementRecorded) and event.seconds is None:

@@ -313,6 +313,13 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
 
 
+def header_of_run(path: Path) -> Header:
+    """The header of a run file, without its provenance: for a plan of the same cell."""
+    header = read_run(path).header.model_copy(update={"provenance": {}})
+    header.model_fields_set.discard("provenance")
+    return header
+
+
 def _always(line: int | None) -> Callable[[KeyPath], int | None]:
     """All places of one line of JSON are on that line."""
     return lambda _: line

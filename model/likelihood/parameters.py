@@ -214,10 +214,15 @@ class Parameters:
         """(p,) True where the prior is a stated tolerance, and the parameter is estimated."""
         return np.array([item.tolerated and not item.held for item in self.items])
 
+    @cached_property
+    def untolerated(self) -> NDArray[np.bool_]:
+        """(p,) True where a parameter is estimated without a tolerance: measurements must determine it."""
+        return np.asarray(self.free & ~self.tolerated)
+
     @property
     def without_tolerance(self) -> int:
-        """How many are estimated without a stated tolerance: the measurements alone determine them."""
-        return int((self.free & ~self.tolerated).sum())
+        """How many the measurements must determine."""
+        return int(self.untolerated.sum())
 
     @cached_property
     def among_free(self) -> NDArray[np.int64]:

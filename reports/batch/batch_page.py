@@ -51,6 +51,8 @@ _CRITERIA = {
     "noise_factor": "noise factor",
     "prior": "beyond prior",
     "placements": "placements disagree",
+    "moved_target": "target moved",
+    "step": "target slipped",
 }
 
 

@@ -36,7 +36,7 @@ from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
-from ...words.findings import headline
+from ...words.message import headline, message
 from ...words.result_json import dumps, to_json
 from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
@@ -231,7 +231,7 @@ def _fits(piece: BatchPiece) -> dict[str, LikelihoodFit]:
     """The fits that can be made side by side, by the run's name; whatever fails does so again on its own."""
     problems: dict[str, Problem] = {}
     for one in piece.runs:
-        if one.run.header.geometry is None:
+        if one.run.header.arm is None:
             try:
                 one.run.require_analysable()
                 problem = Problem.from_run(one.run)
@@ -267,7 +267,7 @@ def _packed(analysis: Analysis, settings: BatchSettings) -> dict[str, bytes]:
 
 def _row(one: BatchRun, result: Result) -> BatchRow:
     if not result.likelihood.converged:
-        return failed(one.name, one.file, BadInput(headline(result, person)), one.run)
+        return failed(one.name, one.file, BadInput(message(result).verdict), one.run)
     fit, inputs = result.likelihood, result.inputs
     when, serial = when_and_serial(inputs)
     return BatchRow(
@@ -294,8 +294,8 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
 
 def _posterior(result: Result) -> str:
     posterior = result.posterior
-    if posterior.nothing_known:
-        return "nothing identifiable"
+    if posterior.useless is not None:
+        return "nothing identifiable" if posterior.useless == "nothing known" else "not needed"
     if posterior.omitted is not None:
         return "not needed" if posterior.omitted.enough else "not sampled"
     return "sampled" if posterior.converged else "not converged"

@@ -14,6 +14,7 @@ from typing import Literal
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from ...words.message import lines_of
 from ..style.blocks import Page, Table
 from ..style.canvas import Picture, themed
 from ..style.palette import css_variables
@@ -146,10 +147,13 @@ def card(page: Page, tables: Sequence[Table]) -> str:
 
 
 def text(page: Page, table: Table) -> str:
-    """The same as text of at most 14 lines: title, verdict, one table; long ones are cut short."""
-    headline = textwrap.wrap(
-        f"{page.verdict.word}. {page.verdict.sentence}", _WIDTH, max_lines=_MOST_LINES, placeholder=" …"
+    """The same as text of a screen at most: title, message or verdict, one table; long ones are cut short."""
+    said = (
+        [f"{page.verdict.word}. {page.verdict.sentence}"] if page.message is None else lines_of(page.message)
     )
+    headline = [
+        line for text in said for line in textwrap.wrap(text, _WIDTH, max_lines=_MOST_LINES, placeholder=" …")
+    ]
     rows = [[cell.text for cell in row.cells] for row in table.rows]
     if len(rows) > _MOST_ROWS:
         rest = len(rows) - _MOST_ROWS + 1

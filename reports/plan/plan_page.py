@@ -148,9 +148,9 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
     header = plan.header.model_dump(mode="json", include={"tolerance"})
-    geometry = {row.name for row in check.parameters if row.group == "geometry"}
-    others = [row for row in check.parameters if row.group != "geometry"]
-    directions = beside_tolerances(facts.null_space, geometry)
+    tolerated = {row.name for row in check.parameters if row.tolerated}
+    others = [row for row in check.parameters if not row.tolerated]
+    directions = beside_tolerances(facts.null_space, tolerated)
     undetermined = [_undetermined(check, directions), tolerance_only(check.parameters)]
     versions = ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items())
     return Page(
@@ -206,7 +206,7 @@ def _predicted(check: Check) -> Table:
         ("prior", "right"),
     ]
     caption = "Standard uncertainties u that these measurements will give"
-    rows = [_predicted_row(row, check.geometry) for row in check.parameters if row.group != "geometry"]
+    rows = [_predicted_row(row, check.geometry) for row in check.parameters if not row.tolerated]
     return table_of(caption, columns, rows)
 
 
@@ -225,8 +225,8 @@ def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
 
 
 def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
-    """Of all parameters but the geometry's."""
-    parameters = [row for row in check.parameters if row.group != "geometry"]
+    """Of all parameters without a tolerance."""
+    parameters = [row for row in check.parameters if not row.tolerated]
     what = "parameter" if len(parameters) == len(check.parameters) else "other parameter"
     names = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     if names:

@@ -4,16 +4,13 @@ held-out targets, the intervals by three methods.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from ...analysis.answer.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
+from ...analysis.answer.result import LikelihoodSummary, MidpointSummary, Result
 from ...analysis.diagnostics.outliers import Robust
 from ...analysis.posterior.intervals import Intervals
-from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.findings import likelihood_message
 from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit import diagnosis_said, explanation_sentence
+from ...words.misfit import diagnosis_said
 from ...words.misfit_causes import CAUSES, changed
 from ...words.numbers import times, unit_of
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
@@ -43,9 +40,9 @@ def fit_section(result: Result) -> Section:
         "Fit quality",
         *map(Paragraph, sentences),
         table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
-        _both_estimates(result.parameters),
-        _distances(result.distances),
-        *other_tables(result.parameters),
+        _both_estimates(result) if result.misfit is None else None,
+        _distances(result),
+        *(other_tables(result.parameters, result.coverage_factor) if result.misfit is None else ()),
     )
 
 
@@ -77,17 +74,18 @@ def _converged(fit: LikelihoodSummary | MidpointSummary) -> str:
     return f"{'yes' if fit.converged else 'NO'}: {sentence(fit.reason)}"
 
 
-def _both_estimates(parameters: Sequence[ParameterResult]) -> Table | None:
+def _both_estimates(result: Result) -> Table | None:
     """The offsets by both costs, where both have an estimate."""
-    columns = ["name", "beam-residual likelihood", "midpoint cost (eq. 8)", "difference over u"]
+    columns = ["name", "beam-residual likelihood", "midpoint cost (eq. 8)", "difference over U"]
+    k = result.coverage_factor
     rows = [
         row_of(
             label(row.name),
-            numbers.estimate(row.estimate, row.std, row.unit),
-            numbers.estimate(row.midpoint, row.std, row.unit),
-            numbers.significant((row.midpoint - row.estimate) / row.std, 2),
+            numbers.estimate(row.estimate, k * row.std, row.unit),
+            numbers.estimate(row.midpoint, k * row.std, row.unit),
+            numbers.significant((row.midpoint - row.estimate) / (k * row.std), 2),
         )
-        for row in parameters
+        for row in result.parameters
         if row.group == "offset"
         and row.midpoint is not None
         and row.estimate is not None
@@ -96,18 +94,18 @@ def _both_estimates(parameters: Sequence[ParameterResult]) -> Table | None:
     return table_of("Offsets by both costs", columns, rows) if rows else None
 
 
-def _distances(rows: Sequence[DistanceResult]) -> Table | None:
-    columns = ["between", "stated", "its u", "after the fit", "its u"]
-    shown_rows = []
-    for row in rows:
+def _distances(result: Result) -> Table | None:
+    columns = ["between", "stated", "its U", "after the fit", "its U"]
+    k, shown_rows = result.coverage_factor, []
+    for row in result.distances:
         names = f"{clipped(row.between[0], 24)} and {clipped(row.between[1], 24)}"
-        as_stated = (numbers.exact(row.mm, "mm"), numbers.exact(row.sigma_mm, "mm"))
+        as_stated = (numbers.exact(row.mm, "mm"), numbers.exact(k * row.sigma_mm, "mm"))
         if row.estimate is None or row.std is None:
             shown_rows.append(row_of(names, *as_stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
         else:
-            estimate = numbers.estimate(row.estimate, row.std, "mm")
-            shown_rows.append(row_of(names, *as_stated, estimate, numbers.spread(row.std, "mm")))
-    return table_of("Distances between targets", columns, shown_rows) if rows else None
+            estimate = numbers.estimate(row.estimate, k * row.std, "mm")
+            shown_rows.append(row_of(names, *as_stated, estimate, numbers.spread(k * row.std, "mm")))
+    return table_of("Distances between targets", columns, shown_rows) if shown_rows else None
 
 
 def diagnosis_section(result: Result) -> Section | None:
@@ -130,8 +128,7 @@ def diagnosis_section(result: Result) -> Section | None:
         f"Tried, best first: residuals in multiples of the noise (as recorded: {before}), largest estimate in"
         " prior standard deviations, parameters freed"
     )
-    first = sentence(explanation_sentence(result.diagnosis[0]))
-    text = f"{first[0].upper()}{first[1:]}. {diagnosis_said(result.diagnosis)}"
+    text = diagnosis_said(result.diagnosis)
     return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows))
 
 
@@ -140,29 +137,29 @@ def robust_section(result: Result) -> Section | None:
     robust = result.robust
     if robust is None:
         return None
-    table = _robust_table(result, robust) if robust.converged else None
+    table = _robust_table(result, robust) if robust.converged and result.misfit is None else None
     return section_of("Robust fit", Paragraph(robust_sentence(result, robust)), table)
 
 
 def _robust_table(result: Result, robust: Robust) -> Table:
-    columns = ["name", "likelihood", "robust", "its 95 % interval", "difference over u"]
+    k, columns = result.coverage_factor, ["name", "likelihood", "robust", "its U", "difference over U"]
     rows = []
     for row in robust.parameters:
         parameter, unit = result.parameters.named(row.name), unit_of(row.unit)
-        if parameter.group in ("target", "geometry"):
+        if parameter.tolerated or parameter.group == "target":
             continue
         name = label(row.name)
         if parameter.estimate is None or parameter.std is None or row.estimate is None:
             rows.append(row_of(name, Cell(NOT_DETERMINED, span=4), tone="unidentifiable"))
             continue
-        std = row.std or parameter.std
+        std, u = k * (row.std or parameter.std), k * parameter.std
         rows.append(
             row_of(
                 name,
-                numbers.estimate(parameter.estimate, parameter.std, unit),
+                numbers.estimate(parameter.estimate, u, unit),
                 numbers.estimate(row.estimate, std, unit),
-                "none" if row.interval95 is None else numbers.interval(row.interval95, std, unit),
-                numbers.significant((row.estimate - parameter.estimate) / parameter.std, 2),
+                "none" if row.std is None else numbers.spread(std, unit),
+                numbers.significant((row.estimate - parameter.estimate) / u, 2),
             )
         )
     return table_of("Offsets and tool by both fits", columns, rows)
@@ -211,7 +208,7 @@ def intervals_section(result: Result) -> Section | None:
 
 def _of_people(result: Result) -> list[Intervals]:
     """All but those of the geometry, whose section has them; `result.json` has all."""
-    return [row for row in result.intervals if result.parameters.named(row.name).group != "geometry"]
+    return [row for row in result.intervals if not result.parameters.named(row.name).tolerated]
 
 
 def intervals_table(result: Result) -> tuple[Table, str]:

@@ -13,11 +13,12 @@ from ...words.geometry import (
     confounded_sentence,
     correlation,
     factors_sentence,
+    geometry_title,
     percent,
     rung_reason,
 )
 from ...words.numbers import unit_of
-from ...words.wording import counted, label, listed, person
+from ...words.wording import label, listed, person
 from ..style.blocks import FigureBlock, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
 from ..style.palette import light
@@ -34,22 +35,21 @@ _MOST_SAID = 2  # sentences on what an offset is confounded with; the table has 
 
 
 def geometry_section(result: Result) -> Section | None:
-    """None where the header states no geometry, or where there is no answer."""
-    if not result.geometry.stated or not result.likelihood.converged:
+    """None where nothing has a tolerance, or where there is no answer."""
+    rows = [row for row in result.parameters if row.tolerated]
+    if not rows or not result.likelihood.converged:
         return None
-    rows = [row for row in result.parameters if row.group == "geometry"]
     held = [row for row in rows if row.held]
     sentences = [
         *confounded_lines(result)[:_MOST_SAID],
         factors_sentence(result.geometry),
     ]
-    unknown = prior_only(rows)
     return section_of(
-        "Geometry",
+        geometry_title(rows),
         *(Paragraph(text) for text in sentences if text),
         _offsets(result),
-        _links(rows),
-        None if unknown is None else Paragraph(unknown),
+        _links(rows, result.coverage_factor),
+        prior_only(rows),
         Legend([], reasons(held)) if held else None,
         ladder_table(result),
         FigureBlock(LADDER),
@@ -57,9 +57,7 @@ def geometry_section(result: Result) -> Section | None:
 
 
 def confounded_lines(result: Result) -> list[str]:
-    """Of each offset of which the tolerances set most of the variance, why; of a misfit nothing."""
-    if result.misfit is not None:
-        return []
+    """Of each offset of which the tolerances set most of the variance, why."""
     offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
     sentences = (
         confounded_sentence(result.geometry, row.name, row.tolerance_share, person)
@@ -70,12 +68,12 @@ def confounded_lines(result: Result) -> list[str]:
 
 def _offsets(result: Result) -> Table | None:
     """What the tolerances do to each offset."""
-    geometry = result.geometry
-    if result.misfit is not None or not any(value is not None for value in geometry.at_half.values()):
+    geometry, k = result.geometry, result.coverage_factor
+    if not any(value is not None for value in geometry.at_half.values()):
         return None
     columns: list[Head] = [
         ("name", "left"),
-        ("u", "right"),
+        ("U", "right"),
         (SET_BY_TOLERANCES, "right"),
         ("at half", "right"),
         ("at twice", "right"),
@@ -92,60 +90,78 @@ def _offsets(result: Result) -> Table | None:
         rows.append(
             row_of(
                 label(row.name),
-                numbers.spread(row.std, row.unit),
+                numbers.spread(k * row.std, row.unit),
                 percent(row.tolerance_share),
                 *(
-                    NO_NUMBER if (u := values.get(row.name)) is None else numbers.spread(u, row.unit)
+                    NO_NUMBER if (u := values.get(row.name)) is None else numbers.spread(k * u, row.unit)
                     for values in others
                 ),
                 "" if most is None else f"{label(most.parameter)} ({correlation(most)})",
             )
         )
     caption = (
-        "u of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
+        "U of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
     )
     return table_of(caption, columns, rows)
 
 
-def _links(rows: Sequence[ParameterResult]) -> Table | None:
+def _links(rows: Sequence[ParameterResult], k: float) -> Table | None:
     """The parameters that the measurements determine, as deviations from nominal."""
-    columns = ["name", "estimate", "u", "tolerance", "reduced by"]
+    columns = ["name", "estimate", "U", "tolerance", "reduced by"]
     shown = [
         row_of(
             label(row.name),
-            numbers.estimate(row.estimate, row.std, unit_of(row.unit)),
-            numbers.spread(row.std, unit_of(row.unit)),
+            numbers.estimate(row.estimate, k * row.std, unit_of(row.unit)),
+            numbers.spread(k * row.std, unit_of(row.unit)),
             numbers.significant(row.prior_std, 2, unit_of(row.unit)),
             percent(max(1 - row.std / row.prior_std, 0.0)),
-            tone=row.status if row.status == "unvalidated" else "",
         )
         for row in rows
         if row.estimate is not None and row.std is not None
     ]
-    unvalidated = any(row.status == "unvalidated" for row in rows)
-    caption = "Deviations from nominal geometry that the measurements determine" + (
-        ", unvalidated: the model does not describe the measurements" if unvalidated else ""
-    )
+    caption = "Deviations from nominal that the measurements determine"
     return table_of(caption, columns, shown) if shown else None
 
 
-def prior_only(rows: Sequence[ParameterResult]) -> str | None:
-    """The parameters of which the measurements say nothing: by link or joint, without a number."""
-    by_body: dict[str, list[str]] = {}
+def prior_only(rows: Sequence[ParameterResult]) -> Table | None:
+    """The parameters of which the measurements say no more than the tolerances: by tolerance, without an
+    estimate."""
+    by_tolerance: dict[tuple[str, str], list[ParameterResult]] = {}
     for row in rows:
         if row.estimate is None:
-            body, _, axis = label(row.name).partition(", ")
-            by_body.setdefault(axis if body.startswith("J") else body, []).append(
-                body if body.startswith("J") else axis
-            )
-    if not by_body:
+            u = numbers.exact(float(f"{row.prior_std:.2g}"), unit_of(row.unit))
+            by_tolerance.setdefault((_kind(row), u), []).append(row)
+    if not by_tolerance:
         return None
-    names = listed([f"{body} ({', '.join(axes)})" for body, axes in by_body.items()], 99)
-    count = sum(map(len, by_body.values()))
-    return (
-        f"Prior only, without an estimate: {counted(count, 'geometry parameter')} of which these measurements"
-        f" say no more than the tolerances: {names}."
-    )
+    caption = "Prior only, without an estimate: these measurements say no more of them than the tolerances"
+    columns: list[Head] = ["what", "tolerance", ("parameters", "left")]
+    shown = [row_of(kind, u, _by_body(same)) for (kind, u), same in by_tolerance.items()]
+    return table_of(caption, columns, shown)
+
+
+def _by_body(rows: Sequence[ParameterResult]) -> str:
+    """The parameters, those of one link or joint together: link 1 (a), link 3 (a, d)."""
+    axes: dict[str, list[str]] = {}
+    for row in rows:
+        body, _, axis = label(row.name).partition(", ")
+        axes.setdefault(body.removeprefix("tool."), []).append(axis)
+    together = [
+        body if names in ([""], ["gravity"]) else f"{body} ({', '.join(names)})"
+        for body, names in axes.items()
+    ]
+    return listed(together, 99)
+
+
+def _kind(row: ParameterResult) -> str:
+    """What a parameter with a tolerance is."""
+    _, _, axis = row.name.partition(".")
+    if row.group == "tool":
+        return "tool, angle" if row.unit == "deg" else "tool, position"
+    if axis == "gravity":
+        return "deflection by gravity"
+    if axis in ("cos", "sin"):
+        return "first harmonic"
+    return "length of a link" if row.unit == "mm" else "angle of a link"
 
 
 def ladder_table(result: Result) -> Table | None:
@@ -172,18 +188,18 @@ def geometry_lines(result: Result) -> list[str]:
     geometry = result.geometry
     if not geometry.stated or result.misfit is not None or not result.likelihood.converged:
         return []
-    lines = confounded_lines(result)[:1]
+    lines = []
     if geometry.factors is not None:
         lines.append(factors_sentence(geometry) or "")
-    determined = sum(row.group == "geometry" and row.std is not None for row in result.parameters)
-    free = sum(row.group == "geometry" and not row.held for row in result.parameters)
+    free = [row for row in result.parameters if row.tolerated and not row.held]
+    determined = sum(row.std is not None for row in free)
     kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in geometry.ladder if rung.kept]
     left = [
         f"{RUNGS[rung.rung].removeprefix('+ ')} ({rung_reason(geometry.ladder, i)})"
         for i, rung in enumerate(geometry.ladder)
         if not rung.kept and rung.rung != "offsets"
     ]
-    text = f"Geometry: {determined} of {free} parameters determined, the others prior only"
+    text = f"{geometry_title(free)}: {determined} of {len(free)} parameters determined, the others prior only"
     text += f"; kept: {listed(kept)}" if kept else ""
     text += f"; not kept: {listed(left)}" if left else ""
     return [*lines, f"{text}."]
@@ -204,7 +220,7 @@ def ladder_picture(result: Result) -> Picture | None:
         figure = new_figure(0.27 * len(ladder) + 0.75)
         axes = figure.subplots(1, len(panels), squeeze=False)[0]
         for k, (panel, (values, title, unit)) in enumerate(zip(axes, panels, strict=True)):
-            _panel(panel, ladder, values, unit, "identified" if result.misfit is None else "unvalidated")
+            _panel(panel, ladder, values, unit)
             panel.set_xlabel(title)
             panel.tick_params(axis="y", labelleft=k == 0)
         axes[0].tick_params(axis="y", labelcolor=light("ink"), labelsize=9.5)
@@ -212,14 +228,14 @@ def ladder_picture(result: Result) -> Picture | None:
     return Picture(LADDER, "The model ladder: filled dots are kept", _alt(ladder), svg)
 
 
-def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], unit: str, role: str) -> None:
+def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], unit: str) -> None:
     axes.set_ylim(len(ladder) - 0.4, -0.6)
     axes.set_yticks(range(len(ladder)), [RUNGS[rung.rung] for rung in ladder])
     bare_y(axes)
     for y, (rung, value) in enumerate(zip(ladder, values, strict=True)):
         if value is None:
             continue
-        colour = light(role if rung.kept else "held")
+        colour = light("identified" if rung.kept else "held")
         face = colour if rung.kept else light("ground")
         axes.plot([value], [y], "o", markersize=6, markerfacecolor=face, color=colour)
         text = numbers.significant(value) if unit else numbers.fixed(value, 1)

@@ -17,6 +17,7 @@ from ...words.provenance import (
     SERIAL,
     by_plain_key,
     instrument,
+    is_simulated,
     provenance_entry,
 )
 from ...words.wording import clipped, listed, shown
@@ -82,7 +83,7 @@ def traceability_section(result: Result) -> Section:
     rows += [row_of("SHA-256 of the run", result.inputs.sha256)]
     rows += [row_of(name, "") for name in _SIGNED]
     about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
-    if provenance.get("origin") == "simulated":
+    if is_simulated(provenance):
         about += " These measurements were simulated: no instrument took part, and nothing here is traceable."
     columns: list[Head] = ["field", ("entry", "left")]
     return section_of("Traceability", Paragraph(about), table_of("For a person", columns, rows))

@@ -1,24 +1,25 @@
-"""What to do with an answer: values to enter, commands to type."""
+"""After the first thing to do: values to enter, commands to type."""
 
 from __future__ import annotations
 
 from ...analysis.answer.result import Result
+from ...words.message import message
 from ...words.next_steps import next_steps
 from ...words.wording import label
 from ..style.blocks import Block, Commands, Paragraph, Section, row_of, section_of, table_of
 
 
-def next_steps_section(result: Result) -> Section:
-    """The section of the report, of any answer."""
-    advice = next_steps(result)
+def next_steps_section(result: Result) -> Section | None:
+    """The section of the report; None where the message says it all."""
+    advice = next_steps(result, message(result))
     blocks: list[Block] = []
     if advice.enter:
-        columns = ["joint", "add to the recorded position", "expanded U (k = 2)"]
+        columns = ["joint", "add to the recorded position", "U"]
         rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
         caption = "Values to enter: true position = recorded position + value"
         blocks.append(table_of(caption, columns, rows))
-    for step in advice.steps:
+    for step in advice.steps[1:]:
         blocks.append(Paragraph(step.text))
         if step.commands:
             blocks.append(Commands(step.commands))
-    return section_of("What to do", *blocks)
+    return section_of("What to do next", *blocks) if blocks else None

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from ...analysis.observability.causes import Cause
@@ -74,6 +75,8 @@ class ParameterRow(Protocol):
     def cause(self) -> Cause | None: ...
     @property
     def tolerance_share(self) -> float | None: ...
+    @property
+    def tolerated(self) -> bool: ...
 
 
 def offsets_caption(statuses: Iterable[Status]) -> str:
@@ -87,79 +90,101 @@ def noise_factors(parameters: Sequence[ParameterRow]) -> bool:
 
 
 def offsets_section(result: Result) -> Section:
-    """The offsets: the first thing that a reader sees. The geometry has a section of its own."""
-    others = [row for row in result.parameters if row.group != "geometry"]
+    """The offsets: the first thing that a reader sees. What has a tolerance has a section of its own."""
+    others = [row for row in result.parameters if not row.tolerated]
     worth = offsets_worth(result)
     return section_of(
         "Offsets",
         offsets_table(result),
-        None if worth is None else Paragraph(worth),
+        None if worth is None or not result.geometry.stated else Paragraph(worth),
         Legend(legend((row.status for row in others), result.inputs.header), reasons(others)),
         FigureBlock("offsets"),
     )
 
 
 def offsets_worth(result: Result) -> str | None:
-    """What u is worth if the geometry is not as it was taken. A misfit has found it wrong already: None."""
+    """What U is worth if the geometry is not as it was taken. A misfit has found it wrong already: None."""
     if result.misfit is not None:
         return None
-    return worth_sentence(result.geometry, [row for row in result.parameters if row.group == "offset"])
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    return worth_sentence(result.geometry, offsets, result.coverage_factor)
 
 
 def offsets_table(result: Result) -> Table:
     """The offsets with their uncertainties; of a misfit without what those would be worth."""
     offsets = [row for row in result.parameters if row.group == "offset"]
-    table = parameter_table(offsets_caption(row.status for row in offsets), offsets)
+    k = result.coverage_factor
+    head = f"U ({numbers.coverage(k)})"
+    table = parameter_table(offsets_caption(row.status for row in offsets), offsets, k, head)
     if offsets_worth(result) is None:
         return table
-    worth, of = worth_column(result.geometry)
-    columns = (*table.columns, Column("u", "right"), Column(worth, "right"))
-    rows = []
-    for row, shown in zip(offsets, table.rows, strict=True):
-        u = NO_NUMBER if row.std is None else numbers.spread(row.std, unit_of(row.unit))
-        rows.append(Row((*shown.cells, Cell(u), Cell(of(row))), shown.tone))
-    return Table(table.caption, columns, rows)
+    worth, of = worth_column(result.geometry, k)
+    rows = [
+        Row((*shown.cells, Cell(of(row))), shown.tone) for row, shown in zip(offsets, table.rows, strict=True)
+    ]
+    return Table(table.caption, (*table.columns, Column(worth, "right")), rows)
 
 
-def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[OffsetRow], str]]:
-    """The head of the column beside u, and what it says of an offset."""
+def worth_column(geometry: GeometryResult, k: float = 1.0) -> tuple[str, Callable[[OffsetRow], str]]:
+    """The head of the column beside u (or U, with its coverage factor `k`), and what it says of an offset."""
 
     def share(row: OffsetRow) -> str:
         return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
 
     def considered(row: OffsetRow) -> str:
         value = None if row.std is None else geometry.consider.get(row.name)
-        return NO_NUMBER if value is None else numbers.spread(value, unit_of(row.unit))
+        return NO_NUMBER if value is None else numbers.spread(k * value, unit_of(row.unit))
 
-    return (SET_BY_TOLERANCES, share) if geometry.stated else (IF_IT_DEVIATES, considered)
+    if geometry.stated:
+        return SET_BY_TOLERANCES, share
+    return IF_IT_DEVIATES if k == 1 else IF_IT_DEVIATES.replace("u", "U", 1), considered
 
 
-def other_tables(parameters: Sequence[ParameterResult]) -> list[Table]:
-    """Of what was estimated besides the offsets."""
+def other_tables(parameters: Sequence[ParameterResult], k: float) -> list[Table]:
+    """Of what was estimated besides the offsets, without what has a tolerance."""
     captions: tuple[tuple[str, Group], ...] = (
         ("Targets in the base frame", "target"),
         ("Tool in the flange frame", "tool"),
         ("Noise, as a multiple of the stated", "noise"),
     )
-    groups = [(caption, [row for row in parameters if row.group == group]) for caption, group in captions]
-    return [parameter_table(caption, rows) for caption, rows in groups if rows]
+    groups = [
+        (caption, [row for row in parameters if row.group == group and not row.tolerated])
+        for caption, group in captions
+    ]
+    return [parameter_table(caption, rows, k) for caption, rows in groups if rows]
 
 
-def parameter_table(caption: str, rows: Sequence[ParameterResult]) -> Table:
-    columns: list[Head] = ["name", "estimate", "95 % interval", ("status", "left")]
-    return table_of(caption, columns, [_parameter_row(row) for row in rows])
+def parameter_table(caption: str, rows: Sequence[ParameterResult], k: float, head: str = "U") -> Table:
+    """Parameters with their expanded uncertainties, U = `k` u; what is unvalidated has none. The interval of
+    a noise factor, which is not symmetric, is given in place of U."""
+    noise = any(row.group == "noise" for row in rows)
+    columns: list[Head] = ["name", "estimate", "95 % interval" if noise else head, ("status", "left")]
+    shown = [_parameter_row(row, k) for row in rows]
+    if any(row.status == "unvalidated" for row in rows):
+        del columns[2]
+        shown = [_without_u(row) for row in shown]
+    return table_of(caption, columns, shown)
 
 
-def _parameter_row(row: ParameterResult) -> Row:
+def _without_u(row: Row) -> Row:
+    """A row without its third column, in which the second cell of some spans it."""
+    first, second, *_, last = row.cells
+    return Row((first, replace(second, span=1), last), row.tone)
+
+
+def _parameter_row(row: ParameterResult, k: float) -> Row:
     """One parameter. Without an estimate there is no number in its row that could be taken for one."""
     status, unit = row.status, unit_of(row.unit)
     name, word = label(row.name), Cell(status, mark=status)
     if row.held and row.estimate is not None:
         return row_of(name, Cell(f"held at {numbers.exact(row.estimate, unit)}", span=2), word, tone=status)
-    if row.estimate is None or row.std is None or row.interval95 is None:
+    if row.estimate is None or row.std is None:
         return row_of(name, Cell(NOT_DETERMINED, span=2), word, tone=status)
-    estimate = numbers.estimate(row.estimate, row.std, unit)
-    return row_of(name, estimate, numbers.interval(row.interval95, row.std, unit), word, tone=status)
+    u = k * row.std
+    expanded = numbers.spread(u, unit)
+    if row.group == "noise" and row.interval95 is not None:
+        expanded = numbers.interval(row.interval95, u, unit)
+    return row_of(name, numbers.estimate(row.estimate, u, unit), expanded, word, tone=status)
 
 
 def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:
@@ -301,35 +326,35 @@ class Estimated(Protocol):
 
 def rehearsal_section(result: Result) -> Section | None:
     """Of a simulated run; None of any other."""
-    table = truth_table(true_values(result.inputs.provenance), result.parameters)
+    k, true = result.coverage_factor, true_values(result.inputs.provenance)
+    table = truth_table(true, result.parameters, k) if result.misfit is None else None
     if table is None:
         return None
     about = Paragraph(
-        "The run is simulated, so the true values are known. About two of three errors should be below 1 u,"
-        " and 19 of 20 below 2 u."
+        "The run is simulated, so the true values are known. About 19 of 20 errors should be below U."
     )
     return section_of("Rehearsal: estimates and true values", about, table)
 
 
-def truth_table(true: Mapping[str, float], rows: Iterable[Estimated]) -> Table | None:
+def truth_table(true: Mapping[str, float], rows: Iterable[Estimated], k: float) -> Table | None:
     """The estimates beside their true values; None where there is none. What has no estimate has no row."""
     known = [
-        _row(row.name, row.unit, true[row.name], row.estimate, row.std)
+        _row(row.name, row.unit, true[row.name], row.estimate, k * row.std)
         for row in rows
         if row.name in true and row.estimate is not None and row.std is not None
     ]
     if not known:
         return None
-    columns: list[Head] = [(head, "right") for head in ("true value", "estimate", "error", "error in u")]
+    columns: list[Head] = [(head, "right") for head in ("true value", "estimate", "error", "error over U")]
     return table_of("True values of the simulated arm", [("name", "left"), *columns], known)
 
 
-def _row(name: str, unit: str, true: float, estimate: float, std: float) -> Row:
-    shown, digits = unit_of(unit), numbers.decimals(std)
+def _row(name: str, unit: str, true: float, estimate: float, expanded: float) -> Row:
+    shown, digits = unit_of(unit), numbers.decimals(expanded)
     return row_of(
         label(name),
         numbers.with_unit(numbers.fixed(true, digits), shown),
-        numbers.estimate(estimate, std, shown),
+        numbers.estimate(estimate, expanded, shown),
         numbers.with_unit(numbers.fixed(estimate - true, digits), shown),
-        numbers.fixed((estimate - true) / std, 1),
+        numbers.fixed((estimate - true) / expanded, 1),
     )

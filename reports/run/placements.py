@@ -9,9 +9,10 @@ import numpy as np
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
 from ...analysis.recordings.recordings import Effective
-from ...analysis.recordings.steps import RecordingStep, RecordingSteps
+from ...analysis.recordings.steps import RecordingStep
 from ...analysis.status import LACK_OF_FIT
 from ...words import numbers
+from ...words.misfit import step_sentence
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
@@ -29,13 +30,14 @@ _MOST_BARS = 40
 def placements_section(result: Result) -> Section | None:
     """None where there is one placement and no recording long enough to say anything."""
     placements = result.placements
+    jackknife = placements.jackknife if result.misfit is None else None
     sentences = [
         text
         for text in (
             *_left_out_sentences(placements.leave_one_out),
-            _jackknife_sentence(result, placements.jackknife),
+            _jackknife_sentence(result, jackknife),
             _effective_sentence(placements.effective, result),
-            *_step_sentences(placements.steps),
+            *map(_step_text, placements.steps.rows),
         )
         if text
     ]
@@ -46,7 +48,7 @@ def placements_section(result: Result) -> Section | None:
         *map(Paragraph, sentences),
         None if placements.leave_one_out is None else FigureBlock(_PICTURE),
         None if placements.leave_one_out is None else _left_out_table(placements.leave_one_out),
-        None if placements.jackknife is None else _jackknife_table(result, placements.jackknife),
+        None if jackknife is None else _jackknife_table(result, jackknife),
     )
 
 
@@ -58,7 +60,7 @@ def placements_lines(result: Result) -> list[str]:
         lines.append(_pooled(placements.leave_one_out))
     if placements.effective.divisor > 1:
         lines.append(_effective_sentence(placements.effective, result))
-    return [*lines, *_step_sentences(placements.steps)]
+    return lines
 
 
 def _pooled(held_out: LeaveOneOut) -> str:
@@ -111,25 +113,25 @@ def _jackknife_sentence(result: Result, jackknife: Jackknife | None) -> str:
         if row.u is not None and row.u > 2 * (result.parameters.named(row.name).std or row.u)
     ]
     text = (
-        f"The jackknife takes the standard uncertainty of an offset from the scatter of its estimates without"
+        f"The jackknife takes the uncertainty of an offset from the scatter of its estimates without"
         f" one placement, not from the stated noise. It has {jackknife.dof} degrees of freedom, and"
         " does not see an error that all placements share."
     )
     if larger:
-        text += f" It is more than twice the stated u for {listed([label(name) for name in larger])}."
+        text += f" It is more than twice as large for {listed([label(name) for name in larger])}."
     return text
 
 
 def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
-    columns: list[Head] = ["name", "u", "u by jackknife", ("not determined without", "left")]
-    rows = []
+    columns: list[Head] = ["name", "U", "U by jackknife", ("not determined without", "left")]
+    k, rows = result.coverage_factor, []
     for row in jackknife.offsets:
         std = result.parameters.named(row.name).std
         rows.append(
             row_of(
                 label(row.name),
-                "—" if std is None else numbers.spread(std, row.unit),
-                "none" if row.u is None else numbers.spread(row.u, row.unit),
+                "—" if std is None else numbers.spread(k * std, row.unit),
+                "none" if row.u is None else numbers.spread(k * row.u, row.unit),
                 listed([clipped(name, _NAME) for name in row.needs]) if row.needs else "",
             )
         )
@@ -153,21 +155,8 @@ def _effective_sentence(effective: Effective, result: Result) -> str:
     )
 
 
-def _step_sentences(steps: RecordingSteps) -> list[str]:
-    return [_step_sentence(step) for step in steps.rows]
-
-
-def _step_sentence(step: RecordingStep) -> str:
-    shots = (
-        f"measurement {step.first_shot}"
-        if step.first_shot == step.last_shot
-        else f"measurements {step.first_shot} to {step.last_shot}"
-    )
-    size = "" if step.size_mm is None else f" by {numbers.significant(step.size_mm, 2, 'mm')}"
-    return (
-        f"RecordingStep in a recording of {clipped(step.target, _NAME)}: {shots} are off the rest{size}"
-        f" (p {numbers.p_value(step.p_value)}, Holm-adjusted), as if the target had slipped."
-    )
+def _step_text(step: RecordingStep) -> str:
+    return f"{step_sentence(step)}."
 
 
 def placements_picture(result: Result) -> Picture | None:

@@ -56,7 +56,7 @@ def _table(result: Result) -> Table | None:
     if result.posterior.parameters is None:
         return None
     noise = any(row.group == "noise" for row in result.parameters)
-    left = {row.name for row in result.parameters if row.group in ("target", "geometry")}
+    left = {row.name for row in result.parameters if row.tolerated or row.group == "target"}
     columns = ["name", "mean", "std", "2.5 % to 97.5 %", "ESS bulk, tail", "R-hat"]
     rows = []
     for row in result.posterior.parameters:

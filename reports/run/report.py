@@ -7,11 +7,9 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.findings import headline
-from ...words.fit import report_notes
+from ...words.message import message
 from ...words.result_json import dumps, to_json
-from ...words.verdict import VERDICT_WORDS
-from ...words.wording import clipped, counted, person, sentence
+from ...words.wording import clipped, counted
 from ..output import whole_folder
 from ..output.posterior_file import write_posterior
 from ..output.whole_folder import Kind, write_folder, write_page
@@ -40,25 +38,25 @@ from .workspace import workspace_picture, workspace_section
 
 def report_page(result: Result) -> Page:
     """All that a report shows."""
-    inputs = result.inputs
+    inputs, wrong = result.inputs, result.misfit is not None  # what follows from a wrong model is not shown
     sections = [
         diagnosis_section(result),
         offsets_section(result),
         next_steps_section(result),
         rehearsal_section(result),
-        unobservable_section(result.parameters, result.identifiability),
-        workspace_section(result),
-        scene_section(result),
+        None if wrong else unobservable_section(result.parameters, result.identifiability),
+        None if wrong else workspace_section(result),
+        None if wrong else scene_section(result),
     ]
     details = [
         fit_section(result),
-        budget_section(result),
-        geometry_section(result),
+        None if wrong else budget_section(result),
+        None if wrong else geometry_section(result),
         robust_section(result),
         hold_out_section(result),
         placements_section(result),
-        posterior_section(result),
-        intervals_section(result),
+        None if wrong else posterior_section(result),
+        None if wrong else intervals_section(result),
         residuals_section(result),
         *inputs_sections(inputs),
         traceability_section(result),
@@ -67,18 +65,19 @@ def report_page(result: Result) -> Page:
     return Page(
         f"Joint offsets of {clipped(inputs.robot)}",
         f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
-        Verdict(result.verdict, VERDICT_WORDS[result.verdict], sentence(headline(result, person))),
-        report_notes(result),
+        Verdict(result.verdict, "", ""),
+        [],
         [section for section in sections if section is not None],
         head_facts(result),
+        message(result),
     )
 
 
 def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
     """The figures of a report by name; one that may not be drawn is left out."""
     drawn = (
-        offsets_picture(result),
-        ladder_picture(result),
+        offsets_picture(result) if result.misfit is None else None,
+        ladder_picture(result) if result.misfit is None else None,
         workspace_picture(result),
         posterior_picture(result, draws),
         residuals_picture(result),

@@ -75,7 +75,7 @@ def run_turnable(result: Result) -> Turnable | None:
     open_ = [
         label(row.name)
         for row in result.parameters
-        if row.status == "unidentifiable" and row.group in ("offset", "tool")
+        if row.status == "unidentifiable" and row.group in ("offset", "tool") and not row.tolerated
     ]
     nominal = ""
     if open_:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.budget import Budget, BudgetRow
 from ...words import numbers
-from ...words.fit import misfit_factor
 from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import reasons
@@ -26,13 +25,14 @@ def budget_section(result: Result) -> Section | None:
         return None
     blocks: list[Block | None] = [Paragraph(_lead(result))]
     for what, group in (("offsets", "offset"), ("tool", "tool")):
-        budgets = [budget for budget in result.budget if result.parameters.named(budget.name).group == group]
+        names = {row.name for row in result.parameters if row.group == group and not row.tolerated}
+        budgets = [budget for budget in result.budget if budget.name in names]
         for first in range(0, len(budgets), MOST_COLUMNS):
             blocks += _tables(result, what, budgets[first : first + MOST_COLUMNS])
     undetermined = [
         row
         for row in result.parameters
-        if row.group in ("offset", "tool") and row.status in ("unidentifiable", "held")
+        if row.group in ("offset", "tool") and row.status in ("unidentifiable", "held") and not row.tolerated
     ]
     if undetermined:
         blocks += [
@@ -46,7 +46,7 @@ def budget_section(result: Result) -> Section | None:
 def _lead(result: Result) -> str:
     held = [label(row.name) for row in result.parameters if row.held]
     exact = [] if result.geometry.stated else ["the robot’s geometry"]
-    if result.inputs.calibrated:
+    if result.inputs.calibrated and not any(row.group == "tool" for row in result.parameters):
         exact.append("the calibrated tool")
     text = (
         "By the GUM (JCGM 100:2008). A contribution is the standard uncertainty that its source alone"
@@ -55,24 +55,10 @@ def _lead(result: Result) -> str:
         " residuals, type B was stated. Taken as exact, and so in no budget:"
         f" {listed([*exact, *held] or ['nothing'])}."
     )
-    if any(_wider(result, budget) for budget in result.budget):
-        text += (
-            " U is larger than half the 95 % interval in the table of estimates: that takes the noise as it"
-            " was found, k allows for how well it is known."
-        )
-    if times := misfit_factor(result):
-        text += (
-            f" The residuals are {times} times the stated noise: the budget does not contain their cause and"
-            " is too small."
-        )
-    elif result.misfit is not None:
-        text += " The model does not describe the measurements: the budget is unvalidated and too small."
+    by_dof = max((budget.coverage_factor for budget in result.budget), default=0.0)
+    if by_dof > _SAME * result.coverage_factor:
+        text += f" By the effective degrees of freedom ν k would be up to {numbers.fixed(by_dof, 2)} (G.4)."
     return text
-
-
-def _wider(result: Result, budget: Budget) -> bool:
-    interval = result.parameters.named(budget.name).interval95
-    return interval is not None and bool(budget.expanded > _SAME * (interval[1] - interval[0]) / 2)
 
 
 def source_words(row: BudgetRow, tool: str) -> str:
@@ -102,7 +88,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     if len(ranked) - len(kept) == 1:
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
-    tool = result.inputs.tool
+    tool, k = result.inputs.tool, result.coverage_factor
     heads = [(f"{label(budget.name)} ({numbers.symbol(budget.unit)})", "right") for budget in budgets]
     shown = []
     for i in sorted(kept):
@@ -123,8 +109,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     shown += [
         row_of("combined u", "", *(numbers.spread(b.std) for b in budgets)),
         row_of("ν effective", "", *(_dof(b.dof) for b in budgets)),
-        row_of("k for 95 %", "", *(numbers.fixed(b.coverage_factor, 2) for b in budgets)),
-        row_of("expanded U = k u", "", *(numbers.spread(b.expanded) for b in budgets)),
+        row_of(f"expanded U ({numbers.coverage(k)})", "", *(numbers.spread(k * b.std) for b in budgets)),
         row_of("result", "", *(_result(result, b) for b in budgets)),
     ]
     columns: list[Head] = [("source", "left"), ("its u, type", "right"), *heads]
@@ -185,7 +170,8 @@ def _dof(dof: float | None) -> str:
 def _result(result: Result, budget: Budget) -> str:
     estimate = result.parameters.named(budget.name).estimate
     assert estimate is not None  # a budget is of what the data determine
-    return f"{numbers.estimate(estimate, budget.expanded)} ± {numbers.spread(budget.expanded)}"
+    u = result.coverage_factor * budget.std
+    return f"{numbers.estimate(estimate, u)} ± {numbers.spread(u)}"
 
 
 # ── the linear intervals against the posterior ────────────────────────────────────────────────
@@ -193,7 +179,7 @@ def _result(result: Result, budget: Budget) -> str:
 
 def _check(result: Result) -> list[Block | None]:
     checked = [(budget, budget.check) for budget in result.budget if budget.check is not None]
-    if not result.budget or result.misfit is not None:  # "validated" would be the wrong word for a misfit
+    if not result.budget:
         return []
     if not checked:
         return [Paragraph("The intervals were not checked against the posterior: it has not converged.")]
@@ -225,9 +211,9 @@ def _check(result: Result) -> list[Block | None]:
         ("validated", "left"),
     ]
     about = (
-        "Estimate ± U against the 95 % interval of the posterior’s draws (JCGM 101:2008, clause 8): validated"
-        " if the ends agree to δ, half a unit in the last of two significant digits of u, or of one where the"
-        " draws cannot decide by two."
+        "The linear 95 % interval, with k of ν, against that of the posterior’s draws (JCGM 101:2008, clause"
+        " 8): validated if the ends agree to δ, half a unit in the last of two significant digits of u, or of"
+        " one where the draws cannot decide by two."
     )
     if any(check.validated is False for _, check in checked):
         about += " Where the answer is no, use the posterior’s interval."

@@ -7,41 +7,41 @@ from collections.abc import Sequence
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
+from ...words.geometry import geometry_title
 from ...words.observability import combination_words, direction_kind, rank_facts, reason, remedy
 from ...words.wording import NOT_DETERMINED, be, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 from .parameters import ParameterRow
 
-LISTED = "They are listed under Geometry."
-
 
 def unobservable_section(parameters: Sequence[ParameterRow], facts: Identifiability) -> Section:
     """The section of a report."""
-    geometry = {row.name for row in parameters if row.group == "geometry"}
-    others = [row for row in parameters if row.group != "geometry"]
-    shown = beside_tolerances(facts.null_space, geometry)
-    sentences = [_sentence(others, shown, "other parameter" if geometry else "parameter")]
+    tolerated = [row for row in parameters if row.tolerated]
+    others = [row for row in parameters if not row.tolerated]
+    shown = beside_tolerances(facts.null_space, {row.name for row in tolerated})
+    sentences = [_sentence(others, shown, "other parameter" if tolerated else "parameter")]
     if (only := tolerance_only(parameters)) is not None:
-        sentences.append(f"{only} {LISTED}")
+        sentences.append(f"{only} They are listed under {geometry_title(tolerated)}.")
     items = [direction_words(direction) for direction in shown]
     return section_of(
         "What cannot be determined", *map(Paragraph, sentences), Directions(items), Facts(rank_facts(facts))
     )
 
 
-def beside_tolerances(directions: Sequence[NullDirection], geometry: set[str]) -> list[NullDirection]:
-    """Null-space directions without those of geometry parameters alone: their tolerances are knowledge."""
-    return [direction for direction in directions if not geometry.issuperset(direction.combination)]
+def beside_tolerances(directions: Sequence[NullDirection], tolerated: set[str]) -> list[NullDirection]:
+    """Null-space directions without those of tolerated parameters alone: their tolerances are knowledge."""
+    return [direction for direction in directions if not tolerated.issuperset(direction.combination)]
 
 
 def tolerance_only(parameters: Sequence[ParameterRow]) -> str | None:
-    """How many geometry parameters only their tolerances tell of; None where there is none."""
-    free = [row for row in parameters if row.group == "geometry" and not row.held]
+    """How many tolerated parameters are known by their tolerances only; None where there is none."""
+    free = [row for row in parameters if row.tolerated and not row.held]
     count = sum(not known(row.status) for row in free)
     if not count:
         return None
+    of = geometry_title(free).lower()
     verb, its = ("is", "its") if count == 1 else ("are", "their")
-    return f"{count} of {counted(len(free), 'geometry parameter')} {verb} known by {its} tolerances only."
+    return f"{count} of {counted(len(free), 'parameter')} of {of} {verb} known by {its} tolerances only."
 
 
 def _sentence(parameters: Sequence[ParameterRow], directions: Sequence[NullDirection], what: str) -> str:

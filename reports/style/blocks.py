@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ...analysis.answer.message import Message
 from ...words.numbers import NO_BREAK
 
 
@@ -162,7 +163,8 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report or study. `facts` are in its head: when, which machine, by whom."""
+    """A whole report or study. `facts` are in its head: when, which machine, by whom. The `message` of an
+    answer stands in place of the verdict's word and sentence, and of notes."""
 
     title: str
     subtitle: str
@@ -170,6 +172,7 @@ class Page:
     notes: Sequence[str]
     sections: Sequence[Section]
     facts: Sequence[tuple[str, str]] = ()
+    message: Message | None = None
 
     @property
     def chapters(self) -> list[list[Section]]:

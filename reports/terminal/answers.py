@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -13,15 +12,15 @@ from rich.text import Text
 from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
-from ...words.findings import headline
-from ...words.fit import report_notes
 from ...words.geometry import worth_sentence
+from ...words.message import message
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
 from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
 from ..run.geometry import geometry_lines
 from ..run.next_steps import next_steps_section
 from ..run.parameters import (
+    NO_NUMBER,
     offsets_caption,
     offsets_table,
     offsets_worth,
@@ -34,7 +33,7 @@ from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
-from .check import print_directions, print_notes, print_verdict
+from .check import print_commands, print_directions, print_message, print_notes, print_verdict
 
 if TYPE_CHECKING:
     from ...experiments.plans.make import MadePlan
@@ -44,31 +43,36 @@ _MOST_ROWS = 40
 
 
 def print_result(console: Console, result: Result) -> None:
-    """The answer of `analyse`: verdict, notes, parameters, what cannot be determined, fit, second
-    opinions."""
-    print_verdict(console, result.verdict, headline(result, person))
-    print_notes(console, report_notes(result))
+    """The answer of `analyse`: the message, then parameters, what cannot be determined, fit, second
+    opinions. What follows from a wrong model is not shown."""
+    print_message(console, result.verdict, message(result))
+    wrong = result.misfit is not None
     if (could_be := diagnosis_section(result)) is not None:
         _print_section(console, could_be)
     _print_table(console, offsets_table(result))
-    if (worth := offsets_worth(result)) is not None:
+    if (worth := offsets_worth(result)) is not None and result.geometry.stated:
         console.print(Text(worth))
-    for line in geometry_lines(result):
-        console.print(Text(line))
-    for table in other_tables(result.parameters):
-        _print_table(console, table)
+    if not wrong:
+        for line in geometry_lines(result):
+            console.print(Text(line))
+        for table in other_tables(result.parameters, result.coverage_factor):
+            _print_table(console, table)
     if (rehearsal := rehearsal_section(result)) is not None:
         _print_section(console, rehearsal)
-    _print_steps(console, next_steps_section(result))
-    print_directions(console, result.identifiability.null_space, result.parameters)
+    if (steps := next_steps_section(result)) is not None:
+        _print_steps(console, steps)
+    if not wrong:
+        print_directions(console, result.identifiability.null_space, result.parameters)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
         console.print(Text(line))
-    for section in (robust_section(result), hold_out_section(result), intervals_section(result)):
+    intervals = None if wrong else intervals_section(result)
+    for section in (robust_section(result), hold_out_section(result), intervals):
         if section is not None:
             _print_section(console, section)
-    message = ended(posterior_sentence(result))
-    console.print(Text(f"Posterior: {message}" if result.posterior.converged else message))
+    if not wrong:
+        posterior = ended(posterior_sentence(result))
+        console.print(Text(f"Posterior: {posterior}" if result.posterior.converged else posterior))
 
 
 def print_proposal(console: Console, made: MadePlan) -> None:
@@ -96,31 +100,31 @@ def print_proposal(console: Console, made: MadePlan) -> None:
 
 
 def print_carried(console: Console, answer: Ended) -> None:
-    """The end of `run`: verdict, notes, offsets, what was measured and how long it took, what to do next."""
-    print_verdict(console, answer.verdict, answer.person_headline)
-    if not answer.consistent:
-        console.print(contradicted(answer.p_value))
+    """The end of `run`: message, notes, offsets, what was measured and how long it took, what to do next."""
+    print_message(console, answer.verdict, answer.message)
     print_notes(console, map(sentence, answer.notes))
     if answer.parameters:
         caption = offsets_caption(row.status for row in answer.parameters)
         console.print(Text(caption, style="italic"))
         table = Table(box=None, pad_edge=False)
         shown = None if answer.verdict == "misfit" else answer.geometry
-        worth_text = None if shown is None else worth_sentence(shown, answer.parameters)
-        worth = [] if worth_text is None or shown is None else [worth_column(shown)]
-        for name in ("name", "estimate", "u", *(head for head, _ in worth), "status"):
+        k = answer.coverage_factor
+        worth_text = None if shown is None else worth_sentence(shown, answer.parameters, k)
+        worth = [] if worth_text is None or shown is None else [worth_column(shown, k)]
+        expanded = f"U ({numbers.coverage(k)})"
+        for name in ("name", "estimate", expanded, *(head for head, _ in worth), "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
             beside = [of(row) for _, of in worth]
-            estimate = std = "—"
+            estimate = u = NO_NUMBER
             if row.status != "unidentifiable" and row.estimate is not None and row.std is not None:
-                estimate = numbers.estimate(row.estimate, row.std, row.unit)
-                std = numbers.spread(row.std, row.unit)
-            table.add_row(label(row.name), estimate, std, *beside, marked(row.status, row.status))
+                estimate = numbers.estimate(row.estimate, k * row.std, row.unit)
+                u = NO_NUMBER if row.status == "unvalidated" else numbers.spread(k * row.std, row.unit)
+            table.add_row(label(row.name), estimate, u, *beside, marked(row.status, row.status))
         console.print(table)
         if worth_text is not None:
             console.print(Text(worth_text))
-        if (table_of_truth := truth_table(answer.true, answer.parameters)) is not None:
+        if (table_of_truth := truth_table(answer.true, answer.parameters, k)) is not None:
             _print_table(console, table_of_truth)
     if answer.consistent and answer.p_value is not None:
         p_value = numbers.p_value(answer.p_value)
@@ -154,16 +158,16 @@ def _measured(answer: Ended) -> str:
 
 
 def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Result]) -> None:
-    """Several results next to each other, with the true values where a simulation states them."""
-    console.print(
-        Text("Offsets and tool: estimate ± standard uncertainty, and the true value", style="italic")
-    )
+    """Several results next to each other, with the true values where a simulation states them. What has a
+    tolerance in all of them is left out."""
+    console.print(Text("Offsets and tool: estimate ± U (k = 2), and the true value", style="italic"))
     table = Table()
     table.add_column("")
     for title in titles:
         table.add_column(title)
     rows = [{row.name: row for row in result.parameters if row.group != "target"} for result in results]
-    for name in dict.fromkeys(name for by_name in rows for name in by_name):
+    estimated = (name for by_name in rows for name, row in by_name.items() if not row.tolerated)
+    for name in dict.fromkeys(estimated):
         table.add_row(
             label(name),
             *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
@@ -181,13 +185,16 @@ def _compared(row: ParameterResult | None, result: Result) -> Text:
     known = isinstance(true, int | float)
     truth = Text(f"\ntrue {numbers.exact(float(str(true)), row.unit)}" if known else "", style="dim")
     style = STYLE[row.status]
+    if row.tolerated and row.estimate is None:
+        return Text(f"prior only, u {numbers.exact(row.prior_std, row.unit)}", style="dim")
     if row.estimate is None:
         return Text(f"{MARK[row.status]} not determined", style=style) + truth
     if row.std is None:
         return (
             Text(f"{MARK[row.status]} held at {numbers.exact(row.estimate, row.unit)}", style=style) + truth
         )
-    text = f"{numbers.estimate(row.estimate, row.std)} ± {numbers.spread(row.std, row.unit)}"
+    u = result.coverage_factor * row.std
+    text = f"{numbers.estimate(row.estimate, u)} ± {numbers.spread(u, row.unit)}"
     return Text(f"{MARK[row.status]} {text}", style=style) + truth
 
 
@@ -209,11 +216,7 @@ def _print_steps(console: Console, section: blocks.Section) -> None:
         if isinstance(block, blocks.Paragraph):
             console.print(Text(block.text))
         elif isinstance(block, blocks.Commands):
-            for line in block.lines:
-                width = max(console.width - 8, 20)
-                wrapped = wrap(line, width, break_long_words=False, break_on_hyphens=False)
-                for part in " \\\n     ".join(wrapped).splitlines():
-                    console.print(Text(f"   {part}"), soft_wrap=True)
+            print_commands(console, block.lines)
 
 
 def _print_table(console: Console, table: blocks.Table) -> None:

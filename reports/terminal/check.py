@@ -9,8 +9,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ...analysis.answer.message import Message
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
+from ...analysis.status import Verdict
 from ...words import numbers
 from ...words.geometry import check_lines
 from ...words.numbers import unit_of
@@ -34,7 +36,7 @@ def print_check(console: Console, check: Check) -> None:
         table.add_column(name, justify="left" if name in ("name", "status") else "right")
     for row in check.parameters:
         unit = unit_of(row.unit)
-        if row.group == "geometry":
+        if row.tolerated:
             continue
         alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
         table.add_row(
@@ -68,6 +70,27 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
     )
 
 
+def print_message(console: Console, verdict: Verdict, said: Message) -> None:
+    """The message of an answer: what is read first."""
+    console.print(Text(sentence(said.verdict), style=VERDICT_STYLE[verdict]))
+    for text in (said.cause, said.worst and said.worst.text):
+        if text is not None:
+            console.print(Text(sentence(text)))
+    console.print(Text("To do: ", style="bold") + Text(sentence(said.action.text)))
+    if said.action.command is not None:
+        print_commands(console, (said.action.command,))
+    print_notes(console, said.cautions)
+
+
+def print_commands(console: Console, commands: Iterable[str]) -> None:
+    """Commands as they are to be typed."""
+    for line in commands:
+        width = max(console.width - 8, 20)
+        wrapped = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
+        for part in " \\\n     ".join(wrapped).splitlines():
+            console.print(Text(f"   {part}"), soft_wrap=True)
+
+
 def print_notes(console: Console, notes: Iterable[str]) -> None:
     """What a reader must see."""
     for text in notes:
@@ -78,8 +101,8 @@ def print_directions(
     console: Console, directions: Sequence[NullDirection], parameters: Iterable[ParameterRow]
 ) -> None:
     """What cannot be determined, why, and what to do."""
-    geometry = {row.name for row in parameters if row.group == "geometry"}
-    for direction in beside_tolerances(directions, geometry):
+    tolerated = {row.name for row in parameters if row.tolerated}
+    for direction in beside_tolerances(directions, tolerated):
         words = direction_words(direction)
         console.print(
             Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")

@@ -15,7 +15,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.parameters import Parameters
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.findings import displacement_sentence
+from zerobeam.words.misfit import displacement_sentence
 
 CHANCE = 1e-3
 
@@ -249,8 +249,7 @@ def test_the_sentence() -> None:
     found = found_in(bumped(good_plan(12, joint_deg=0.002), (0.6, -0.6, 0.5), 5)[0])
     assert displacement_sentence(replace(found, p_value=2e-5, elsewhere=())) == (
         f"Target psd seems to have moved by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm between"
-        " measurements 4 and 5 (p = 2e-05). Discard the measurements before or after, or give them"
-        " another target name"
+        " measurements 4 and 5 (p = 2e-05)"
     )
     part = replace(found, size_mm=None, shift_mm=(None, -0.61, None), std_mm=(None, 0.2, None))
     assert "moved by -0.6 ± 0.2 mm along y between" in displacement_sentence(part)

@@ -40,7 +40,7 @@ def test_of_exchanged_columns_with_geometry_the_misfit_is_said(
     answer = zerobeam("analyse", run, "--ess", 100, "--json")
     assert answer.status == 1, answer.err
     assert answer.json["verdict"] == "misfit"
-    assert set(answer.json["geometry"]["at_twice"].values()) == {None}
+    assert all(u is None or 0 < u < 5 for u in answer.json["geometry"]["at_twice"].values())
     actual = zerobeam("analyse", run, "--ess", 100)
     assert actual.status == 1
     assert "None" not in actual.out
@@ -53,7 +53,10 @@ def test_what_the_geometry_can_fit_exactly_says_nothing_of_the_noise(tmp_path: P
     run = read_run(changed(tmp_path / "run.jsonl", noise=noise, geometry={}))
     with pytest.raises(BadInput, match="noise scale cannot be estimated") as caught:
         analyse(run, ess=100)
-    assert caught.value.found == "14 numbers from 7 measurements for 39 unknowns, 31 of them of the geometry"
+    assert caught.value.found == (
+        "14 numbers from 7 measurements for 8 unknowns, and 37 parameters of geometry and tool deviate within"
+        " their tolerances"
+    )
 
 
 @pytest.mark.parametrize(("divisor", "dof"), [(1.5, 1), (1.7, 0)])
@@ -62,7 +65,7 @@ def test_correlated_measurements_may_count_for_too_few(
 ) -> None:
     """The variance of the noise factor was 1 over no degree of freedom."""
     noise = json.loads(GOOD.read_text().splitlines()[0])["noise"] | {"scale": "estimated"}
-    run = read_run(changed(tmp_path / "run.jsonl", noise=noise))
+    run = read_run(changed(tmp_path / "run.jsonl", noise=noise, geometry="exact"))
     real = ladder.effective
 
     def fewer(*arguments: Any) -> Any:
@@ -81,3 +84,17 @@ def test_correlated_measurements_may_count_for_too_few(
     else:
         with pytest.raises(BadInput, match="noise scale cannot be estimated"):
             ladder.solve_run(problem, run.header)
+
+
+@pytest.mark.parametrize("robot", ["irb1600", "irb120"])
+def test_residuals_beyond_rounding_are_no_convergence(tmp_path: Path, robot: str) -> None:
+    """The information was not positive definite to rounding, and the run ended in a LinAlgError."""
+    noise = {"joint_deg": 1e-11, "spot_mm": 1e-11}
+    run = changed(tmp_path / "run.jsonl", robot=robot, noise=noise, limits="warn")
+    answer = zerobeam("analyse", run, "--ess", 100, "--json")
+    assert answer.status == 3, answer.err
+    assert answer.json["verdict"] == "degenerate"
+    assert not answer.json["fits"]["likelihood"]["converged"]
+    assert "not positive definite" in answer.json["fits"]["likelihood"]["reason"]
+    assert all(row["estimate"] is None or row["held"] for row in answer.json["parameters"])
+    assert answer.json["geometry"]["ladder"] == []

@@ -9,10 +9,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import OPEN_PROBE, PROBE, TABLE_2, good_plan, header, irb1600, plan_of, simulated, varied_postures
+from cells import (
+    OPEN_PROBE,
+    PROBE,
+    TABLE_2,
+    good_plan,
+    header,
+    irb1600,
+    plan_of,
+    run_of,
+    simulated,
+    varied_postures,
+)
 from scipy import stats
 
+from zerobeam.analysis.displacement import Displacement
 from zerobeam.analysis.estimation.fit import fit_from
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.misfit import (
     BeyondPrior,
     Criterion,
@@ -21,8 +34,10 @@ from zerobeam.analysis.misfit import (
     Misfit,
     PlacementsDisagree,
 )
+from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, judge, so_far, solve
 from zerobeam.analysis.status import UnsoundResult, verdict_of
+from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.files.plan import Plan
@@ -125,7 +140,7 @@ def test_chi_squared_against_the_stated_noise() -> None:
 
 def test_it_says_which_geometry_does_not_describe_the_arm() -> None:
     run = dataclasses.replace(simulated(sockets(longer(irb1600(), 2, 20.0)), TABLE_2, 1)[1], robot=irb1600())
-    for stated, word in ((None, "nominal"), (StatedGeometry(gravity=False, harmonics=False), "estimated")):
+    for stated, word in (("exact", "nominal"), (StatedGeometry(gravity=False, harmonics=False), "estimated")):
         own = dataclasses.replace(run, header=run.header.model_copy(update={"geometry": stated}))
         found = only(solve(Problem.from_run(own), starts=0), LackOfFit)
         assert f"the {word} geometry does not describe this arm" in criterion_sentence(found)
@@ -252,12 +267,12 @@ def false_alarms(count: int, scales: Sequence[str]) -> list[str]:
 
 def test_the_right_model_is_no_misfit() -> None:
     """120 runs: a false alarm is expected of 0.1 % by each of two criteria at most."""
-    assert len(false_alarms(30, ("known", "estimated"))) <= stats.binom.ppf(0.999, 120, 0.002)
+    assert len(false_alarms(30, ("known", "estimated"))) <= stats.binom.ppf(0.999, 120, 0.012)
 
 
 @pytest.mark.long
 def test_the_right_model_is_no_misfit_in_many_runs() -> None:
-    assert len(false_alarms(200, ("known", "estimated", "separate"))) <= stats.binom.ppf(0.999, 1200, 0.003)
+    assert len(false_alarms(200, ("known", "estimated", "separate"))) <= stats.binom.ppf(0.999, 1200, 0.013)
 
 
 def test_a_misfit_has_a_criterion() -> None:
@@ -274,3 +289,37 @@ def test_a_run_under_way_says_it_too() -> None:
     assert state.contradictions[: len(state.misfit.criteria)] == state.misfit.criteria
     assert {row.status for row in state.offsets} == {"held", "unvalidated"}
     assert so_far(Problem.from_run(simulated(sockets(irb1600()), TABLE_2, 1)[1])).verdict == "pass"
+
+
+def displaced_arms(mm: float, first: int, count: int) -> int:
+    """How many of `count` typical arms are a misfit by a step or a moved target, if the target is so far
+    elsewhere from some measurement of the thirty on."""
+    plan, acted = good_plan(30), 0
+    for seed in range(first, first + count):
+        rng = np.random.default_rng([2029, seed])
+        truth = Truth.drawn(plan, rng)
+        shots = list(simulated_shots(truth, rng))
+        if mm:
+            way, x = rng.normal(size=3), truth.x.copy()
+            x[truth.problem.parameters.block("target", 0)] += way * mm / np.linalg.norm(way)
+            at = int(rng.integers(10, 21))
+            shots[at:] = list(simulated_shots(dataclasses.replace(truth, x=x), rng))[at:]
+        run = run_of(plan.header, shots)
+        found = solve_run(Problem.from_run(run), run.header)
+        acted += any(isinstance(one, Displacement | RecordingStep) for one in found.contradictions)
+        assert (found.verdict == "misfit") == (found.misfit is not None)
+    return acted
+
+
+def test_a_target_that_moved_is_a_misfit_of_a_typical_arm() -> None:
+    assert displaced_arms(3.0, 0, 4) >= 3
+    assert displaced_arms(0.0, 0, 4) <= 1
+
+
+@pytest.mark.long
+def test_a_target_at_rest_is_no_misfit_of_many_typical_arms() -> None:
+    """The tests have a level of 1 % and 0.1 %. A target that moved by 1 mm is detected in three of four arms
+    (30 of 40 others): the bound is what 100 arms with a chance of two of three have in all but one of 1,000.
+    """
+    assert displaced_arms(0.0, 1000, 200) <= stats.binom.ppf(0.999, 200, 0.011)
+    assert displaced_arms(1.0, 2000, 100) >= stats.binom.ppf(0.001, 100, 2 / 3)

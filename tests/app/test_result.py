@@ -34,7 +34,7 @@ def _result(client: TestClient, file: str = "good/result.json") -> Any:
 def test_a_result_is_what_its_file_says(client: TestClient, there: Path) -> None:
     stated = json.loads((there / "good/result.json").read_text())
     shown = _result(client)
-    for key in ("verdict", "headline", "notes", "next_steps"):
+    for key in ("verdict", "message", "coverage_factor", "headline", "notes", "next_steps"):
         assert shown[key] == stated[key]
     assert [row["name"] for row in shown["next_steps"]["enter"]]
     rows = {row["name"]: row for row in stated["parameters"]}

@@ -43,14 +43,20 @@ def header(
     joint_deg: float = 0.01,
     spot_mm: float = 0.05,
     noise: dict[str, Any] | None = None,
+    geometry: dict[str, Any] | str | None = "exact",
     **more: Any,
 ) -> Header:
-    """A header of the built-in arm with one target `psd` thought to be at `target` (mm)."""
+    """A header of the built-in arm with one target `psd` thought to be at `target` (mm).
+
+    Its geometry is exact unless stated otherwise; None: no such key, a typical arm.
+    """
     content: dict[str, Any] = {
         "robot": "irb1600",
         "tool": tool,
         "noise": {"joint_deg": joint_deg, "spot_mm": spot_mm, **(noise or {})},
     }
+    if geometry is not None:
+        content["geometry"] = geometry
     if target is not None:
         content["targets"] = {"psd": {"guess_mm": list(target)}}
     return Header.model_validate({**content, **more})

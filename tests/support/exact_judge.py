@@ -203,7 +203,7 @@ class Judge:
 
     def __init__(self, arm: Cell, geometry: Any = NOMINAL) -> None:
         tool = arm.own.tool
-        self.arm, self.laser, self.open = arm, tool.kind == "laser", not tool.calibrated
+        self.arm, self.laser, self.open = arm, tool.kind == "laser", not arm.own.exact_tool
         self.names = geometry.names if geometry else ()
         self.gravity = geometry.gravity if geometry else None
         self.point = exact(tool.point_mm) / 1000
@@ -231,9 +231,9 @@ class Judge:
             c, s = c * ct - s * st_, s * ct + c * st_
             rotation = rotation @ np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]])
             along = mpf(row.d) / 1000 + (0 if revolute else theta[i]) + links.get((link, "d"), zero)
-            by_link[link, "d"], by_link[link, "a"] = (rotation[:, 2], None), (rotation[:, 0], None)
+            by_link |= {(link, axis): (rotation[:, k], None) for k, axis in enumerate(("a", "b", "d"))}
             a = mpf(row.a) / 1000 + links.get((link, "a"), zero)
-            place = place + rotation @ np.array([a, zero, along])
+            place = place + rotation @ np.array([a, links.get((link, "b"), zero), along])
             for axis, k in (("theta", 2), ("alpha", 0), ("beta", 1)):
                 by_link[link, axis] = (rotation[:, k], place)
                 if (link, axis) in links:

@@ -51,9 +51,11 @@ def _analysed(run: Run, **asked: Any) -> Analysis:
     return analyse(run, seed=_SEED, ess=400.0, **asked)
 
 
-def _demo(name: str) -> Run:
+def _demo(name: str, geometry: str | None = "exact") -> Run:
+    """A run of the demo, with exact geometry; None: as it is, of a typical arm."""
     (path,) = [demo.path for demo in demo_runs() if demo.name == name]
-    return read_run(path)
+    run = read_run(path)
+    return replace(run, header=run.header.model_copy(update={"geometry": geometry}))
 
 
 def _named(run: Run, name: str) -> Run:

@@ -149,7 +149,8 @@ def whole_files(folder: Path, *, recorded: bool) -> Files:
     text["study.yaml"] = (
         text["study.yaml"].partition("  - key: tool")[0].replace("optimal, shots: 7", "x, shots: 5")
     )
-    good = demo_runs()[0].path.read_text(encoding="utf-8")
+    typical = demo_runs()[0].path.read_text(encoding="utf-8")
+    good = typical.replace('"robot":', '"geometry":"exact","robot":', 1)
     head, *shots = good.splitlines()
     text["run.jsonl"] = good
     actual = {**json.loads(head), "schema": "zerobeam/plan/1"}
@@ -161,7 +162,7 @@ def whole_files(folder: Path, *, recorded: bool) -> Files:
         good.replace("irb1600", "arm.yaml"),
     )
     text["arm.yaml"] = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
-    text["geometry.jsonl"] = good.replace('"robot":', '"geometry":{},"robot":', 1)
+    text["geometry.jsonl"] = typical
     text["chain.jsonl"] = urdf_run(folder, shots=7).path.read_text(encoding="utf-8")
     text["arm.urdf"] = (folder / "arm.urdf").read_text(encoding="utf-8")
     if recorded:

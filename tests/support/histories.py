@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,13 @@ from zerobeam.words.result_json import dumps, to_json
 
 
 def demo_result(name: str) -> dict[str, Any]:
-    """The result.json of a run of the demo, as JSON has it."""
+    """The result.json of a run of the demo with exact geometry, as JSON has it."""
 
     def make() -> dict[str, Any]:
         (path,) = [demo.path for demo in demo_runs() if demo.name == name]
-        return to_json(analyse(read_run(path), ess=100.0).result)
+        run = read_run(path)
+        exact = run.header.model_copy(update={"geometry": "exact"})
+        return to_json(analyse(replace(run, header=exact), ess=100.0).result)
 
     return copy.deepcopy(made_once(f"demo result {name}", make))
 

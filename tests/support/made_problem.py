@@ -22,9 +22,15 @@ SEEN = ("a", "b", "a", "a", "b", "a", "b", "b")  # targets of the shots
 DISTANCE = [{"between": ["b", "a"], "mm": 60, "sigma_mm": 0.5}]
 
 
-def header(tool: dict[str, Any] = LASER, **changes: Any) -> Header:
+def header(
+    tool: dict[str, Any] = LASER, *, geometry: dict[str, Any] | str | None = "exact", **changes: Any
+) -> Header:
+    """Exact geometry unless stated otherwise; None: no such key, a typical arm."""
     noise = {"joint_deg": 0.01, "joint_mm": 0.02, "spot_mm": 0.05}
-    return Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, **changes})
+    content = {"robot": "irb1600", "tool": tool, "noise": noise, **changes}
+    if geometry is not None:
+        content["geometry"] = geometry
+    return Header.model_validate(content)
 
 
 class Made:

@@ -52,8 +52,8 @@ def shift(x: Value = 0, y: Value = 0, z: Value = 0) -> np.ndarray:
 
 
 def deviation(own: Mapping[str, Value]) -> np.ndarray:
-    """Tz(d) Tx(a) Rz(theta) Rx(alpha) Ry(beta), factor by factor; those that are not there are left out."""
-    steps = [shift(**{axis: own[name]}) for name, axis in (("d", "z"), ("a", "x")) if name in own]
+    """Tz(d) Tx(a) Ty(b) Rz(theta) Rx(alpha) Ry(beta), factor by factor; what is not there is left out."""
+    steps = [shift(**{axis: own[name]}) for name, axis in (("d", "z"), ("a", "x"), ("b", "y")) if name in own]
     angles = (("z", "theta"), ("x", "alpha"), ("y", "beta"))
     steps += [rotation(axis, own[name]) for axis, name in angles if name in own]
     result = np.eye(4, dtype=complex)
@@ -161,8 +161,8 @@ class UncertainArm:
 
     @property
     def lengths(self) -> np.ndarray:
-        """(g,) True for a, d: mm, not rad."""
-        return np.array([axis in ("a", "d") for _, axis in self.names])
+        """(g,) True for a, b, d: mm, not rad."""
+        return np.array([axis in ("a", "b", "d") for _, axis in self.names])
 
     def grouped(self, values: np.ndarray) -> dict[str, dict[str, Value]]:
         actual: dict[str, dict[str, Value]] = {}

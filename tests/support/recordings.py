@@ -39,6 +39,7 @@ def places(data: Path, arm: Arm) -> list[str]:
 
 
 def header_text(data: Path, arm: Arm, chosen: Sequence[str]) -> str:
+    """A header with exact geometry, which no real arm has."""
     urdf = (data / "mukca" / "urdf" / arm.urdf).resolve()
     distances = "".join(
         f"  - {{between: [{place}_0, {place}_1], mm: 50, sigma_mm: 0.1}}\n" for place in chosen
@@ -48,6 +49,7 @@ def header_text(data: Path, arm: Arm, chosen: Sequence[str]) -> str:
         f"tool: {{kind: probe, calibrated: false, point_mm: [0, 0, {arm.ball_z}]}}\n"
         "noise: {joint_deg: 0.01, spot_mm: 0.5}\n"
         f"limits: {arm.limits}\n"
+        "geometry: exact\n"
         f"distances:\n{distances}"
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from zerobeam.analysis.answer.message import Action, Message, WorstOffset
 from zerobeam.experiments.procedure import events
 from zerobeam.experiments.procedure.events import RunEvent, event_json
 from zerobeam.experiments.procedure.rig import RefusalReason, RefusedPosture
@@ -24,12 +25,28 @@ def event_of(content: Json) -> RunEvent:
     if "reason" in stated:
         stated["reason"] = RefusalReason(stated["reason"])
     if content["event"] == events.Ended.event:
-        stated["person_headline"] = stated["headline"]
+        said = stated.get("message") or {"verdict": stated["headline"]}
+        stated["message"] = message_of(**said)
         stated["parameters"] = tuple(events.KnownOffset(**row) for row in stated["parameters"])
         stated["refused"] = tuple(
             RefusedPosture(**{**row, "reason": RefusalReason(row["reason"])}) for row in stated["refused"]
         )
     return _KINDS[content["event"]](**{key: _frozen(value) for key, value in stated.items()})  # type: ignore[no-any-return]
+
+
+def message_of(verdict: str, **parts: Any) -> Message:
+    """The message that is printed so; what is not there is nothing."""
+    worst, action = (
+        parts.get("worst"),
+        parts.get("action") or {"text": "Look at the result.", "command": None},
+    )
+    return Message(
+        verdict=verdict,
+        worst=None if worst is None else WorstOffset(**worst),
+        cause=parts.get("cause"),
+        action=Action(**action),
+        cautions=tuple(parts.get("cautions", ())),
+    )
 
 
 def _frozen(value: Any) -> Any:

@@ -18,7 +18,7 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.commands.console import EXIT_STATUS
-from zerobeam.words.findings import headline
+from zerobeam.words.message import headline
 from zerobeam.words.misfit import explanation_sentence
 from zerobeam.words.numbers import times
 

@@ -6,6 +6,7 @@ import pytest
 
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.words.message import message
 from zerobeam.words.next_steps import next_steps
 
 
@@ -13,7 +14,7 @@ from zerobeam.words.next_steps import next_steps
 def test_values_are_offered_of_a_pass_alone(number: int, verdict: str) -> None:
     found = zb.analyse(zb.read_run(demo_runs()[number].path), ess=100)
     assert found.verdict == verdict
-    steps = next_steps(found.result)
+    steps = next_steps(found.result, message(found.result))
     known = [row.name for row in found.offsets if row.status == "identified"]
     assert [own.name for own in steps.enter] == (known if verdict == "pass" else [])
     assert any(step.commands for step in steps.steps)

@@ -39,6 +39,7 @@ def test_a_long_name_keeps_its_two_ends() -> None:
         ("delta2.x", "delta2.x"),  # a target may be called that
         ("target", "target"),
         ("link2.a", "link 2, a"),
+        ("link6.b", "link 6, b"),
         ("link12.alpha", "link 12, α"),
         ("link3.beta", "link 3, β"),
         ("joint3.gravity", "J3, gravity"),

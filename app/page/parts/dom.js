@@ -23,8 +23,11 @@ export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// Names as people read them: delta2 is J2 (δ2).
-export const named = (text) => text.replace(/\bdelta(\d+)\b/g, "J$1 (δ$1)");
+// Names as people read them: delta2 is J2 (δ2), link2.alpha is link 2, α.
+const GREEK = { alpha: "α", beta: "β", theta: "θ", cos: "cos q", sin: "sin q" };
+export const named = (text) => text.replace(/\bdelta(\d+)\b/g, "J$1 (δ$1)")
+  .replace(/\b(link|joint)(\d+)\.(alpha|beta|theta|gravity|cos|sin|[abd])\b/g,
+    (_, body, number, axis) => `${body === "link" ? "link " : "J"}${number}, ${GREEK[axis] || axis}`);
 
 export const sentence = (text) => { const said = named(text); return said.charAt(0).toUpperCase() + said.slice(1) + (/[.?!]$/.test(said) ? "" : "."); };
 

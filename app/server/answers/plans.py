@@ -129,6 +129,7 @@ class CheckRemarks(JsonDocument):
     """What the command prints besides the table."""
 
     worth: WorthColumn
+    tolerated: list[str] = Field(description="parameters with tolerances, of geometry and tool")
     lines: list[str] = Field(description="on the geometry")
     advice: str | None
     over_target: str | None
@@ -286,6 +287,7 @@ def _remarks(checked: Check) -> CheckRemarks:
     offsets, over = [row for row in checked.parameters if row.group == "offset"], checked.over_target
     return CheckRemarks(
         worth=WorthColumn(head=head, of={row.name: of(row) for row in offsets}),
+        tolerated=[row.name for row in checked.parameters if row.tolerated],
         lines=list(check_lines(checked)),
         advice=None if checked.advice is None else advice_sentence(checked.advice),
         over_target=None if over is None else over_target_sentence(over, units),

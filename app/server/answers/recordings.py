@@ -14,7 +14,7 @@ from ....model.files.json_document import JsonDocument
 from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
 from ....model.likelihood.problem import Problem
-from ....words.findings import headline_so_far
+from ....words.message import headline_so_far
 from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..folder import Folder

@@ -19,7 +19,7 @@ from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
-from ....words.findings import solution_headline
+from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document
 from ..folder import Folder
@@ -85,7 +85,7 @@ def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
     offsets = [
         parameter_document(row).to_json() | {"before": parameter_document(before[row.name]).to_json()}
         for row in solution.parameters
-        if row.group in ("offset", "tool")
+        if row.group in ("offset", "tool") and not row.tolerated
     ]
     lost = [
         row.name
@@ -99,12 +99,11 @@ def refit(folder: Folder, request: AskedRefit) -> dict[str, Any]:
         "verdict": solution.verdict,
         "verdict_before": whole.verdict,
         "headline": solution_headline(solution),
+        "coverage_factor": solution.coverage_factor,
         "parameters": offsets,
         "lost": lost,
         "null_space": [direction_document(one).to_json() for one in solution.null_space],
-        "misfit": []
-        if solution.misfit is None
-        else [criterion_sentence(one) for one in solution.misfit.criteria],
+        "misfit": list(map(criterion_sentence, solution.contradictions)),
     }
 
 
@@ -123,7 +122,7 @@ def _without(fitted_run: FittedRun, without: tuple[int, ...]) -> Solution:
             allowed="at least 2",
             remedy="leave out fewer",
         )
-    if fitted_run.run.header.geometry is None:
+    if fitted_run.run.header.arm is None:
         selected = _selected(fitted_run.problem, left)
         require_noise_data(selected)
         return solve_run(selected, fitted_run.run.header)

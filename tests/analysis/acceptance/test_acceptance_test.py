@@ -25,6 +25,7 @@ ENTERED = tuple(f"delta{j}" for j in range(2, 7))
 @cache
 def calibrated():
     run = read_run(demo_runs()[0].path)
+    run = replace(run, header=run.header.model_copy(update={"geometry": "exact"}))
     return run, solve_run(Problem.from_run(run), run.header)
 
 

@@ -16,7 +16,9 @@ from zerobeam.model.likelihood.problem import Problem
 def problems():
     """Of two shapes and of two kinds of noise, with readings of their own."""
     rng = np.random.default_rng(8)
-    good, x_pattern = (Problem.from_run(read_run(run.path)) for run in demo_runs()[:2])
+    runs = [read_run(run.path) for run in demo_runs()[:2]]
+    exact = [replace(run, header=run.header.model_copy(update={"geometry": "exact"})) for run in runs]
+    good, x_pattern = map(Problem.from_run, exact)
     estimated = replace(good, noise=replace(good.noise, estimated=True))
 
     def again(problem):

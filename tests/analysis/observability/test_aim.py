@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from cells import header, irb1600, plan_of, random_robot, varied_postures
+from cells import good_plan, header, irb1600, plan_of, random_robot, varied_postures
 
-from zerobeam.analysis.observability.aim import aim, moving_joints, servo_joints
+from zerobeam.analysis.observability.aim import aim, at_rest, moving_joints, servo_joints
 from zerobeam.model.likelihood.problem import Problem
 
 AWAY = {"kind": "laser", "calibrated": True, "point_mm": [10, -20, 65], "direction": [1, 0.2, -0.1]}
@@ -77,6 +77,18 @@ def test_a_constant_joint_may_not_move():
     weights = moving_joints(joints)
     assert weights[1] == 0
     np.testing.assert_allclose(weights[[0, 2, 3]], joints[:, [0, 2, 3]].var(axis=0))
+
+
+@pytest.mark.parametrize(("noises", "rest"), [(1.0, True), (4.0, False)])
+def test_a_joint_that_only_its_noise_moves_is_at_rest(noises, rest):
+    """Negative control: one that varies by four times its noise is not."""
+    problem = Problem.from_plan(good_plan(8))
+    joints = problem.joints.copy()
+    jitter = np.random.default_rng(1).normal(size=len(joints))
+    joints[:, 0] = 0.3 + noises * problem.noise.joint[0] * jitter / jitter.std()
+    result = at_rest(problem.moved(joints))
+    assert result[0] == rest
+    assert not result[1:].any()
 
 
 @pytest.mark.parametrize("kinds", ["rprrr", "pprrr", "rrrp"])

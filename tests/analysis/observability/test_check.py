@@ -69,8 +69,9 @@ def test_what_an_offset_is_confounded_with_is_the_largest_correlation():
     for row in found:
         own = names.index(row.offset)
         correlation = covariance[own] / (std * std[own])
-        links = [k for k, name in enumerate(names) if name.startswith(("link", "joint"))]
-        most = max(links, key=lambda k: abs(correlation[k]))
+        group = ("tool",) if row.parameter.startswith("tool") else ("link", "joint")
+        rivals = [k for k, name in enumerate(names) if name.startswith(group)]
+        most = max(rivals, key=lambda k: abs(correlation[k]))
         assert names[most] == row.parameter
         assert row.correlation == pytest.approx(correlation[most], rel=1e-6)
     assert check(good_plan()).geometry.confounded == ()

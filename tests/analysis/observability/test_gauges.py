@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import good_plan, pattern_plan
+from cells import TABLE_2, good_plan, pattern_plan, simulated_problem
 from exact_judge import (
     KINDS,
     ZERO,
@@ -35,6 +35,7 @@ from exact_judge import (
 from hypothesis import Phase, assume, example, given, settings
 from mpmath import mpf
 
+from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.identifiability import identify
@@ -165,34 +166,39 @@ def test_no_gauge_is_called_known_and_nothing_known_a_gauge_at_length(kind: Kind
 
 
 def freed(kind: Kind) -> tuple[Cell, Problem] | None:
-    """The cell of a kind, and its problem with geometry: gravity and harmonics of every other seed."""
+    """The cell of a kind, and its problem with geometry, and a calibrated tool within its sigma: a typical arm
+    of every fourth seed; gravity and harmonics of every other."""
     arm = random_cell(kind)
     if arm is None:
         return None
     bent = kind.seed % 2 == 0
     stated = {"gravity": bent, "harmonics": "auto" if bent else False, "up": [0.1, -0.2, 1.0]}
     data = arm.own.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
-    own = type(arm.own).model_validate({**data, "geometry": stated})
+    del data["geometry"]
+    if kind.seed % 4:
+        data["geometry"] = stated
+    own = type(arm.own).model_validate(data)
     arm = dataclasses.replace(arm, own=own)
     return arm, problem_of(arm)
 
 
 def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
-    """The dimension of the null space without the geometry, and of each free parameter whether it is a gauge.
+    """The dimension of the null space without what has a tolerance, and of each free parameter whether it is a
+    gauge.
 
     For two bounds of what is none: that of fifty digits, and that of double precision. With links that
     deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.
     """
     parameters = problem.parameters
-    geometry = parameters.group("geometry")
-    plain, tolerated = jacobian[:, parameters.free & ~geometry], np.flatnonzero(geometry & parameters.free)
+    known, free = parameters.tolerated, parameters.free
+    plain, tolerated = jacobian[:, free & ~known], np.flatnonzero(known)
     answers = {}
     for zero in (ZERO, _RESOLVED):
         dimension, part = null_space(plain, zero=zero)
         result = np.zeros(len(parameters), dtype=bool)
-        result[parameters.free & ~geometry] = part
+        result[free & ~known] = part
         result[tolerated] = spanned(plain, jacobian[:, tolerated], zero)
-        answers[zero] = (dimension, result[parameters.free].tolist())
+        answers[zero] = (dimension, result[free].tolist())
     return answers
 
 
@@ -210,7 +216,7 @@ def compare_with_geometry(kind: Kind) -> bool:
     sure = np.all([own for answers in found for _, own in answers.values()], axis=0)
     told = identify(problem, problem.nominal())
     parameters = problem.parameters
-    free, geometry = parameters.free, parameters.group("geometry")[parameters.free]
+    free, tolerated = parameters.free, parameters.tolerated[parameters.free]
     names = np.array(parameters.names)[free]
     status = np.array(told.status)[free]
     unbounded = np.isinf(told.data_std[free])
@@ -224,10 +230,10 @@ def compare_with_geometry(kind: Kind) -> bool:
     may_be = np.any([own for answers in every for _, own in answers.values()], axis=0)
     # What the data add to a tolerance may be too faint to be stated: less than 1e-8 of its own information.
     _, root, _ = information_root(problem, problem.nominal(), 1.0)
-    faint = geometry & (1 / np.maximum(np.diag(np.linalg.pinv(root.T @ root)), 1e-300) - 1 < 1e-8)
+    faint = tolerated & (1 / np.maximum(np.diag(np.linalg.pinv(root.T @ root)), 1e-300) - 1 < 1e-8)
     assert not (unbounded & ~may_be & ~faint).any(), (kind, names[unbounded & ~may_be & ~faint])
     assert sum(direction.kind == "exact" for direction in told.facts.null_space) >= dimension
-    assert geometry.any()
+    assert tolerated.any()
     return True
 
 
@@ -259,10 +265,10 @@ def test_the_x_pattern_stays_degenerate() -> None:
     Control: where joint 1 varies, offset 2 is identifiable with geometry too."""
     for geometry in ({}, {"gravity": False, "harmonics": False}):
         told, names = {}, ()
-        for stated in (None, geometry):
+        for stated in ("exact", geometry):
             problem = Problem.from_plan(pattern_plan("x", geometry=stated))
             names = problem.parameters.names[:6]
-            told[stated is None] = identify(problem, problem.nominal())
+            told[stated == "exact"] = identify(problem, problem.nominal())
         nominal, own = told[True], told[False]
         assert own.status[names.index("delta2")] == "unidentifiable"
         assert np.isinf(own.data_std[[1, *problem.parameters.targets(["psd"]).nonzero()[0][[0, 2]]]]).all()
@@ -272,6 +278,24 @@ def test_the_x_pattern_stays_degenerate() -> None:
         assert "delta2" in exact[0].combination
     problem = Problem.from_plan(good_plan(20, geometry={}))
     assert identify(problem, problem.nominal()).status[1] != "unidentifiable"
+
+
+def test_the_jitter_of_an_encoder_breaks_no_gauge() -> None:
+    """A recorded X-Pattern, whose joint 1 only its noise moves, has the exact gauge of its plan. Negative
+    control: joint 1 truly varies by 0.2 degrees, and the gauge is none."""
+    plan = pattern_plan("x")
+    for seed in (0, 1, 2):
+        _, problem = simulated_problem(plan, TABLE_2, seed)
+        told = identify(problem, fit_likelihood(problem).x)
+        assert np.ptp(problem.joints[:, 0]) > 0
+        assert np.isinf(told.data_std[1])
+        (gauge,) = (direction for direction in told.facts.null_space if direction.kind == "exact")
+        assert {"delta2", "psd.x", "psd.z"} <= set(gauge.combination)
+        assert "unidentifiable" not in told.status[2:6]
+        joints = problem.joints.copy()
+        joints[:, 0] += np.radians(np.linspace(-0.1, 0.1, problem.shots))
+        told = identify(problem.moved(joints), problem.nominal())
+        assert np.isfinite(told.data_std).sum() == problem.parameters.free.sum()
 
 
 def test_the_judge_finds_what_is_known() -> None:

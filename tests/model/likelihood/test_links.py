@@ -13,6 +13,8 @@ from zerobeam.model.likelihood.constraint import Posture
 from zerobeam.model.likelihood.geometry import Geometry
 
 Z = np.array([0.0, 0.0, 1.0])
+LENGTHS = ("a", "b", "d")
+WHOLE = ("a", "b", "d", "alpha", "beta")  # of the last link
 # a, alpha, d, theta: crossing, skew, nearly parallel and parallel axes, negative lengths and twists.
 ROWS = [
     (150, -90, 486.5, 0),
@@ -45,7 +47,7 @@ def flange(robot, geometry, values, q):
     names = [f"{of}.{axis}" for of, axis in geometry.names]
     arm = np.zeros(robot.n + len(names))
     for name, value in values.items():
-        actual = float(np.radians(value)) if name.split(".")[1] not in ("a", "d") else value
+        actual = float(np.radians(value)) if name.split(".")[1] not in ("a", "b", "d") else value
         arm[robot.n + names.index(name)] = actual
     posture = Posture(robot, geometry)
     rotation_, translation = posture.pose
@@ -73,7 +75,7 @@ def test_a_row_that_is_changed_is_the_parameter_of_its_link(tmp_path, convention
     checked = set()
     for of, axis in geometry.names:
         link = int(of.removeprefix("link"))
-        if axis == "beta":
+        if axis in ("beta", "b"):
             continue
         column = {"a": 0, "alpha": 1, "d": 2}[axis]
         row = link - 1 if convention == "standard" or axis == "d" else link
@@ -98,7 +100,8 @@ def test_a_link_between_nearly_parallel_axes_has_beta_in_place_of_d(tmp_path, co
     twists = [row[1] for row in ROWS]
     if convention == "modified":
         twists = [*twists[1:], 0]
-    for number, twist in enumerate(twists, start=1):
+    assert values.pop(len(ROWS)) == WHOLE
+    for number, twist in enumerate(twists[:-1], start=1):
         assert values[number] == ("a", "alpha", "beta" if abs(twist) < 5 else "d")
 
 
@@ -119,7 +122,7 @@ def test_links_beside_a_prismatic_joint():
         1: ("alpha",),
         2: ("a", "theta", "alpha"),
         3: ("a", "alpha", "d"),
-        4: ("a", "alpha", "d"),
+        4: WHOLE,
     }
 
 
@@ -153,11 +156,11 @@ def aligned(found, expected, names):
     opposite one, and a and alpha (about x), beta (about y) have the other sign. d and theta never have."""
     for start in range(len(names)):
         of, axis = names[start]
-        if axis in ("a", "alpha", "beta") and found[:, start] @ expected[:, start] < 0:
+        if axis in ("a", "b", "alpha", "beta") and found[:, start] @ expected[:, start] < 0:
             same = [
                 k
                 for k, (other, values) in enumerate(names)
-                if other == of and values in ("a", "alpha", "beta")
+                if other == of and values in ("a", "b", "alpha", "beta")
             ]
             found[:, same] *= -1
     return found
@@ -206,9 +209,9 @@ def test_a_urdf_with_axes_askew(tmp_path):
     geometry, chain = Geometry.of_links(robot, 0.3, 0.1), chain_of_robot(robot)
     q = np.array([0.3, -0.4, 50.0, 0.7])
     for of, axis in geometry.names:
-        value = 2.0 if axis in ("a", "d") else np.radians(1.5)
+        value = 2.0 if axis in LENGTHS else np.radians(1.5)
         expected = chain.frames(q, {of: {axis: value}})[-1].real[:3]
-        shown = value if axis in ("a", "d") else np.degrees(value)
+        shown = value if axis in LENGTHS else np.degrees(value)
         np.testing.assert_allclose(flange(robot, geometry, {f"{of}.{axis}": shown}, q), expected, atol=1e-9)
 
 

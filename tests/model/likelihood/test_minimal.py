@@ -79,7 +79,7 @@ def test_nothing_is_left_open_and_each_gauge_that_is_held_is_one(seed, kinds, to
     expected = int(tool["kind"] == "probe")
     assert nulls(problem, x, parameters.free) == expected
     held = {item.name: item.held_by for item in parameters.items if item.held}
-    last = {f"link{n}.{axis}": "free tool" for axis in ("a", "alpha", "d")}
+    last = {f"link{n}.{axis}": "free tool" for axis in ("a", "b", "d", "alpha", "beta")}
     values = {"delta1": "base frame", "link1.d": "first link", **last}
     if not expected:
         values[f"delta{n}"] = "tool rotation"
@@ -91,7 +91,7 @@ def test_nothing_is_left_open_and_each_gauge_that_is_held_is_one(seed, kinds, to
     # All at once they are as many.
     assert nulls(problem, x, np.ones(len(parameters), dtype=bool)) == expected + len(held)
     geometry = [item.name for item in parameters.items if item.group == "geometry"]
-    assert len(geometry) == 3 * n
+    assert len(geometry) == 3 * n + 2  # the last link is whole
 
 
 def test_without_a_distance_the_data_leave_the_scale_open():
@@ -102,7 +102,7 @@ def test_without_a_distance_the_data_leave_the_scale_open():
     transforms = [*(joint.fixed for joint in problem.robot.joints[1:]), problem.robot.flange]
     longer = np.zeros(len(x))
     for k, item in enumerate(problem.parameters.items):
-        if item.group in ("target", "tool"):
+        if item.group in ("target", "tool") or item.axis == "b":
             longer[k] = x[k]
         elif item.axis in ("a", "d"):
             fixed = transforms[int(item.of.removeprefix("link")) - 1]
@@ -136,4 +136,28 @@ def test_what_moves_with_the_targets_is_held_behind_a_slide_too():
 def test_slides_further_on_leave_nothing_open():
     problem, x = problem_of(robot_of(6, "rrprrr"), LASER)
     assert nulls(problem, x, problem.parameters.free) == 0
-    assert len(Geometry.of_links(problem.robot, 0.3, 0.1).names) == 3 + 1 + 3 + 3 * 3
+    assert len(Geometry.of_links(problem.robot, 0.3, 0.1).names) == 3 + 1 + 3 + 3 * 3 + 2
+
+
+@pytest.mark.parametrize("tool", [LASER, PROBE], ids=["laser", "probe"])
+def test_a_whole_last_link_and_a_calibrated_tool_are_redundant_within_their_tolerances(tool):
+    """The last link and its offset are all six motions of the flange, of which a beam sees four and a point
+    three: what the tool has is seen twice. The redundancy is of what has a prior: none of it is held, and
+    with the priors nothing is left open. Without the tool's parameters a shift along the beam remains."""
+    problem, x = problem_of(robot_of(2, "rrrrrr"), {**tool, "calibrated": True})
+    parameters = problem.parameters
+    last = [f"link6.{axis}" for axis in ("a", "b", "d", "alpha", "beta")]
+    of_tool = [item.name for item in parameters.items if item.group == "tool"]
+    assert len(of_tool) == (4 if tool["kind"] == "laser" else 3)
+    assert [name for name in last if not parameters.free[parameters.index(name)]] == []
+    assert parameters.tolerated[[parameters.index(name) for name in (*last, *of_tool)]].all()
+    every = parameters.free.copy()
+    assert nulls(problem, x, every) == 6
+    for names, expected in ((of_tool, 6 - len(of_tool)), ([*last, "delta6"], 0)):
+        free = every.copy()
+        free[[parameters.index(name) for name in names]] = False
+        assert nulls(problem, x, free) == expected
+    jacobian = problem.whiten(x).jacobian[:, every]  # in prior stds
+    prior = np.eye(every.sum())[parameters.tolerated[every]]
+    assert np.linalg.matrix_rank(np.vstack([jacobian, prior])) == every.sum()
+    assert np.linalg.matrix_rank(jacobian) < every.sum()  # negative control

@@ -18,7 +18,8 @@ RAD = np.pi / 180
 
 def build(robot, tool, seen=("psd",), **changes):
     noise = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
-    header = Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, **changes})
+    content = {"robot": "irb1600", "tool": tool, "noise": noise, "geometry": "exact", **changes}
+    header = Header.model_validate(content)
     geometry = Geometry.from_header(header, robot)
     tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
     return Parameters.build(robot, tool, noise, geometry, header, seen)

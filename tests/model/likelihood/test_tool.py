@@ -9,7 +9,7 @@ from zerobeam.model.likelihood.tool import Tool
 
 def header(**tool):
     noise = {"joint_deg": 0.01, "spot_mm": 0.05}
-    return Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise})
+    return Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, "geometry": "exact"})
 
 
 def laser(direction, *, calibrated=False, point=(0.0, 0.0, 65.0)):

@@ -14,7 +14,7 @@ from study_text import texts_of
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.run.geometry import geometry_lines, geometry_section, ladder_picture, ladder_table
-from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth
+from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth, other_tables
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Section
 from zerobeam.reports.style.palette import light
@@ -33,7 +33,7 @@ def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
         u, considered = (float(text.rstrip("°")) for text in row[-2:])
         assert considered > u > 0
-    assert "State geometry in the header to estimate it." in paragraphs(offsets_section(good()))
+    assert "Leave out geometry: exact to estimate it." in paragraphs(offsets_section(good()))
 
 
 def test_an_unidentifiable_offset_has_no_worth_either() -> None:
@@ -60,7 +60,7 @@ def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None
         assert share is None or 0 <= share <= 1
     text = paragraphs(offsets_section(geometry()))
     assert "With half the tolerances" in text
-    assert "State `geometry`" not in text
+    assert "Leave out geometry" not in text
 
 
 def test_the_first_page_lists_no_link() -> None:
@@ -76,7 +76,7 @@ def test_nominal_geometry_has_no_section() -> None:
 
 
 def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None:
-    rows = [row for row in geometry().parameters if row.group == "geometry"]
+    rows = [row for row in geometry().parameters if row.group in ("geometry", "tool")]
     determined = [label(row.name) for row in rows if row.estimate is not None and row.std is not None]
     lost = [row for row in rows if row.status == "unidentifiable"]
     assert determined
@@ -84,14 +84,32 @@ def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None
     shown = table(section(geometry()), "Deviations from nominal")
     assert [row.cells[0].text for row in shown.rows] == determined
     free = sum(not row.held for row in rows)
-    assert f"Geometry: {len(determined)} of {free} parameters determined" in geometry_lines(geometry())[-1]
-    text = paragraphs(section(geometry()))
-    (listed,) = re.findall(r"Prior only, without an estimate: (\d+) geometry parameters?", text)
-    assert int(listed) == len(lost)
-    # What only the prior says has no number.
-    assert re.search(r"no more than the tolerances: [^.]*\.", text)
-    (names,) = re.findall(r"no more than the tolerances: ([^.]*)\.", text)
-    assert not re.search(r"\d\.\d|mm|°", names)
+    said = geometry_lines(geometry())[-1]
+    assert f"Geometry and tool: {len(determined)} of {free} parameters determined" in said
+
+
+def test_what_only_the_prior_says_is_listed_by_its_tolerance() -> None:
+    lost = [row for row in geometry().parameters if row.tolerated and row.status == "unidentifiable"]
+    listed = [
+        tuple(cell.text for cell in row.cells)
+        for row in table(section(geometry()), "Prior only, without an estimate").rows
+    ]
+    tilts = [label(row.name).removeprefix("tool.") for row in lost if row.name.startswith("tool.tilt")]
+    assert tilts
+    assert ("tool, angle", "0.05°", " and ".join(tilts)) in listed
+    assert ("tool, position", "0.1\u00a0mm", "shift1 and shift2") in listed
+    kinds = {kind for kind, _, _ in listed}
+    assert {"length of a link", "angle of a link", "first harmonic"} <= kinds
+    links = " ".join(names for kind, _, names in listed if kind.endswith("of a link"))
+    of_links = [row for row in lost if row.name.startswith("link")]
+    assert len(re.findall(r"[(,] ?[a-dαβθ]\b", links)) == len(of_links)
+
+
+def test_a_calibrated_tool_within_its_sigma_is_in_no_other_table() -> None:
+    assert any(row.group == "tool" for row in geometry().parameters)
+    captions = [table.caption for table in other_tables(geometry().parameters, 2.0)]
+    assert captions == ["Targets in the base frame"]
+    assert not re.search(r"tool\.", " ".join(strings(report_page(geometry()).sections[0])))
 
 
 def test_the_ladder_is_a_table_and_a_figure_that_say_the_same() -> None:
@@ -137,5 +155,6 @@ def test_the_budget_calls_the_geometry_exact_only_where_it_is(made: Any) -> None
 
 def test_what_only_the_tolerances_tell_is_not_called_determined() -> None:
     (own,) = [own for own in report_page(geometry()).sections if own.title == "What cannot be determined"]
-    assert re.search(r"\d+ of \d+ geometry parameters are known by their tolerances only", paragraphs(own))
+    said = r"\d+ of \d+ parameters of geometry and tool are known by their tolerances only"
+    assert re.search(said, paragraphs(own))
     assert "every parameter that was not held is determined" not in paragraphs(own)

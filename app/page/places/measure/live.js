@@ -1,5 +1,6 @@
 // What a person sees of a run under way.
 import { by, fill, fixed, make, named, say, spread } from "/page/parts/dom.js";
+import { showMessage } from "/page/parts/message.js";
 import { posed, show } from "/page/parts/picture.js";
 import { course, picture, psd, span, trace } from "/page/places/measure/pictures.js";
 
@@ -38,7 +39,11 @@ export class Live {
   render() {
     const { job, run, log, lost } = this.seen;
     const now = this.now(job, run, lost);
-    this.once("now", now, () => { by("measure-now").firstElementChild.textContent = now; by("measure-now").className = `verdict ${run.end ? run.end.verdict : ""}`; });
+    this.once("now", now, () => {
+      const box = by("measure-now");
+      if (run.end) showMessage(box, run.end.verdict, run.end.message, [make("p", {}, now)]);
+      else { box.className = "verdict"; fill(box, [make("p", {}, now)]); }
+    });
     by("measure-progress").value = job.share;
     by("measure-time").textContent = this.time(job, run);
     const notes = this.notes(job, run, log);
@@ -71,7 +76,7 @@ export class Live {
   now(job, run, lost) {
     if (lost && !["done", "stopped", "failed"].includes(job.state)) return "The connection to the server is lost. The run goes on as long as the server does; this page tries again. Where the app was started anew, open the address that it prints.";
     const kept = `${counted(run.recorded.length, "measurement")} ${run.recorded.length === 1 ? "is" : "are"} kept in ${run.file}.`;
-    if (run.end) return `${named(run.end.headline)} ${kept}`;
+    if (run.end) return kept;
     const left = run.file && run.counted ? ` ${kept}` : "";
     if (job.state === "stopped") return run.file ? `Stopped.${left}` : "Stopped before anything was recorded.";
     if (job.state === "failed") return `The run ended with an error.${left}`;
@@ -91,7 +96,7 @@ export class Live {
 
   notes(job, run, log) {
     const own = [];
-    if (!run.consistent) own.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
+    if (!run.consistent && !run.end) own.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
     if (run.suspect) own.push(`Measurement ${run.suspect.shot} contradicts the others: its residual at their fit is ${fixed(run.suspect.residual_mm, 3)} mm.`);
     if (run.stopped && run.stopped !== "interrupted") own.push(run.stopped);
     else if (run.trouble && !run.end) own.push(run.trouble);

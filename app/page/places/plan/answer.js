@@ -50,16 +50,16 @@ function kind(direction) {
 // Shows an answer; `move(index)` is asked for when a direction is to be shown as a motion.
 export function showAnswer(answer, move, moving) {
   verdict(answer.verdict === "violated" ? "misfit" : answer.verdict, WORDS[answer.verdict], named(answer.headline));
-  const geometry = new Set(answer.parameters.filter((p) => p.group === "geometry").map((p) => p.name));
   const { worth, lines, advice, over_target } = answer.said;
+  const tolerated = new Set(answer.said.tolerated);
   by("plan-worth").textContent = worth.head;
-  fill(by("plan-table").tBodies[0], answer.parameters.filter((p) => p.group !== "geometry").map((own) => row(own, worth.of)));
+  fill(by("plan-table").tBodies[0], answer.parameters.filter((p) => !tolerated.has(p.name)).map((own) => row(own, worth.of)));
   fill(by("plan-lines"), [...lines, advice, over_target].filter(Boolean).map((line) => make("li", {}, line)));
   by("plan-table").classList.remove("outdated");
   glance(answer.parameters);
   fill(by("plan-notes"), [...answer.notes, ...(answer.warnings || [])].map((note) => make("li", {}, sentence(note))));
   const shown = answer.identifiability.null_space.map((direction, i) => [direction, i])
-    .filter(([d]) => !Object.keys(d.combination).every((name) => geometry.has(name)));
+    .filter(([d]) => !Object.keys(d.combination).every((name) => tolerated.has(name)));
   const focus = document.activeElement && document.activeElement.dataset.direction;
   fill(by("plan-directions"), !shown.length ? [] : [make("h3", {}, "What cannot be determined"), ...shown.map(([direction, i]) => {
     const motion = answer.null_motion && answer.null_motion[i];

@@ -44,10 +44,10 @@ export function headerFields(parent, plan, change) {
     rows.push(make("label", { class: "check", "data-key": "tool/calibrated" }, box, " The tool is calibrated"));
   }
   const geometry = make("input", { type: "checkbox", id: "plan-geometry" });
-  geometry.checked = plan.geometry !== undefined && plan.geometry !== null;
+  geometry.checked = plan.geometry !== "exact";
   geometry.addEventListener("change", () => change(null, (p) => {
-    if (geometry.checked) p.geometry = {};
-    else delete p.geometry;
+    if (geometry.checked) delete p.geometry;
+    else p.geometry = "exact";
   }));
   rows.push(make("label", { class: "check", "data-key": "geometry" }, geometry, " The arm deviates from nominal geometry, within tolerances"));
   if (geometry.checked) rows.push(

@@ -1,11 +1,12 @@
 // What a result says: verdict, what to do, offsets, files. Values to enter are those that the result offers, and no others.
 import { by, fill, fixed, make, named, sentence, SHAPES, spread, withUnit, WORDS } from "/page/parts/dom.js";
+import { showMessage } from "/page/parts/message.js";
 
 const MISSING = "not determined";
 
 // To the digit of the second one of its uncertainty.
-export const estimated = (row) => (row.estimate === null ? MISSING : row.held ? `held at ${withUnit(String(row.estimate), row.unit)}` : rounded(row.estimate, row.std, row.unit));
-export const uncertain = (row) => (row.std === null ? "—" : spread(row.std, row.unit));
+const estimated = (row, k) => (row.estimate === null ? MISSING : row.held ? `held at ${withUnit(String(row.estimate), row.unit)}` : rounded(row.estimate, k * row.std, row.unit));
+const expanded = (row, k) => (row.std === null || row.status === "unvalidated" ? "—" : spread(k * row.std, row.unit));
 export const marked = (status) => `${SHAPES[status] || ""} ${status}`;
 
 export function rounded(value, std, unit) {
@@ -13,11 +14,12 @@ export function rounded(value, std, unit) {
   return withUnit(fixed(value, digits), unit);
 }
 
-export function showVerdict(box, verdict, text, sentences = []) {
-  box.className = `verdict ${verdict}`;
+// Of a new fit, and of a result of an earlier version, which has no message.
+function showHeadline(box, found, sentences) {
+  box.className = `verdict ${found.verdict}`;
   fill(box, [
-    make("p", {}, make("span", { class: "word" }, `${WORDS[verdict]}.`), ` ${named(text)}`),
-    ...(sentences.length ? [make("ul", { class: "misfits" }, ...sentences.map((one) => make("li", {}, sentence(one))))] : []),
+    make("p", {}, make("span", { class: "word" }, `${WORDS[found.verdict]}.`), ` ${named(found.headline)}`),
+    ...(sentences.length ? [make("ul", {}, ...sentences.map((one) => make("li", {}, sentence(one))))] : []),
   ]);
 }
 
@@ -29,35 +31,36 @@ export function showAnswer(found) {
     inputs.version && `made by zerobeam ${inputs.version}`,
   ];
   by("result-about").textContent = `${origin.filter(Boolean).join("; ")}.`;
-  showVerdict(by("result-verdict"), found.verdict, found.headline, [...found.misfit, ...found.diagnosis]);
-  fill(by("result-notes"), found.notes.filter((note) => !found.misfit.includes(note)).map((note) => make("li", {}, sentence(note))));
-  fill(by("result-steps"), steps(found.next_steps));
-  offsets(found.parameters);
+  if (found.message) showMessage(by("result-verdict"), found.verdict, found.message);
+  else showHeadline(by("result-verdict"), found, found.notes);
+  fill(by("result-why"), [...found.misfit, ...found.diagnosis].map((one) => make("li", {}, sentence(one))));
+  fill(by("result-steps"), steps(found));
+  offsets(found.parameters, found.coverage_factor);
   downloads(found);
 }
 
-function steps(next) {
+function steps({ next_steps: next, message }) {
   if (next === null) return [make("p", {}, "This result is of an earlier version, which does not say it here. Make the report of the run again; until then enter nothing.")];
   const said = [];
   if (next.enter.length) {
     said.push(make("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Values to enter" }, make("table", { id: "result-enter" },
       make("caption", {}, "Values to enter: true position = recorded position + value"),
-      make("thead", {}, make("tr", {}, make("th", { scope: "col" }, "joint"), make("th", { scope: "col", class: "right" }, "add to the recorded position"), make("th", { scope: "col", class: "right" }, "expanded U (k = 2)"))),
+      make("thead", {}, make("tr", {}, make("th", { scope: "col" }, "joint"), make("th", { scope: "col", class: "right" }, "add to the recorded position"), make("th", { scope: "col", class: "right" }, "U"))),
       make("tbody", {}, ...next.enter.map((own) => make("tr", {}, make("th", { scope: "row" }, named(own.name)), make("td", { class: "right copy" }, own.value), make("td", { class: "right" }, own.expanded_u)))))));
   }
-  for (const step of next.steps) {
+  for (const step of next.steps.slice(message ? 1 : 0)) {
     said.push(make("p", {}, named(step.text)));
     if (step.commands.length) said.push(make("pre", { class: "commands", tabindex: 0, "aria-label": "Commands" }, make("code", {}, step.commands.join("\n"))));
   }
   return said;
 }
 
-function offsets(rows) {
+function offsets(rows, k) {
   by("result-table").removeAttribute("data-refit");
   fill(by("result-table").tBodies[0], rows.map((row) => make("tr", { class: row.status, title: row.reason ? sentence(row.reason) : null, "data-of": row.name },
     make("th", { scope: "row" }, named(row.name)),
-    make("td", { class: "right u" }, estimated(row)),
-    make("td", { class: "right" }, uncertain(row)),
+    make("td", { class: "right u" }, estimated(row, k)),
+    make("td", { class: "right" }, expanded(row, k)),
     make("td", { class: "status" }, marked(row.status)),
     make("td", { class: "right refit u" }), make("td", { class: "right refit" }), make("td", { class: "refit status" }))));
 }
@@ -71,15 +74,15 @@ export function showRefit(found) {
   const rows = new Map(found.parameters.map((row) => [row.name, row]));
   for (const line of table.tBodies[0].rows) {
     const own = rows.get(line.dataset.of), [value, u, status] = line.querySelectorAll(".refit");
-    value.textContent = own ? estimated(own) : "—";
-    u.textContent = own ? `${uncertain(own)}${ratio(own)}` : "—";
+    value.textContent = own ? estimated(own, found.coverage_factor) : "—";
+    u.textContent = own ? `${expanded(own, found.coverage_factor)}${ratio(own)}` : "—";
     status.textContent = own ? marked(own.status) : "—";
     status.className = `refit status ${own ? own.status : ""}`;
   }
   const lost = found.lost.length ? ` Without them no longer determined: ${found.lost.map(named).join(", ")}.` : "";
   by("result-without").textContent = `Fitted again without measurement${found.without.length === 1 ? "" : "s"} ${found.without.join(", ")}: ${found.measurements} of ${found.of} are left.${lost}`;
   const verdict = make("div", {});
-  showVerdict(verdict, found.verdict, found.headline, found.misfit);
+  showHeadline(verdict, found, found.misfit);
   fill(box, [
     make("h3", {}, "Without the measurements that are left out"), verdict,
     ...found.null_space.map((one) => make("p", {}, `Why: ${sentence(one.reason)} To do: ${sentence(one.remedy)}`)),

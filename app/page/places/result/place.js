@@ -64,7 +64,7 @@ async function show(wanted) {
     showRefit(null);
     showMeasurements(found);
     offerExport(found);
-    say(`${found.verdict}. ${named(found.headline)}`);
+    say(found.message ? found.message.verdict : `${found.verdict}. ${named(found.headline)}`);
     await posterior(found);
   } catch (error) {
     failed(error);
@@ -74,7 +74,6 @@ async function show(wanted) {
 async function posterior(found) {
   const unknown = found.parameters.filter((row) => row.group === "offset" && row.status === "unidentifiable").map((row) => named(row.name));
   const said = unknown.length ? [`${unknown.join(", ")}: prior only, the measurements do not determine ${unknown.length === 1 ? "it" : "them"}; not drawn.`] : [];
-  if (found.verdict === "misfit") said.push("Unvalidated: these are draws of a model that does not describe the measurements.");
   showPairs(null, [], brushed);
   let drawn = null;
   if (found.posterior_file === null) said.push(found.posterior.message || "There is no posterior.nc beside this result.");

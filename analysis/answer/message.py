@@ -1,0 +1,36 @@
+"""The one message of an answer, as a value: what is shown first everywhere. `words/message.py` makes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class WorstOffset:
+    """The least well determined offset: `value` is its expanded uncertainty U in `unit`, None where it is not
+    determined; `text` says so."""
+
+    name: str
+    value: float | None
+    unit: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Action:
+    """What to do next: one imperative sentence, and the command that does it (None where there is none)."""
+
+    text: str
+    command: str | None
+
+
+@dataclass(frozen=True)
+class Message:
+    """What is known (`verdict`), how well (`worst`, None for a misfit), what is wrong or limits it (`cause`,
+    None where nothing is), what to do, and what a reader must not miss, the gravest first."""
+
+    verdict: str
+    worst: WorstOffset | None
+    cause: str | None
+    action: Action
+    cautions: tuple[str, ...]

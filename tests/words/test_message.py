@@ -1,0 +1,198 @@
+"""The one message: what it names first, what it does not say, and that every place shows it as it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import shlex
+from dataclasses import replace
+from io import StringIO
+from typing import cast
+
+import numpy as np
+import pytest
+from cells import good_plan, run_of
+from rich.console import Console
+
+import zerobeam as zb
+from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherBasins, Outlying
+from zerobeam.analysis.displacement import Displacement
+from zerobeam.analysis.recordings.steps import RecordingStep
+from zerobeam.analysis.solution import Solution, solve
+from zerobeam.analysis.status import coverage_factor
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.experiments.makers.calibration import NotValidated, calibration
+from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.files.run import Run, header_of_run, read_run
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.reports.output.html import html
+from zerobeam.reports.run.report import report_page
+from zerobeam.reports.terminal.answers import print_result
+from zerobeam.words.message import message, message_so_far
+from zerobeam.words.next_steps import next_steps
+from zerobeam.words.result_json import to_json
+
+GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
+
+
+@functools.cache
+def analysed(name: str) -> zb.Analysed:
+    return zb.analyse(
+        {"good": lambda: read_run(GOOD), "x": lambda: read_run(X_PATTERN), "swapped": swapped}[name](),
+        ess=100,
+    )
+
+
+def swapped() -> Run:
+    """The good run with the columns of joints 4 and 6 exchanged, of no stated origin."""
+    run = read_run(GOOD)
+    shots = [
+        shot.model_copy(update={"joints_deg": tuple(np.array(shot.joints_deg)[[0, 1, 2, 5, 4, 3]].tolist())})
+        for shot in run.shots
+    ]
+    return run_of(run.header.model_copy(update={"provenance": {}}), shots)
+
+
+def displaced(mm: float, seed: int = 0) -> Run:
+    """Thirty measurements of an uncertain arm, the target elsewhere from the seventeenth on."""
+    plan, rng = good_plan(30), np.random.default_rng(seed)
+    truth = Truth.drawn(plan, rng)
+    x = truth.x.copy()
+    x[truth.problem.parameters.block("target", 0)] += np.array([0.6, -0.5, 0.62]) * mm
+    before, after = (list(simulated_shots(one, rng)) for one in (truth, dataclasses.replace(truth, x=x)))
+    return run_of(plan.header, before[:16] + after[16:])
+
+
+def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
+    result = analysed("good").result
+    said = message(result)
+    worst = max(
+        (row for row in result.parameters if row.group == "offset" and row.std), key=lambda row: row.std or 0
+    )
+    assert said.verdict.startswith("Simulated: pass. J2 (δ2)")
+    assert said.verdict.count("k\u00a0=\u00a02") == 1
+    assert said.worst is not None
+    assert (said.worst.name, said.worst.value) == (worst.name, 2 * (worst.std or 0.0))
+    assert said.cause is None
+    assert said.action.command == "zerobeam export rapid good.jsonl -o offsets.mod"
+
+
+def test_a_degenerate_run_names_the_mechanism_and_plans_with_its_own_header() -> None:
+    said = message(analysed("x").result)
+    assert said.verdict.startswith("Simulated: degenerate. J2 (δ2) is unidentifiable")
+    assert said.cause is not None
+    assert said.cause.startswith("Joint 1 varies by no more than")
+    assert said.worst is not None
+    assert (said.worst.name, said.worst.value) == ("delta2", None)
+    words = shlex.split(said.action.command or "")
+    assert words[:5] == ["zerobeam", "plan", "optimal", "--header", "x-pattern.jsonl"]
+    header = header_of_run(X_PATTERN)
+    assert header.robot == "irb1600"
+    assert not header.provenance
+
+
+def test_a_misfit_names_its_cause_and_nothing_follows_from_the_wrong_model() -> None:
+    result = analysed("swapped").result
+    said = message(result)
+    assert said.verdict.startswith("Misfit. The model does not describe the measurements.")
+    assert (said.cause or "").startswith("Most likely: joint columns exchanged. With J4 and J6 exchanged")
+    assert said.action.text.startswith("Enter nothing. Exchange the columns of J4 and J6")
+    assert said.worst is None
+    assert result.posterior.draws == 0
+    assert analysed("swapped").draws is None
+    titles = {section.title for section in report_page(result).sections}
+    assert not titles & {
+        "Accuracy of the TCP",
+        "Uncertainty budget",
+        "Posterior",
+        "What cannot be determined",
+    }
+    assert "What could be wrong" in titles
+    text = printed(analysed("swapped"))
+    for word in ("osterior", "k = ", "identified", "U (", "Record more", "to do:"):
+        assert word not in text, word
+    # Control: of a pass they are there.
+    assert "osterior" in printed(analysed("good"))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_target_that_moved_is_a_misfit_with_its_place_and_its_remedy(seed: int) -> None:
+    run = displaced(3.0, seed)
+    found = zb.analyse(run, ess=100)
+    assert found.verdict == "misfit"
+    assert found.misfit is not None
+    assert any(isinstance(one, Displacement | RecordingStep) for one in found.misfit.criteria)
+    said = message(found.result)
+    assert "psd" in (said.cause or "")
+    assert any(str(number) in said.action.text for number in (15, 16, 17))
+    assert not next_steps(found.result, said).enter
+    with pytest.raises(NotValidated):
+        calibration(run)
+    again = calibration(run, unvalidated=True)
+    assert again.misfit
+
+
+def test_a_pass_with_a_doubt_names_it_before_the_values_are_written() -> None:
+    good = analysed("good").result
+    for doubt, word in (
+        (Outlying((3,), robust=False), "Outlying: measurement 3"),
+        (HeldOutMisfit(("left",), 0.4, 3.0), "At the held-out targets (left)"),
+        (OtherBasins(1), "Other local optima"),
+    ):
+        said = message(replace(good, findings=(doubt,)))
+        assert (said.cause or "").startswith(word)
+        assert "export" not in (said.action.command or "")
+    assert not next_steps(replace(good, findings=(OtherBasins(1),)), said).enter
+
+
+def test_warnings_of_the_file_are_the_last_cautions() -> None:
+    said = message(replace(analysed("good").result, findings=(FileWarning("line 9 is torn\x1b"),)))
+    assert said.cautions[-1] == "Line 9 is torn\\x1b." or said.cautions[-1] == "line 9 is torn\\x1b."
+
+
+def test_every_place_shows_it_as_it_is() -> None:
+    for name in ("good", "x", "swapped"):
+        found = analysed(name)
+        said = message(found.result)
+        assert to_json(found.result)["message"] == json.loads(json.dumps(dataclasses.asdict(said)))
+        page = html(report_page(found.result), {}, "report")
+        for text in (said.verdict, said.cause, said.action.text, *said.cautions):
+            if text is not None:
+                assert flat(text) in flat(printed(found))
+                assert flat(text) in flat(
+                    page.replace("&#39;", "'").replace("&gt;", ">").replace("&lt;", "<")
+                )
+        lines = repr(found).splitlines()
+        assert flat(said.verdict).startswith(flat(lines[1])[:60])
+
+
+def test_a_run_under_way_has_a_message_too() -> None:
+    plan, rng = good_plan(8), np.random.default_rng(1)
+    run = run_of(plan.header, list(simulated_shots(Truth.drawn(plan, rng), rng)))
+    solution: Solution = solve(Problem.from_run(run))
+    said = message_so_far(solution, "run.jsonl", run.header)
+    assert not said.verdict.startswith("Simulated")
+    assert said.action.command is not None
+    stated = run.header.model_copy(update={"provenance": {"origin": "simulated"}})
+    assert (
+        message_so_far(solution, "run.jsonl", stated).verdict
+        == f"Simulated: {said.verdict[0].lower()}{said.verdict[1:]}"
+    )
+
+
+def test_k_is_two_unless_few_degrees_of_freedom_estimate_the_noise() -> None:
+    assert coverage_factor(False, 3) == 2.0
+    assert coverage_factor(True, 6) == pytest.approx(2.447, abs=1e-3)
+    assert coverage_factor(True, 1000) == 2.0
+    assert coverage_factor(True, 0) == 2.0
+
+
+def flat(text: str) -> str:
+    return " ".join(text.split())
+
+
+def printed(found: zb.Analysed) -> str:
+    console = Console(width=400, file=StringIO())
+    print_result(console, found.result)
+    return cast(StringIO, console.file).getvalue()

@@ -1,0 +1,430 @@
+"""The one message of an answer: verdict, least well determined offset, cause, action, cautions.
+
+Terminal, HTML, PDF, JSON, Python and app show it first, as it is. A misfit names its cause before all else,
+and nothing that follows from the wrong model stands beside it.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..analysis.answer.findings import (
+    FileWarning,
+    Finding,
+    HeldOutMisfit,
+    NotConverged,
+    OtherBasins,
+    Outlying,
+    on_the_model,
+)
+from ..analysis.answer.message import Action, Message, WorstOffset
+from ..analysis.answer.result import Result
+from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.displacement import Displacement
+from ..analysis.holm import holm
+from ..analysis.misfit import Criterion, Misfit, PlacementsDisagree
+from ..analysis.observability.causes import (
+    BaseFrame,
+    Cause,
+    Held,
+    NoiseSplit,
+    NullDirection,
+    OnAxis,
+    ToolRotation,
+    worst_direction,
+)
+from ..analysis.observability.check import PlanVerdict
+from ..analysis.recordings.steps import RecordingStep
+from ..analysis.solution import ParameterResult, Solution
+from ..analysis.status import LACK_OF_FIT, Status, Verdict
+from ..model.files.header import DEFAULT_TARGETS, Header
+from . import numbers
+from .findings import finding_sentence, likelihood_message
+from .geometry import by_tolerances, confounded_sentence, worth_sentence
+from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements
+from .misfit_causes import mend
+from .observability import reason, remedy
+from .provenance import is_simulated
+from .verdict import VERDICT_WORDS
+from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
+
+_SAFE = re.compile(r"[\w./+@-]+")
+# What writes the offsets for a controller, by its vendor: the command, and the file's name.
+_FILES = {
+    "abb": ("export rapid", "offsets.mod"),
+    "universal-robots": ("export ur", "joint-zero.txt"),
+    "kuka": ("export kuka", "mastering.txt"),
+    "fanuc": ("export fanuc", "mastering.txt"),
+}
+_MOST_CAUTIONS = 6
+_IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
+_DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Case:
+    """What a message is made of: of a result, or of a solution while its run is being measured. `off` are
+    placements that the others do not predict, `warnings` sentences that no finding says."""
+
+    verdict: Verdict
+    stopped: str | None
+    parameters: Sequence[ParameterResult]
+    null_space: Sequence[NullDirection]
+    misfit: Misfit | None
+    k: float
+    findings: Sequence[Finding]
+    run: str
+    header: Mapping[str, object]
+    vendor: str | None = None
+    diagnosis: Sequence[Explanation] = ()
+    off: Sequence[HoldOut] = ()
+    warnings: Sequence[str] = ()
+
+    @property
+    def offsets(self) -> list[ParameterResult]:
+        """The offsets that are estimated."""
+        return [row for row in self.parameters if row.group == "offset" and not row.held]
+
+    def named(self, *status: Status) -> list[str]:
+        """The offsets of these statuses."""
+        return [row.name for row in self.offsets if row.status in status]
+
+    @property
+    def worst(self) -> ParameterResult | None:
+        """The least well determined offset; None without one that is estimated, or without an answer."""
+        if self.misfit is not None or self.stopped is not None:
+            return None
+        return max(self.offsets, key=lambda row: (row.std is None, row.std or 0.0), default=None)
+
+    def u(self, row: ParameterResult) -> str:
+        """Its expanded uncertainty."""
+        return "" if row.std is None else numbers.spread(self.k * row.std, numbers.unit_of(row.unit))
+
+    @property
+    def doubt(self) -> Finding | HoldOut | None:
+        """What comes before a pass: large residuals, other optima, targets or a placement that are off."""
+        return next((one for one in (*self.findings, *self.off) if isinstance(one, _DOUBTS)), None)
+
+
+def message(result: Result) -> Message:
+    """The message of an answer."""
+    return _message(_case(result), person)
+
+
+def message_so_far(solution: Solution, run: str, header: Header) -> Message:
+    """The same while the measurements of a run, a file of that name, are being made."""
+    return _message(_case_so_far(solution, run, header.model_dump(mode="json")), person)
+
+
+def lines_of(said: Message) -> list[str]:
+    """A message as lines: verdict, cause, worst offset, what to do; cautions are left to a page."""
+    action = said.action
+    todo = f"To do: {action.text}" + ("" if action.command is None else f"  {action.command}")
+    lines = [said.verdict, said.cause, None if said.worst is None else said.worst.text, todo]
+    return [line for line in lines if line is not None]
+
+
+def headline(result: Result, name: Namer = str) -> str:
+    """Verdict and cause without the verdict's word; `name` writes names."""
+    return _headline(_case(result), name)
+
+
+def solution_headline(solution: Solution, name: Namer = str) -> str:
+    """The same of a fit alone."""
+    return _headline(_case_so_far(solution, "", {}), name)
+
+
+def headline_so_far(solution: Solution, name: Namer = str) -> str:
+    """The same while measurements are being made."""
+    if not solution.converged:
+        return "These measurements determine no offset yet."
+    return solution_headline(solution, name)
+
+
+def _headline(case: _Case, name: Namer) -> str:
+    cause = _cause(case, name)
+    return f"{_determined(case, name)} {cause or ''}".rstrip()
+
+
+def _case(result: Result) -> _Case:
+    inputs, fit = result.inputs, result.likelihood
+    rows = () if result.placements.leave_one_out is None else result.placements.leave_one_out.rows
+    adjusted = holm([1.0 if row.p_value is None else row.p_value for row in rows])
+    off = sorted((p, k) for k, p in enumerate(adjusted) if p < LACK_OF_FIT)
+    return _Case(
+        verdict=result.verdict,
+        stopped=None if fit.converged else fit.reason,
+        parameters=result.parameters,
+        null_space=result.identifiability.null_space,
+        misfit=result.misfit,
+        k=result.coverage_factor,
+        findings=result.findings,
+        run=inputs.run,
+        header=inputs.header,
+        vendor=inputs.vendor,
+        diagnosis=result.diagnosis,
+        off=[rows[k] for _, k in off],
+        warnings=tuple(_warnings(result)),
+    )
+
+
+def _case_so_far(solution: Solution, run: str, header: Mapping[str, object]) -> _Case:
+    return _Case(
+        verdict=solution.verdict,
+        stopped=None if solution.converged else solution.fit.reason,
+        parameters=solution.parameters,
+        null_space=solution.null_space,
+        misfit=solution.misfit,
+        k=solution.coverage_factor,
+        findings=tuple(on_the_model(solution)),
+        run=run,
+        header=header,
+    )
+
+
+def _warnings(result: Result) -> Iterator[str]:
+    """What a reader of a pass, or of less, must know besides the findings. Of a misfit nothing is said that
+    follows from its model."""
+    if result.misfit is not None or not result.likelihood.converged:
+        return
+    offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
+    if (unchecked := likelihood_message(result.likelihood)) is not None:
+        yield f"{capital(unchecked)}."
+    if not offsets:
+        return
+    worst = max(offsets, key=lambda row: row.std or 0.0)
+    if not result.geometry.stated:
+        worth = worth_sentence(result.geometry, offsets, result.coverage_factor)
+        yield from [] if worth is None else [worth]
+    elif (why := confounded_sentence(result.geometry, worst.name, worst.tolerance_share, person)) is not None:
+        yield why
+
+
+def _message(case: _Case, name: Namer) -> Message:
+    worst = case.worst
+    return Message(
+        verdict=f"{verdict_word(case.verdict, case.header)}. {_determined(case, name)}",
+        worst=worst
+        and WorstOffset(
+            name=worst.name,
+            value=None if worst.std is None else case.k * worst.std,
+            unit=worst.unit,
+            text=f"Least well determined: {name(worst.name)}, {_value(case, worst)}.",
+        ),
+        cause=_cause(case, name),
+        action=_action(case),
+        cautions=tuple(ended(sentence(text)) for text in _cautions(case, name))[:_MOST_CAUTIONS],
+    )
+
+
+def verdict_word(verdict: PlanVerdict, header: Mapping[str, object]) -> str:
+    """The verdict's word; that of a simulated run says so."""
+    provenance = header.get("provenance")
+    word = VERDICT_WORDS[verdict]
+    simulated = isinstance(provenance, Mapping) and is_simulated(provenance)
+    return f"Simulated: {word.lower()}" if simulated else word
+
+
+def _value(case: _Case, row: ParameterResult) -> str:
+    if row.std is None or row.estimate is None:
+        return NOT_DETERMINED
+    unit, u = numbers.unit_of(row.unit), case.k * row.std
+    return f"{numbers.estimate(row.estimate, u, unit)} ± {numbers.spread(u, unit)}"
+
+
+def _determined(case: _Case, name: Namer) -> str:
+    """What can be said of the offsets, the gravest first."""
+    if case.stopped is not None:
+        return f"The fit did not converge ({case.stopped}): no offset is reported."
+    if case.misfit is not None:
+        return f"The model does not describe the measurements. {capital(UNVALIDATED)}."
+    lost, weak, known = case.named("unidentifiable"), case.named("weak"), case.named("identified")
+    sentences = []
+    if lost:
+        sentences.append(f"{_are(lost, name)} unidentifiable from these measurements.")
+    if weak:
+        sentences.append(f"{_are(weak, name)} only weakly observable, {_within(case, weak)}.")
+    if known:
+        sentences.append(f"{_are(known, name)} identified, {_within(case, known, k_said=bool(weak))}.")
+    return " ".join(sentences) or "No offset is estimated: all are held."
+
+
+def _are(names: Sequence[str], name: Namer) -> str:
+    return f"{listed([name(each) for each in names])} {be(names)}"
+
+
+def _within(case: _Case, names: Sequence[str], *, k_said: bool = False) -> str:
+    """The expanded uncertainties of offsets; k where it has not been said."""
+    rows = [row for row in case.offsets if row.name in names]
+    parts = []
+    for unit in dict.fromkeys(row.unit for row in rows):
+        of_unit = sorted((row for row in rows if row.unit == unit), key=lambda row: row.std or 0.0)
+        low, high = case.u(of_unit[0]), case.u(of_unit[-1])
+        parts.append(high if low == high else f"{low} to {high}")
+    return f"U {' and '.join(parts)}" + ("" if k_said else f" ({numbers.coverage(case.k)})")
+
+
+def _cause(case: _Case, name: Namer) -> str | None:
+    """What is wrong, or what limits the answer; None where nothing is and does."""
+    text = _cause_words(case, name)
+    return None if text is None else ended(sentence(capital(text)))
+
+
+def _cause_words(case: _Case, name: Namer) -> str | None:
+    if case.stopped is not None:
+        return None
+    if case.misfit is not None:
+        if case.diagnosis:
+            return cause_sentence(case.diagnosis)
+        first = _sharpest(case.misfit)
+        text = criterion_sentence(first, name).removeprefix("Lack of fit: ")
+        return text if isinstance(first, _DISPLACED) else f"{text}. No cause that was tried explains it"
+    if case.doubt is not None:
+        return _doubt_sentence(case.doubt, name)
+    if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
+        row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
+        cause = worst_direction(case.null_space, row.name).cause
+        why = by_tolerances(cause, row.tolerance_share) or reason(cause, name)
+        return f"{name(row.name)}: {why}" if row.status == "weak" else why
+    return None
+
+
+_DISPLACED = (Displacement, RecordingStep)
+
+
+def _target(displaced: Displacement | RecordingStep) -> str:
+    return displaced.at.target if isinstance(displaced, Displacement) else displaced.target
+
+
+def _sharpest(misfit: Misfit) -> Criterion:
+    """The criterion that names most of what is wrong: a target that moved, a step, else the first."""
+    for kind in _DISPLACED:
+        for criterion in misfit.criteria:
+            if isinstance(criterion, kind):
+                return criterion
+    return misfit.criteria[0]
+
+
+def _doubt_sentence(doubt: Finding | HoldOut, name: Namer) -> str:
+    if not isinstance(doubt, HoldOut):
+        return finding_sentence(doubt, name)
+    residual, expected = (
+        numbers.or_words(value, "unknown", "mm") for value in (doubt.rms_mm, doubt.expected_mm)
+    )
+    return (
+        f"Placement {clipped(doubt.placements[0])} does not agree with the others: by their offsets its"
+        f" residuals are {residual} rms, {expected} expected"
+    )
+
+
+def _action(case: _Case) -> Action:
+    run = run_argument(case.run)
+    again = f"zerobeam analyse {run}"
+    if case.stopped is not None:
+        return Action(
+            "Enter nothing: look for a wrong measurement, or state a better guess of target and tool.", again
+        )
+    if case.misfit is not None:
+        return Action(f"Enter nothing. {_mend(case)}", again)
+    if (doubt := case.doubt) is not None:
+        return Action(_check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
+    if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
+        row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
+        cause = worst_direction(case.null_space, row.name).cause
+        planned = not isinstance(cause, _IN_THE_HEADER)
+        return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
+    if case.verdict != "pass":
+        return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
+    if not case.offsets:
+        return Action("Enter nothing: no offset is estimated.", None)
+    command, file = export_command(case.vendor)
+    return Action(
+        "Write the values to enter into a file for this robot.", f"zerobeam {command} {run} -o {file}"
+    )
+
+
+def _mend(case: _Case) -> str:
+    assert case.misfit is not None
+    if case.diagnosis:
+        return mend(case.diagnosis[0])
+    match _sharpest(case.misfit):
+        case Displacement(at=at):
+            return (
+                f"Give {clipped(at.target)} another name in the measurements from {at.before_shot} on, or"
+                " record the run again."
+            )
+        case RecordingStep(target=target) as step:
+            return (
+                f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(target)} from the run,"
+                " or record them again with the target fixed."
+            )
+        case _:
+            return "Check joint columns, signs, units, targets and geometry, then measure again."
+
+
+def _check_first(doubt: Finding | HoldOut) -> str:
+    match doubt:
+        case OtherBasins():
+            return "Enter nothing: record more measurements, in varied postures."
+        case HeldOutMisfit():
+            return "Enter nothing yet: look for what differs at the held-out target."
+        case HoldOut(placements=names):
+            return f"Check placement {clipped(names[0])} before you enter anything: measure there again."
+        case _:
+            return "Check these measurements before you enter anything: remove them, or repeat them."
+
+
+def _remedy(cause: Cause, row: ParameterResult) -> str:
+    if by_tolerances(cause, row.tolerance_share) is not None:
+        return (
+            "add measurements in postures that differ in every joint, or state closer tolerances of the arm"
+        )
+    return remedy(cause, person)
+
+
+def _plan(case: _Case) -> str | None:
+    """The command that plans measurements of the run's target, None where it has several."""
+    targets = case.header.get("targets")
+    if not case.run or not isinstance(targets, dict) or len(targets) != 1:
+        return None
+    ((target, stated),) = targets.items()
+    guess = stated.get("guess_mm") if isinstance(stated, dict) else None
+    if target not in DEFAULT_TARGETS.values() or not isinstance(guess, list | tuple):
+        return None
+    place = ",".join(f"{float(value):g}" for value in guess)
+    return f"zerobeam plan optimal --header {run_argument(case.run)} --target={place} -o plan.yaml"
+
+
+def export_command(vendor: str | None) -> tuple[str, str]:
+    """What writes the offsets for a robot of this vendor, and the file's name."""
+    return _FILES.get(vendor or "", ("export robot", "corrected.yaml"))
+
+
+def run_argument(name: str) -> str:
+    """The run's file for a command; a stand-in where the name holds what a shell would read."""
+    return shlex.quote(name) if _SAFE.fullmatch(name) else "RUN.jsonl"
+
+
+def _cautions(case: _Case, name: Namer) -> Iterator[str]:
+    """What a reader must not miss besides the cause, the gravest first."""
+    if case.misfit is not None:
+        first = None if case.diagnosis else _sharpest(case.misfit)
+        moved = {name for one in case.diagnosis[:1] if one.cause == "moved_target" for name in one.targets}
+        for one in case.misfit.criteria:
+            displaced = isinstance(one, _DISPLACED) and _target(one) not in moved
+            if one is not first and (displaced or isinstance(one, PlacementsDisagree)):
+                yield criterion_sentence(one, name)
+    else:
+        first = case.doubt
+        yield from (
+            finding_sentence(one, name)
+            for one in case.findings
+            if not isinstance(one, NotConverged | FileWarning) and one is not first
+        )
+        yield from (_doubt_sentence(one, name) for one in case.off if one is not first)
+        yield from case.warnings
+    yield from (one.text for one in case.findings if isinstance(one, FileWarning))
