@@ -18,8 +18,8 @@ from ..analysis.misfit import (
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
-from .numbers import p_words, times
 from .misfit_causes import CAUSES, changed
+from .numbers import p_words, times
 from .wording import Namer, capital, clipped, listed
 
 UNVALIDATED = "no estimate or uncertainty of this run is validated"

@@ -127,17 +127,20 @@ def mend(explanation: Explanation) -> str:
             return f"Exchange the columns of {listed(joints)} in the recording, {_AGAIN}."
         case "sign":
             return (
-                f"Reverse the sign of {joints[0]} in the recording (zerobeam import csv --reversed), or its axis"
-                f" in the robot file, {_AGAIN}."
+                f"Reverse the sign of {joints[0]} in the recording (zerobeam import csv --reversed), or its"
+                f" axis in the robot file, {_AGAIN}."
             )
         case "zero":
-            return f"Correct the zero of {joints[0]} in the recording or theta_deg of its row in the robot file, {_AGAIN}."
+            return (
+                f"Correct the zero of {joints[0]} in the recording, or theta_deg of its row in the robot file,"
+                f" {_AGAIN}."
+            )
         case "units":
             return f"Import the recording again with the right --units, {_AGAIN}."
         case "coupling":
             return (
-                f"State in the robot file what joint {explanation.joints[-1]} is counted from (pendant, encoder),"
-                f" {_AGAIN}."
+                f"State in the robot file what joint {explanation.joints[-1]} is counted from (pendant,"
+                f" encoder), {_AGAIN}."
             )
         case "rows":
             return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."
@@ -165,14 +168,14 @@ def mend(explanation: Explanation) -> str:
             return f"Remove {noun} {_numbers(explanation)} from the run, or repeat them."
         case "moved_target":
             return (
-                f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on, or"
-                " record the run again."
+                f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on,"
+                " or record the run again."
             )
         case "jump":
             return (
                 f"Look for what slipped at {joints[0]} (belt, coupling, encoder) before measurement"
-                f" {explanation.measurements[1]}. Record the run again; the measurements on one side of it may be"
-                " analysed alone."
+                f" {explanation.measurements[1]}. Record the run again; the measurements on one side of it may"
+                " be analysed alone."
             )
         case "drift":
             return "Let the arm warm up and fasten the target. Then record the run again."

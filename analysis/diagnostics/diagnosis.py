@@ -51,8 +51,8 @@ class Explanation:
     `factor` is the residual over the noise that it leaves, `before` the same as recorded; `farthest` and
     `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
     the parameters that it frees (their effective number), `p_value` is that of such evidence after all that
-    was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of the
-    best explanation: 1 of this one.
+    was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of
+    the best explanation: 1 of this one.
     """
 
     cause: Cause
@@ -125,7 +125,7 @@ def _explanations(
     evidence = {i: fits[i].log_evidence(base, free_scale) for i in explaining}
     margin = -float(np.log(SIGNIFICANCE))
     if exact:
-        # Links within tolerances are no fault of the data: whatever blames the data has to be likelier by far.
+        # Links within tolerances are no fault of the data: what blames the data has to be likelier by far.
         links = max((evidence[i] for i in explaining if fits[i].cause == "geometry"), default=-np.inf)
         evidence = {
             i: value

@@ -430,8 +430,8 @@ def _without_outlying(problem: Problem, x: Matrix) -> Iterator[HypothesisFit]:
 
 
 def _left_without(problem: Problem, x: Matrix, left: HypothesisFit, gone: Index) -> HypothesisFit:
-    """The same with the price of leaving measurements out: each is off by an amount of the size that all of them
-    are, and its density is that of a normal so wide."""
+    """The same with the price of leaving measurements out: each is off by a normal amount, as wide as all of
+    them are off."""
     whitened = problem.whiten(x)
     off = whitened.residual_mm[gone]
     size = max(float(np.sqrt((off**2).mean())), _OFF_MM)

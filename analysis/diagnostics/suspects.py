@@ -532,7 +532,6 @@ def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
 
 def _noise(linear: Linear) -> Iterator[Suspect]:
     """All readings scatter so many times as much as stated: the marginal likelihood at that noise."""
-    problem = linear.problem
     at_means = linear.at_prior_means
     values, vectors = np.linalg.eigh(linear.free.T @ linear.free)
     values = np.maximum(values, 0.0)

@@ -1,8 +1,9 @@
 """What does an answer say when something is wrong? Many wrong models, each with random arms, analysed.
 
-Each arm has deviations of typical sizes and one thing that is wrong (`wrong_scenarios`); it is solved and judged
-as `analyse` does with a header that states nothing of the geometry. Counted are verdicts, errors of the offsets
-of those that pass, and whether the diagnosis of a misfit names the cause. The first scenario is the control.
+Each arm has deviations of typical sizes and one thing that is wrong (`wrong_scenarios`); it is solved and
+judged as `analyse` does with a header that states nothing of the geometry. Counted are verdicts, errors of
+the offsets of those that pass, and whether the diagnosis of a misfit names the cause. The first scenario is
+the control.
 """
 
 from __future__ import annotations
@@ -61,10 +62,10 @@ class WrongModelsSettings:
 class WrongModel:
     """One scenario with so many measurements: of `arms`, those that pass, are a misfit, or neither (`weak`).
 
-    Of those that pass: `z` the root mean square and `largest_u` the largest error of an offset in its standard
-    uncertainty, and how many have one `beyond` the limit. `nameable` says that there is a cause by which it can
-    be named; `named` counts the misfits that have it as their best explanation, `decided` those of which the
-    best explanation is decided by the measurements, and `decided_right` those where it is the right one.
+    Of those that pass: `z` the root mean square and `largest_u` the largest error of an offset in its
+    standard uncertainty, and how many have one `beyond` the limit. `nameable` says that there is a cause by
+    which it can be named; `named` counts the misfits that have it as their best explanation, `decided` those
+    whose best explanation the measurements decide, `decided_right` those where it is the right one.
     `noticeable` is false where no measurement of this kind could show it.
     """
 
@@ -143,8 +144,9 @@ def wrong_models_study(
         agrees=not broken and not unnamed,
         seconds=time.monotonic() - began,
         notes=(
-            "Each arm has links, gravity, harmonics and a tool that deviate by the default tolerances, a backlash"
-            " of 0.01° and offsets of 0.5°, by a simulator of the study's own. The header states no geometry.",
+            "Each arm has links, gravity, harmonics and a tool that deviate by the default tolerances, a"
+            " backlash of 0.01° and offsets of 0.5°, by a simulator of the study's own. The header states no"
+            " geometry.",
             "Where something changes during the run, the true offsets are those at its beginning.",
         ),
         settings=WrongModelsSettings(arms, seed, tuple(measurements), LIMIT_U, DECIDED),

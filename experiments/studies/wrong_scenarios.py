@@ -24,7 +24,8 @@ Named = tuple[str, tuple[int, ...]]  # cause, joints; of any joints where there 
 class Scenario:
     """One thing that is wrong. `named` are the causes that name it; none where none can.
 
-    It is not `noticeable` where the residuals of every arm stay as they were. `course` changes the arm or its cell, `readings` what is recorded, `robot` the arm that the analysis has.
+    It is not `noticeable` where the residuals of every arm stay as they were. `course` changes the arm or its
+    cell, `readings` what is recorded, `robot` the arm that the analysis has.
     """
 
     name: str
@@ -169,8 +170,8 @@ def rows_of(
     change: Callable[[Matrix], Matrix],
     convention: Literal["standard", "modified"] = "standard",
 ) -> Robot:
-    """A robot of standard rows a, alpha, d, theta (n, 4), mm and rad, with other rows; or with its rows read by
-    another convention."""
+    """A robot of standard rows a, alpha, d, theta (n, 4), mm and rad, with other rows, or with its rows read
+    by another convention."""
     ends = [*(joint.fixed for joint in robot.joints[1:]), robot.flange]
     rows = change(np.array([_standard(end) for end in ends]))
     fixed, flange = dh_chain([DHRow(*row.tolist()) for row in rows], convention)

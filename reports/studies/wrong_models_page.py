@@ -31,10 +31,10 @@ def wrong_models_page(answer: WrongModelsStudy) -> Page:
         section_of(
             "Verdicts, errors and causes",
             Paragraph(
-                f"Of {settings.arms} arms each: how many pass, are a misfit, or neither. Of those that pass: the"
-                " root mean square and the largest error of the offsets in their standard uncertainties u, and"
-                f" how many have an offset beyond {settings.limit_u:g} u. Of the misfits: how many name the right"
-                " cause first; and of those where the best cause has an evidence of more than"
+                f"Of {settings.arms} arms each: how many pass, are a misfit, or neither. Of those that pass:"
+                " the root mean square and the largest error of the offsets in their standard uncertainties"
+                f" u, and how many have an offset beyond {settings.limit_u:g} u. Of the misfits: how many"
+                " name the right cause first; and of those where the best cause has an evidence of more than"
                 f" {settings.decided:g} times the next, how many are right."
             ),
             _table(answer),

@@ -21,16 +21,12 @@ from cells import (
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose
-from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes, fits_from, suspect_fit
+from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes
 from zerobeam.analysis.diagnostics.robot_variants import file_variants, with_axes_along_z
-from zerobeam.analysis.diagnostics.screening import screened
-from zerobeam.analysis.diagnostics.suspects import Linear, suspects
-from zerobeam.analysis.observability.geometry import with_links
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
-from zerobeam.model.likelihood.constraint import shot_functions
-from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.files.run import Run
+from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit import explanation_sentence
 
@@ -200,8 +196,7 @@ def test_columns_of_different_units_are_not_exchanged() -> None:
 
 @pytest.mark.parametrize(("cost", "causes"), [(45.0, ["geometry"]), (30.0, ["measurements"])])
 def test_what_blames_the_data_has_to_be_clearly_likelier_than_links(cost: float, causes: list[str]) -> None:
-    """The second is 10 in log evidence above links, beyond log 1000; the first is 2.5 above. Links that are that
-    far off are left out."""
+    """The second is 10 in log evidence above links, beyond log 1000; the first is 2.5 above."""
     base = HypothesisFit(None, 500.0, 500.0, 50, 50, 1.0)
     links = HypothesisFit("geometry", 50.0, 50.0, 50, 50, 1.0, freed=10)
     outlying = HypothesisFit("measurements", cost, cost, 50, 50, 1.0, freed=2)
