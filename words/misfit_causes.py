@@ -131,10 +131,7 @@ def mend(explanation: Explanation) -> str:
                 f" axis in the robot file, {_AGAIN}."
             )
         case "zero":
-            return (
-                f"Correct the zero of {joints[0]} in the recording, or theta_deg of its row in the robot file,"
-                f" {_AGAIN}."
-            )
+            return f"Correct the zero of {joints[0]} in the recording, or theta_deg of its row, {_AGAIN}."
         case "units":
             return f"Import the recording again with the right --units, {_AGAIN}."
         case "coupling":
@@ -174,7 +171,7 @@ def mend(explanation: Explanation) -> str:
         case "jump":
             return (
                 f"Look for what slipped at {joints[0]} (belt, coupling, encoder) before measurement"
-                f" {explanation.measurements[1]}. Record the run again; the measurements on one side of it may"
+                f" {explanation.measurements[1]}, and record the run again; the measurements on one side may"
                 " be analysed alone."
             )
         case "drift":
