@@ -117,8 +117,8 @@ def from_near(problem: Problem, near: LikelihoodFit) -> LikelihoodFit:
 
 
 def log_evidence(fit: LikelihoodFit) -> float:
-    """Log marginal likelihood by Laplace's formula, up to what all models of the same data share; nan of a fit
-    without a covariance."""
+    """Log marginal likelihood by Laplace's formula, up to what all models of the same data share; nan where
+    there is no covariance."""
     if not np.isfinite(fit.covariance).all():
         return float("nan")
     density, x = Density(fit.problem), fit.x[None]

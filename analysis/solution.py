@@ -190,7 +190,7 @@ class Solution:
         """Why the model does not describe the measurements; None where it does, or without an answer."""
         if not self.converged:
             return None
-        steps = self.recording_steps.rows
+        steps = [step for step in self.recording_steps.rows if step.stands_out]
         # A target that was off for some measurements only has not moved: its step says so.
         moved = self.moved_target
         if moved is not None and moved.at.target in {step.target for step in steps}:

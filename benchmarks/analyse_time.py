@@ -119,6 +119,7 @@ def panda_2(data: Path, folder: Path) -> Path:
         },
         "tool": {"kind": "probe", "calibrated": False, "point_mm": [0, 0, 32]},
         "noise": {"joint_deg": 0.01, "spot_mm": 0.5},
+        "geometry": "exact",
         "distances": [
             {"between": [f"{place}_hole_0", f"{place}_hole_1"], "mm": 50, "sigma_mm": 0.1} for place in places
         ],

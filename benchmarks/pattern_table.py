@@ -33,6 +33,7 @@ def row(which: Pattern, aside_m: float) -> str:
             "robot": "irb1600",
             "tool": {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
             "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+            "geometry": "exact",
             "targets": {"psd": {"guess_mm": target}},
         }
     )

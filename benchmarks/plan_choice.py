@@ -38,6 +38,7 @@ HEADER = {
     "robot": "irb1600",
     "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
     "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+    "geometry": "exact",
     "targets": {"psd": {"guess_mm": list(TARGET)}},
 }
 

@@ -14,6 +14,7 @@ variances are compared afterwards.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import multiprocessing
 import os
 import subprocess
@@ -56,7 +57,9 @@ class Case:
 
     def __init__(self, name: str, run: Path, urdf: str = "", *, links: bool = False) -> None:
         self.name, self.urdf, self.links = name + (", with links" if links else ""), urdf, links
-        problem = Problem.from_run(read_run(run))
+        read = read_run(run)
+        exact = read.header.model_copy(update={"geometry": "exact"})  # as the peers' model is
+        problem = Problem.from_run(dataclasses.replace(read, header=exact))
         self.problem = problem.with_geometry(Geometry.of_links(problem.robot, *LINKS)) if links else problem
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)

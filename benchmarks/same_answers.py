@@ -61,7 +61,7 @@ def runs(folder: Path) -> Iterator[tuple[str, Path]]:
         header.write_text(
             f"robot: {{urdf: {DATA.resolve() / 'urdf' / urdf}, base: {base}, tip: {tip}}}\n"
             f"tool: {{kind: probe, calibrated: false, point_mm: [0, 0, {ball}]}}\n"
-            "noise: {joint_deg: 0.01, spot_mm: 0.5}\ndistances:\n"
+            "noise: {joint_deg: 0.01, spot_mm: 0.5}\ngeometry: exact\ndistances:\n"
             + "".join(f"  - {{between: [{p}_0, {p}_1], mm: 50, sigma_mm: 0.1}}\n" for p in places),
             encoding="utf-8",
         )

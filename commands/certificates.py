@@ -5,6 +5,7 @@ from __future__ import annotations
 import getpass
 import os
 import sys
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -39,6 +40,14 @@ def certify(
         str | None,
         typer.Option(help="The run, by its date or time (ISO 8601). Default: the last.", show_default=False),
     ] = None,
+    verification: Annotated[
+        Path | None,
+        typer.Option(
+            help="Report of the corrected robot (zerobeam verify -o DIR): the certificate states it as left.",
+            metavar="DIR",
+            show_default=False,
+        ),
+    ] = None,
     model: Model = None,
     db: Url = None,
 ) -> None:
@@ -52,7 +61,9 @@ def certify(
 
         result = choose(list(results(history, find_arm(history, serial, model))), run, date)
         answer = whole_answer(history, result)
-        by = write_certificate(folder, result, answer, private_key(private, _passphrase))
+        today = datetime.now().astimezone().date()
+        signing = private_key(private, _passphrase)
+        by = write_certificate(folder, result, answer, signing, today, verification)
     say(f"Certificate of {result.run}, {result.measured_at:%Y-%m-%d}, verdict {result.verdict}: {folder}")
     say(f"Signed by: {grouped(by)}")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -166,19 +167,40 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
 
         yield print_progress
         return
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import TimeRemainingColumn as Left
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+    from rich.text import Text
+
+    from ..words.time_left import TimeLeft, left_words
+
+    estimate = TimeLeft(time.monotonic())
+
+    class LeftColumn(ProgressColumn):
+        """The time left, anew each time that the bar is drawn."""
+
+        def render(self, task: Task) -> Text:
+            return Text(left_words(estimate.left(time.monotonic())), style="progress.remaining")
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        Left(),
+        LeftColumn(),
     )
+
+    def advance(stage: str, share: float) -> None:
+        done = whole(stage, share)
+        estimate.advanced(time.monotonic(), done)
+        bar.update(task, completed=done, description=f"{title}: {stage}")
+
     with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task(title, total=1.0)
-        yield lambda stage, share: bar.update(
-            task, completed=whole(stage, share), description=f"{title}: {stage}"
-        )
+        yield advance

@@ -124,7 +124,7 @@ def plan(
         _refuse_constraints(context, kind)
     from ..experiments.plans.make import PlanRequest, make_plan
     from ..experiments.plans.obstacles import read_obstacles
-    from ..model.files.header import read_header
+    from ..model.files.header_file import read_header
     from ..model.files.plan import read_plan
     from ..model.files.plan_file import Obstacles
     from ..model.files.robot_file import robot_path
@@ -199,18 +199,29 @@ def verify(
             show_default=False,
         ),
     ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder for the report.", show_default=False)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Acceptance test: is the corrected robot what its calibration predicts? Status 1 unless it passes."""
     from ..experiments.verification import acceptance_json, accepted
     from ..reports.terminal.acceptance import print_acceptance
 
-    acceptance = accepted(run, new, _enough(tolerance))
+    if folder is not None:
+        from ..reports.verification.verification_folder import check_target, write_verification_report
+
+        check_target(folder)
+    verified = accepted(run, new, _enough(tolerance))
+    if folder is not None:
+        write_verification_report(folder, verified)
     if as_json:
-        print_json(acceptance_json(acceptance))
+        print_json(acceptance_json(verified))
     else:
-        print_acceptance(out, acceptance)
-    raise typer.Exit(0 if acceptance.verdict == "pass" else 1)
+        print_acceptance(out, verified)
+        if folder is not None:
+            say(f"Report: {folder / 'verification.html'}")
+    raise typer.Exit(0 if verified.answer.verdict == "pass" else 1)
 
 
 def _plan_verify(

@@ -19,7 +19,6 @@ from ..model.files.run import read_run
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.message import headline_so_far, message_so_far
-from ..words.misfit import criterion_sentence
 from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed
@@ -378,7 +377,7 @@ def _answer(
         saved=None if why is None else len(saved),
         why=why,
         seconds={name: round(value, 3) for name, value in result.seconds.items()},
-        notes=(*notes, *map(criterion_sentence, state.contradictions)),
+        notes=tuple(notes),
         geometry=state.geometry(plan.header),
         true=true_values(header.provenance),
         missing=result.missing,

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from ..analysis.answer.document import CheckDocument, ResultDocument
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
+from ..model.files.header_file import PlantTolerances
 from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
@@ -26,6 +27,7 @@ FILE_SCHEMAS: dict[str, type[BaseModel]] = {
     "run-shot": Shot,
     "plan": PlanFile,
     "header": Header,
+    "tolerances": PlantTolerances,
     "robot": RobotFile,
     "obstacles": Obstacles,
     "cell": CellFile,

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from ..analysis.acceptance.acceptance_test import (
+    POWER,
     AcceptancePrediction,
     AcceptanceResult,
     VerificationPlan,
     accept,
     choose,
 )
+from ..analysis.acceptance.measured_error import MeasuredError, measured_error
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.solution import Solution
 from ..model.errors import BadInput, located
@@ -61,7 +63,18 @@ def write_verification(
     return PlannedVerification(plan, path.name, run.sha256)
 
 
-def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult:
+@dataclass(frozen=True, eq=False)
+class Verified:
+    """The answer of the acceptance test of a calibration by a new run, and the error measured before and
+    after."""
+
+    answer: AcceptanceResult
+    measured: MeasuredError
+    calibration: Run
+    run: Run
+
+
+def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
     """The answer of the acceptance test: the calibration run at `path`, the corrected robot's run `new`."""
     run, verified = read_run(path), read_run(new)
     with located(verified.path, verified.header_line):
@@ -73,11 +86,11 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
         declared = {**run.header.targets, **verified.header.targets}
         kept = {name: declared[name] for name in targets if name in declared}
         header = run.header.model_copy(update={"distances": (), "targets": kept})
-        laser = run.header.tool.kind == "laser"
-        prediction = AcceptancePrediction(
-            solution, header, verified.joints, targets, verified.spots if laser else None, entered
-        )
-        return accept(prediction, solution, _tolerances(run.header, tolerance))
+        spots = verified.spots if run.header.tool.kind == "laser" else None
+        prediction = AcceptancePrediction(solution, header, verified.joints, targets, spots, entered)
+        answer = accept(prediction, solution, _tolerances(run.header, tolerance))
+        measured = measured_error(solution, header, verified.joints, targets, spots, entered)
+    return Verified(answer, measured, run, verified)
 
 
 def _determined(run: Run) -> tuple[Solution, tuple[str, ...]]:
@@ -164,9 +177,24 @@ def _write(
     write_plan(file, header, rows, plan.targets, force=force)
 
 
-def acceptance_json(result: AcceptanceResult) -> dict[str, object]:
+ACCEPTANCE_SCHEMA = "zerobeam/acceptance/1"
+
+
+def acceptance_json(verified: Verified) -> dict[str, object]:
     """Plain JSON types, schema `zerobeam/acceptance/1`."""
-    return {"schema": "zerobeam/acceptance/1", **asdict(result)}
+    return {
+        "schema": ACCEPTANCE_SCHEMA,
+        **asdict(verified.answer),
+        "power_required": POWER,
+        "measured": asdict(verified.measured),
+        "calibration": _run_json(verified.calibration),
+        "run": _run_json(verified.run),
+    }
+
+
+def _run_json(run: Run) -> dict[str, object]:
+    provenance = {key: value for key, value in run.header.provenance.items() if not key.startswith("true ")}
+    return {"file": run.path.name, "sha256": run.sha256, "provenance": provenance}
 
 
 def plan_json(made: PlannedVerification) -> dict[str, object]:

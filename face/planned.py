@@ -15,7 +15,8 @@ from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
 from ..experiments.plans.obstacles import read_obstacles
 from ..model.errors import BadInput
 from ..model.files.arguments import checked, plain
-from ..model.files.header import Header, read_header
+from ..model.files.header import Header
+from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
 from ..model.files.plan_file import Obstacles
 from ..reports.output.html import card, text
@@ -335,7 +336,7 @@ def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Pa
             argument="header",
         )
     names = {str(key): f"header[{key!r}]" for key in (*Header.model_fields, *header)}
-    return checked(Header, plain(header), names), Path(".")
+    return completed(checked(Header, plain(header), names), Path("."), line=lambda _: None), Path(".")
 
 
 def _table(checked: CheckedPlan) -> Table:

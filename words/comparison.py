@@ -15,7 +15,7 @@ from ..analysis.repeatability.repeat import (
     StatedMisfit,
 )
 from .misfit import criterion_sentence
-from .numbers import p_words
+from .numbers import p_words, times
 from .wording import be, listed
 
 
@@ -42,7 +42,7 @@ def _headline(comparison: Comparison) -> str:
     whole = comparison.consistency
     if whole is not None:
         parts.append(
-            f"the {comparison.used} runs scatter {whole.ratio:.2g} times as much as predicted"
+            f"the {comparison.used} runs scatter {times(whole.ratio)} times as much as predicted"
             f" ({p_words(whole.p_value)})"
         )
     elif comparison.verdict in ("agrees", "misfit"):
@@ -90,8 +90,8 @@ def notes(compared: Comparison) -> Iterator[str]:
         )
     if compared.consistency is not None and compared.consistency.ratio_interval95[1] < 1:
         yield (
-            f"The runs scatter less than predicted ({compared.consistency.ratio:.2g} times): the noise may be"
-            " overstated, or part of it is the same in all runs"
+            f"The runs scatter less than predicted ({times(compared.consistency.ratio)} times): the noise may"
+            " be overstated, or part of it is the same in all runs"
         )
     yield from _hint_of_a_drift(compared)
     if compared.kind == "table":
@@ -166,8 +166,8 @@ def _on_a_table(comparison: Comparison) -> Iterator[str]:
     if count >= 2:
         low, high = of_a_std(count - 1)
         yield (
-            f"From {count} runs a standard deviation is known to between {low:.2g} and {high:.2g} times the"
-            " one that they show (95 %)"
+            f"From {count} runs a standard deviation is known to between {times(low)} and {times(high)} times"
+            " the one that they show (95 %)"
         )
     yield (
         "Which noise would explain this scatter depends on the postures, which a table does not give: compare"

@@ -36,6 +36,19 @@ class OffsetRow(Protocol):
     def tolerance_share(self) -> float | None: ...
 
 
+class _Row(Protocol):
+    """A parameter of a result, of a check."""
+
+    @property
+    def group(self) -> str: ...
+    @property
+    def std(self) -> float | None: ...
+    @property
+    def held(self) -> bool: ...
+    @property
+    def tolerated(self) -> bool: ...
+
+
 class _Grouped(Protocol):
     @property
     def group(self) -> str: ...
@@ -44,6 +57,19 @@ class _Grouped(Protocol):
 def geometry_title(tolerated: Iterable[_Grouped]) -> str:
     """The title of what is said of the parameters with tolerances."""
     return "Geometry and tool" if any(row.group == "tool" for row in tolerated) else "Geometry"
+
+
+def determined_sentence(rows: Iterable[_Row], *, planned: bool = False) -> str | None:
+    """How many of the parameters with tolerances the measurements determine; None where there are none."""
+    free = [row for row in rows if row.tolerated and not row.held]
+    if not free:
+        return None
+    count, be = sum(row.std is not None for row in free), "will be" if planned else "are"
+    if not count:
+        return f"{geometry_title(free)}: all {len(free)} parameters {be} known by their tolerances only."
+    return (
+        f"{geometry_title(free)}: {count} of {len(free)} parameters {be} determined, the others prior only."
+    )
 
 
 def tolerances_words(geometry: GeometryResult) -> str:
@@ -172,11 +198,5 @@ def check_lines(check: Check) -> list[str]:
     if worst is not None:
         why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
         lines += [] if why is None else [why]
-    rows = [row for row in check.parameters if row.tolerated and not row.held]
-    if rows:
-        determined = sum(row.std is not None for row in rows)
-        lines.append(
-            f"{geometry_title(rows)}: {determined} of {len(rows)} parameters will be"
-            " determined, the others prior only."
-        )
-    return lines
+    determined = determined_sentence(check.parameters, planned=True)
+    return lines if determined is None else [*lines, determined]

@@ -26,7 +26,7 @@ from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
-from ..analysis.misfit import Criterion, Misfit, PlacementsDisagree
+from ..analysis.misfit import Criterion, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import (
     BaseFrame,
     Cause,
@@ -67,8 +67,9 @@ _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Case:
-    """What a message is made of: of a result, or of a solution while its run is being measured. `off` are
-    placements that the others do not predict, `warnings` sentences that no finding says."""
+    """What a message is made of: of a result, or of a solution while its run is being measured, of which no
+    `diagnosis` was made. `off` are placements that the others do not predict, `warnings` sentences that no
+    finding says."""
 
     verdict: Verdict
     stopped: str | None
@@ -80,7 +81,7 @@ class _Case:
     run: str
     header: Mapping[str, object]
     vendor: str | None = None
-    diagnosis: Sequence[Explanation] = ()
+    diagnosis: Sequence[Explanation] | None = None
     off: Sequence[HoldOut] = ()
     warnings: Sequence[str] = ()
 
@@ -282,7 +283,8 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
             return cause_sentence(case.diagnosis)
         first = _sharpest(case.misfit)
         text = criterion_sentence(first, name).removeprefix("Lack of fit: ")
-        return text if isinstance(first, _DISPLACED) else f"{text}. No cause that was tried explains it"
+        tried = case.diagnosis is not None and isinstance(first, LackOfFit)
+        return f"{text}. No cause that was tried explains it" if tried else text
     if case.doubt is not None:
         return _doubt_sentence(case.doubt, name)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
@@ -362,6 +364,8 @@ def _mend(case: _Case) -> str:
                 f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(target)} from the run,"
                 " or record them again with the target fixed."
             )
+        case _ if case.diagnosis is None:
+            return "Analyse the run: that says what could be wrong."
         case _:
             return "Check joint columns, signs, units, targets and geometry, then measure again."
 
@@ -413,11 +417,14 @@ def _cautions(case: _Case, name: Namer) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     if case.misfit is not None:
         first = None if case.diagnosis else _sharpest(case.misfit)
-        moved = {name for one in case.diagnosis[:1] if one.cause == "moved_target" for name in one.targets}
+        best = case.diagnosis[0] if case.diagnosis else None
+        moved = best.targets if best is not None and best.cause == "moved_target" else ()
         for one in case.misfit.criteria:
             displaced = isinstance(one, _DISPLACED) and _target(one) not in moved
             if one is not first and (displaced or isinstance(one, PlacementsDisagree)):
                 yield criterion_sentence(one, name)
+        if best is None:
+            yield from (finding_sentence(one, name) for one in case.findings if isinstance(one, Outlying))
     else:
         first = case.doubt
         yield from (

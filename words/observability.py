@@ -142,8 +142,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
         case ToolRotation(_, joint, float()):
             return f"calibrate the tool better and state its tool.sigma, or hold {name(f'delta{joint}')}"
         case Held() | ToolRotation():
-            joint = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
-            return f"hold {joint}, or calibrate the tool separately and state it as calibrated"
+            last = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
+            return f"hold {last}, or calibrate the tool separately and state it as calibrated"
         case Unconverged():
             return "look for a wrong measurement, or state a better guess of target and tool"
         case NotTheModel():

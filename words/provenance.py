@@ -15,7 +15,34 @@ MEASURED = (
     ("Ambient temperature", ("temperature", "ambient temperature")),
     (SERIAL, ("serial", "serial number", "robot serial", "robot serial number")),
 )
-KEYS = dict(MEASURED)
+AUTHORISED = "Authorised by"
+# What a certificate asks for besides (ISO/IEC 17025:2017, 7.8.2 and 7.8.4).
+CERTIFIED = (
+    ("Certificate number", ("certificate number", "certificate")),
+    ("Laboratory", ("laboratory", "lab")),
+    ("Laboratory, address", ("laboratory address", "lab address")),
+    ("Customer", ("customer",)),
+    ("Customer, address", ("customer address",)),
+    ("Payload", ("payload",)),
+    ("Warm-up", ("warm up",)),
+    ("Traceability", ("traceability",)),
+    (AUTHORISED, ("authorised by", "authorized by")),
+)
+KEYS = dict((*MEASURED, *CERTIFIED))
+# Of a certificate.json, and the entries that they are.
+CERTIFICATE_KEYS = {
+    "certificate_number": "Certificate number",
+    "laboratory": "Laboratory",
+    "laboratory_address": "Laboratory, address",
+    "customer": "Customer",
+    "customer_address": "Customer, address",
+    "place": "Place",
+    "temperature": "Ambient temperature",
+    "payload": "Payload",
+    "warm_up": "Warm-up",
+    "traceability": "Traceability",
+    "authorised_by": AUTHORISED,
+}
 INSTRUMENTS = {
     "laser": (
         ("PSD, maker and serial number", ("psd", "psd serial", "psd serial number")),

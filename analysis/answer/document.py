@@ -421,6 +421,7 @@ class StepDocument(DocumentPart):
     last_shot: int
     size_mm: Number
     p_value: float
+    factor: float
     sentence: str
 
 

@@ -93,7 +93,9 @@ def fit_midpoints(problem: Problem, joints: Matrix) -> MidpointFits:
 def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) -> MidpointFits:
     parameters = middles.problem.parameters
     scale = parameters.prior_std
-    free = parameters.free & (parameters.group("offset") | parameters.group("tool"))
+    # The paper's cost has no priors: what is known to a tolerance, as a calibrated tool, is taken as stated.
+    estimated = parameters.free & ~parameters.tolerated
+    free = estimated & (parameters.group("offset") | parameters.group("tool"))
 
     def at(z: Matrix) -> Matrix:
         x = np.tile(parameters.prior_mean, (len(z), 1))

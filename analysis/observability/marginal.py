@@ -28,7 +28,8 @@ class Marginal(NamedTuple):
         count = int(tolerated.sum())
         if not count:
             return cls(jacobian, np.zeros((0, jacobian.shape[1])), np.zeros(0))
-        factor = np.linalg.qr(np.hstack([jacobian[:, tolerated], jacobian[:, ~tolerated]]), mode="r")
+        ordered = np.hstack([jacobian[:, tolerated], jacobian[:, ~tolerated]])
+        factor: Matrix = np.asarray(np.linalg.qr(ordered, mode="r"))
         right = np.hstack([-factor[:count, count:], np.eye(count)])
         solved = scipy.linalg.solve_triangular(factor[:count, :count], right)
         left = jacobian.shape[1] - count

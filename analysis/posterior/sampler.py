@@ -167,6 +167,9 @@ _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
 _MAPPED_LOOK = 100
 _DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
 _PLAIN_STEPS = 250
+# Of the progress: the run in plain coordinates where it is expected to suffice, and where not; of the rest
+# the burn-in of the mapped one.
+_SUFFICES, _PLAIN, _BURN_IN = 0.8, 0.2, 0.4
 _MAPPED_WALKERS = 512
 MAPPED_SHARE = 0.3
 _MAPPED_ROUNDS = (6, 12)
@@ -307,7 +310,9 @@ class _Run:
         self.seconds += time.perf_counter() - began
         return chain.reshape(*starts.shape[:2], steps, size)
 
-    def burn_in(self, starts: Matrix, rounds: tuple[int, int]) -> Matrix:
+    def burn_in(
+        self, starts: Matrix, rounds: tuple[int, int], progress: ShareDone = lambda share: None
+    ) -> Matrix:
         """Rounds, a refit after each, until neither acceptance nor draws move on; the last round's draws."""
         best, values = 0.0, starts[:, :, None]
         for count in range(1, rounds[1] + 1):
@@ -317,6 +322,7 @@ class _Run:
             if count >= rounds[0] and settled:
                 break
             best = max(best, self._independent)
+            progress(count / rounds[1])
         return values
 
     def refit(self, values: Matrix, mapped: bool) -> None:
@@ -336,8 +342,14 @@ class _Run:
             return _MAPPED_LOOK
         return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
 
-    def grow(self, starts: Matrix, ess: float, limit: int, progress: ShareDone) -> Sampled:
-        """Draws from `starts` until they are enough and have settled, in at most `limit` steps."""
+    def grow(
+        self, starts: Matrix, ess: float, limit: int, progress: Callable[[float, bool], None]
+    ) -> Sampled:
+        """Draws from `starts` until they are enough and have settled, in at most `limit` steps.
+
+        `progress` hears the share that is done, of the effective draws or of the steps, and whether the limit
+        is expected to suffice.
+        """
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         values = starts[:, :, None][:, :, :0]
@@ -348,7 +360,8 @@ class _Run:
             looked_at = self._judged(values)
             rhat, bulk = diagnostics(looked_at)
             reached = float(bulk.min())
-            progress(min(reached / needed, 0.99))
+            expected = total * needed / max(reached, 1.0)
+            progress(min(reached / needed, 1.0) if expected <= limit else total / limit, expected <= limit)
             # Where the map does not reach, no walker tells; a poor acceptance does.
             reaches = self._transport is None or self._independent >= GOOD
             settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE and reaches
@@ -378,12 +391,18 @@ def sample_density(
     coordinates in which R-hat, ESS and drift are taken. -inf, inf and NaN of the density are
     impossible points, all alike.
     """
-    best = [0.0]
+    best, plain_part = [0.0], 0.0
 
     def shown(share: float) -> None:
         best.append(max(best[-1], share))
         if progress is not None:
             progress(best[-1])
+
+    def plain(share: float, suffices: bool) -> None:
+        shown(share * (_SUFFICES if suffices else _PLAIN))
+
+    def mapped(share: float) -> None:
+        shown(plain_part + (0.99 - plain_part) * share)
 
     began = time.perf_counter()
     few = max(_WALKERS[0], 2 * len(proposal.location) + 2)
@@ -398,15 +417,19 @@ def sample_density(
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
                 values = run.advance(run.spread(values, walkers), ROUND // 2)
-            sampled = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
+            sampled = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, plain)
             if not (sampled.enough and sampled.settled):
+                plain_part = best[-1]
                 many = max(walkers, _MAPPED_WALKERS)
                 starts = run.spread(sampled.values, many)
                 run.refit(sampled.values, mapped=True)
-                values = run.burn_in(starts, _MAPPED_ROUNDS)
+                values = run.burn_in(starts, _MAPPED_ROUNDS, lambda share: mapped(_BURN_IN * share))
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
-                sampled = run.grow(values[:, :, -1], ess, limit, shown)
+                rest = 1.0 - _BURN_IN
+                sampled = run.grow(
+                    values[:, :, -1], ess, limit, lambda share, _: mapped(_BURN_IN + rest * share)
+                )
     return replace(
         sampled,
         acceptance=run.acceptance,

@@ -21,6 +21,7 @@ from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.files.confinement import WITHIN
 from ...model.files.json_document import JsonDocument
+from ...words.time_left import TimeLeft
 from .folder import Folder
 from .started_runs import StartedRuns
 
@@ -52,6 +53,7 @@ class JobBrief(JsonDocument):
     stage: str
     passed_s: float | None = Field(description="since it began, seconds")
     left_s: float | None = Field(description="until its end, seconds, where that can be estimated")
+    left_at_least: bool = Field(description="whether it takes longer than that: it has not advanced for long")
     status: int | None = Field(description="exit status of the command")
     asks: Literal["lines", "confirm"] | None = Field(description="`confirm`: it waits for yes or no")
 
@@ -79,7 +81,7 @@ class AppJob:
         self.cancelled = False
         self.task: asyncio.Task[None] | None = None
         self.asks: Literal["lines", "confirm"] | None = None
-        self.left_from = 0.0  # the share that was done before it began
+        self.time_left = TimeLeft(time.monotonic())
         self._kept: deque[_NumberedEvent] = deque(maxlen=MOST_EVENTS)
         self._passing: deque[_NumberedEvent] = deque(maxlen=MOST_PASSING)
         self._picture: _NumberedEvent | None = None
@@ -96,10 +98,7 @@ class AppJob:
         passed = self.took_s
         if passed is None and self.started_at is not None:
             passed = time.monotonic() - self.started_at
-        left = None
-        done = self.share - self.left_from
-        if self.state == "running" and passed is not None and done > 0.02:
-            left = round(passed * (1 - self.share) / done, 1)
+        left = self.time_left.left(time.monotonic()) if self.state == "running" else None
         return JobBrief(
             id=str(self.number),
             command=self.command,
@@ -107,7 +106,8 @@ class AppJob:
             share=round(self.share, 4),
             stage=self.stage,
             passed_s=None if passed is None else round(passed, 1),
-            left_s=left,
+            left_s=None if left is None else round(left.seconds, 1),
+            left_at_least=left is not None and left.at_least,
             status=self.status,
             asks=self.asks,
         )
@@ -245,6 +245,7 @@ class Jobs:
 
     async def _run(self, job: AppJob, password: str | None) -> None:
         job.state, job.started_at = "running", time.monotonic()
+        job.time_left = TimeLeft(job.started_at)
         measures = job.command[0] == "run"
         secret = {} if password is None else {PASSWORD: password}
         job.process = process = await asyncio.create_subprocess_exec(
@@ -288,7 +289,7 @@ class Jobs:
             kind = event["event"]
             if kind == "begin":
                 under_way, done, of = True, len(event["recorded"]), event["postures"]
-                job.left_from = done / of
+                job.time_left = TimeLeft(time.monotonic(), done / of)
                 if event["rig"] == "manual":
                     job.asks = "lines"
                 await asyncio.to_thread(self.runs.begin, job.command)
@@ -304,6 +305,7 @@ class Jobs:
             done += {"recorded": 1, "refused": 1, "withdrawn": -1}.get(kind, 0)
             if under_way:
                 job.share = min(1.0, done / of)
+                job.time_left.advanced(time.monotonic(), job.share)
             await job.tell("run", event)
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
                 await job.tell("progress", job.brief().to_json())
@@ -318,6 +320,7 @@ class Jobs:
                 await job.tell("log", line[:2000])
             else:
                 job.share, job.stage = max(job.share, event[0]), event[1]
+                job.time_left.advanced(time.monotonic(), job.share)
                 await job.tell("progress", job.brief().to_json())
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
-from ...model.files.header import Header, check_header, read_header
+from ...model.files.header import Header, check_header
+from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.reading import KeyPath, did_you_mean, read_text, read_yaml

@@ -19,6 +19,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.repeatability.prior_free import offsets_without_prior
 from ...model.arrays import Matrix, Progress
+from ...model.files.header import EXACT
 from ...model.files.run import read_run
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.problem import Problem
@@ -218,9 +219,10 @@ def _power(size: float, detected: list[bool]) -> Power:
 
 
 def _plan() -> tuple[tuple[str, ...], tuple[str, ...], Matrix]:
-    """Offsets of the demo's good run with their whole covariance."""
+    """Offsets of the demo's good run with their whole covariance, by the noise alone: of an exact arm."""
     run = read_run(next(demo.path for demo in demo_runs() if demo.name == "good"))
-    alone = offsets_without_prior(solve_run(Problem.from_run(run), run.header))
+    exact = run.header.model_copy(update={"geometry": EXACT})
+    alone = offsets_without_prior(solve_run(Problem.from_run(replace(run, header=exact)), exact))
     assert alone is not None
     return alone.names, alone.units, np.array(alone.covariance)
 

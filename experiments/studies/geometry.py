@@ -26,7 +26,7 @@ from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
 from ...analysis.status import Status, known, require_no_more_than
 from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
-from ...model.files.header import Header
+from ...model.files.header import EXACT, Header
 from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import NOMINAL
@@ -188,9 +188,9 @@ class GeometryPlanStudied:
 
 
 def with_tolerance(header: Header, tolerance: ToleranceLevel | None) -> Header:
-    """The header with link geometry as uncertain as that, without gravity and harmonics; nominal for None."""
+    """The header with link geometry as uncertain as that, without gravity and harmonics; exact for None."""
     content = header.model_dump(by_alias=True, exclude_none=True, exclude_unset=True)
-    content.pop("geometry", None)
+    content["geometry"] = EXACT
     if tolerance is not None:
         sizes = {"length_mm": tolerance.length_mm, "angle_deg": tolerance.angle_deg}
         content["geometry"] = {"tolerance": sizes, "gravity": False, "harmonics": False}
@@ -248,6 +248,7 @@ def _probe(seed: int) -> GeometryPlanStudied:
         "tool": {"kind": "probe", "calibrated": False, "point_mm": [0, 0, 130]},
         "noise": {"joint_deg": 0.01, "spot_mm": 0.1},
         "targets": targets,
+        "geometry": EXACT,
     }
     header = Header.model_validate(content)
     robot = robot_of(header)

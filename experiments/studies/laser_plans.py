@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.header import Header
+from ...model.files.header import EXACT, Header
 from ...model.files.robot_file import load_robot
 from ...model.kinematics.robot import Robot
 from ..plans.candidates import CandidatePostures, candidates
@@ -20,7 +20,8 @@ _TARGET = (950.0, 150.0, 100.0)
 
 
 def laser_header(joint_deg: float, spot_mm: float, sigma_mm: float | None = None) -> Header:
-    """The paper's arm with a calibrated laser, and a PSD near _TARGET, with the prior `sigma_mm` if any."""
+    """The paper's arm with a calibrated laser, both exact as in the paper, and a PSD near _TARGET, with the
+    prior `sigma_mm` if any."""
     psd = {"guess_mm": list(_TARGET), **({} if sigma_mm is None else {"sigma_mm": sigma_mm})}
     return Header.model_validate(
         {
@@ -28,6 +29,7 @@ def laser_header(joint_deg: float, spot_mm: float, sigma_mm: float | None = None
             "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
             "noise": {"joint_deg": joint_deg, "spot_mm": spot_mm},
             "targets": {"psd": psd},
+            "geometry": EXACT,
         }
     )
 

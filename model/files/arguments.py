@@ -17,6 +17,7 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
 from .header import Header, StatedNoise, StatedTool, check_header
+from .header_file import completed
 from .reading import KeyPath
 from .robot_file import load_robot
 from .validation import Model, validate
@@ -223,6 +224,7 @@ def stated_header(
         nonlocal culprit
         culprit = str(key[0])
 
+    header = completed(header, Path("."), line=no_line)
     try:
         check_header(header, arm, file=None, line=no_line)
     except BadInput as error:

@@ -16,6 +16,7 @@ from pathlib import Path
 from ..errors import BadInput
 
 WITHIN = "ZEROBEAM_WITHIN"  # in the environment of a process: the folder that it is confined to
+TOLERANCES = "ZEROBEAM_TOLERANCES"  # the file of the plant's tolerances
 BUILT_IN = Path(__file__).parents[1] / "robots"  # the program's own files of robots
 _LONGEST, _LONGEST_PART = (
     1000,
@@ -63,13 +64,14 @@ def require_within(
 ) -> None:
     """BadInput for a path that this calculation or process may not use: as `resolved`; it may be absolute.
 
-    `file` and `line` are where the path is named. The program's own files of robots may be used.
+    `file` and `line` are where the path is named. The program's own files of robots may be used, and the file
+    of tolerances that the environment names.
     """
     folder = confining_folder()
     if folder is None:
         return
     try:
-        if path.parent != BUILT_IN:
+        if path.parent != BUILT_IN and str(path) != os.environ.get(TOLERANCES):
             _below(Path(os.path.realpath(folder)), path, str(path), hidden)
     except BadInput as error:
         raise _refused(error.what, str(path), file, line) from None

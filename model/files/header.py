@@ -17,7 +17,7 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
 from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
-from .reading import KeyPath, read_yaml, shown
+from .reading import KeyPath, shown
 from .validation import (
     FileModel,
     Name,
@@ -30,7 +30,6 @@ from .validation import (
     positive_or_list,
     refusal,
     tuple_of,
-    validate,
     without_length,
 )
 from .whole_file import schema_line, short_in_one_line, write_whole, yaml_text
@@ -60,7 +59,7 @@ class StatedLinkTolerance(FileModel):
     """Standard deviations of the link parameters about their nominal values."""
 
     length_mm: Annotated[PositiveOrList, positive_or_list("a tolerance of the geometry")] = Field(
-        default=0.3, description="of each length a, d, millimetres: one number, or one for each link"
+        default=0.3, description="of each length a, b, d, millimetres: one number, or one for each link"
     )
     angle_deg: Annotated[PositiveOrList, positive_or_list("a tolerance of the geometry")] = Field(
         default=0.1, description="of each angle alpha, beta, degrees: one number, or one for each link"
@@ -119,6 +118,10 @@ class StatedGeometry(FileModel):
         default=(0.0, 0.0, 1.0),
         description="direction of up in the base frame, any length: [0, 0, -1] for an arm that hangs",
     )
+    tolerances: Name | None = Field(
+        default=None,
+        description="path of a file of tolerances (ZEROBEAM_TOLERANCES), for what is not stated here",
+    )
 
     def masses(self, robot: Robot) -> Matrix:
         """(n,) kg, 1 of each link where none are stated; BadInput for another number of masses."""
@@ -167,6 +170,15 @@ def _geometry(value: object) -> object:
 def _geometry_tag(value: object) -> str:
     return "<exact>" if value == EXACT else "<stated>"
 
+
+GeometryOfArm = Annotated[
+    Annotated[
+        Annotated[Literal["exact"], Tag("<exact>")] | Annotated[StatedGeometry, Tag("<stated>")],
+        Discriminator(_geometry_tag),
+    ]
+    | None,
+    BeforeValidator(_geometry),
+]
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
@@ -470,16 +482,10 @@ class Header(FileModel):
         default="error", description="warn: joints outside the robot's limits are reported, not refused"
     )
     tolerance: StatedTolerance = Field(default=StatedTolerance(), description="what counts as identified")
-    geometry: Annotated[
-        Annotated[
-            Annotated[Literal["exact"], Tag("<exact>")] | Annotated[StatedGeometry, Tag("<stated>")],
-            Discriminator(_geometry_tag),
-        ]
-        | None,
-        BeforeValidator(_geometry),
-    ] = Field(
+    geometry: GeometryOfArm = Field(
         default=None,
-        description="how far the arm may deviate from nominal geometry; absent: as typical arms do; exact: not at all",
+        description="how far the arm may deviate from nominal geometry; absent: as typical arms do;"
+        " exact: not at all",
     )
     required: StatedRequirement | None = Field(
         default=None, description="what the robot must meet once its values are entered"
@@ -507,12 +513,6 @@ class Header(FileModel):
         """The name of a run's target where none is stated for a measurement: the header's first, or the
         default of the tool."""
         return next(iter(self.targets), DEFAULT_TARGETS[self.tool.kind])
-
-
-def read_header(path: Path | str) -> Header:
-    """Header of a YAML file of its own, for `plan` and the importers."""
-    document = read_yaml(Path(path))
-    return validate(Header, document.data, file=document.file, line=document.line)
 
 
 def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, object]:

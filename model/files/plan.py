@@ -28,6 +28,7 @@ from .arguments import (
     target_of_each,
 )
 from .header import PLAN_SCHEMA, Header, check_header, header_content
+from .header_file import completed
 from .limits import check_limits, require_joint_count
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .reading import Document, read_yaml, require_schema
@@ -249,6 +250,7 @@ def plan_of(document: Document) -> Plan:
         _fields_set=content.model_fields_set & set(Header.model_fields),
         **{name: getattr(content, name) for name in Header.model_fields},
     )
+    header = completed(header, file.parent, file=file, line=document.line)
     robot = load_robot(header.robot, file.parent, file=file, line=document.line(("robot",)))
     check_header(header, robot, file=file, line=document.line)
     lines = tuple(document.line(("postures_deg", i)) for i in range(len(content.postures_deg)))

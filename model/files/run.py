@@ -33,6 +33,7 @@ from .arguments import (
     target_of_each,
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
+from .header_file import completed
 from .reading import (
     LARGEST_RECORDING,
     KeyPath,
@@ -292,6 +293,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
         )
     require_schema(top, RUN_SCHEMA, file=path, line=header_line)
     header = validate(Header, top, file=path, line=_always(header_line))
+    header = completed(header, path.parent, file=path, line=_always(header_line))
     robot = load_robot(header.robot, path.parent, file=path, line=header_line)
     check_header(header, robot, file=path, line=_always(header_line))
     shots, lines = [], []

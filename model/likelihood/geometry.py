@@ -9,7 +9,7 @@ in a frame on axis i + 1, where it is nearest to axis i: z along axis i, x along
 of Denavit and Hartenberg). Where the two axes are nearly parallel that place is not defined: it is then the
 origin of the next joint, and beta is a parameter in place of d. The rotation about z is the joint's offset.
 Behind a prismatic joint, where d is the offset, the rotation theta about z is the parameter. The last link is
-whole: with a shift b along y, whatever the flange can be displaced by relative to the last axis is a parameter.
+whole: with a shift b along y, all that can displace the flange relative to the last axis is a parameter.
 
 What the offset of joint i is depends on the recorded positions q where the arm bends:
 

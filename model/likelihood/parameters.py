@@ -119,7 +119,7 @@ class Parameters:
             *_offsets(robot, header),
             *_of_geometry(geometry, robot, tool, header.tolerance),
             *(item for target in targets for item in _coordinates(target, header)),
-            *_of_tool(tool, header),
+            *_of_tool(tool, header, known=tool.calibrated or _known_to_sigma(header, robot)),
             *(_noise_factors() if noise.separate else ()),
         ]
         held = _held(header.held, robot, tool, items)
@@ -338,7 +338,15 @@ def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
         )
 
 
-def _of_tool(tool: Tool, header: Header) -> Iterator[Parameter]:
+def _known_to_sigma(header: Header, robot: Robot) -> bool:
+    """Whether the sigma of a tool that is not calibrated is knowledge, as that of a calibrated one is: it is
+    stated, and the last joint's offset, which the tool would take up, is to be estimated by it."""
+    estimated = header.held is not None and f"delta{robot.n}" not in header.held
+    return estimated and "sigma" in header.tool.model_fields_set
+
+
+def _of_tool(tool: Tool, header: Header, *, known: bool) -> Iterator[Parameter]:
+    """The tool's; `known` where the standard deviations of its prior are tolerances."""
     nominal = dict(zip("xyz", tool.point.tolist(), strict=True))
     for axis in tool.free_axes:
         name, mean = f"tool.{axis}", nominal.get(axis, 0.0)
@@ -348,7 +356,7 @@ def _of_tool(tool: Tool, header: Header) -> Iterator[Parameter]:
             unit, std = "deg", tool.tilt_std
         else:
             tol, unit, std = header.tolerance.length_mm, "mm", tool.shift_std
-        yield Parameter(name, "tool", "tool", axis, unit, mean, std, tol, tolerated=tool.calibrated)
+        yield Parameter(name, "tool", "tool", axis, unit, mean, std, tol, tolerated=known)
 
 
 def _noise_factors() -> Iterator[Parameter]:

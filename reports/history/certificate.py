@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,9 +22,18 @@ from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signatu
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
-from ...words.provenance import SIMULATED, by_plain_key
+from ...words.provenance import (
+    CERTIFICATE_KEYS,
+    DATE,
+    INSTRUMENTS,
+    KEYS,
+    SIMULATED,
+    by_plain_key,
+    provenance_entry,
+)
 from ...words.result_json import dumps
 from ..output.whole_folder import Kind, write_folder, write_page
+from ..verification.verification_folder import read_verification
 from .certificate_page import SIGNED, certificate_page
 
 if TYPE_CHECKING:
@@ -52,8 +62,11 @@ class SignatureVerification(JsonDocument):
     checks: list[VerificationCheck]
 
 
-def certificate_json(result: StoredResult, answer: Json, fingerprint: str) -> Json:
-    """The certificate of a result for the key of this fingerprint; `answer` is the whole result.
+def certificate_json(
+    result: StoredResult, answer: Json, fingerprint: str, issued: date, verification: Json | None = None
+) -> Json:
+    """The certificate of a result for the key of this fingerprint; `answer` is the whole result,
+    `verification` what `read_verification` gives.
 
     BadInput for a misfit, for a fit that did not converge, and where no offset is determined. What the data
     do not determine has no number.
@@ -63,15 +76,23 @@ def certificate_json(result: StoredResult, answer: Json, fingerprint: str) -> Js
     row = HistoryResult.of(result).to_json()
     del row["without_prior"]
     header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
+    k = _coverage_factor(offsets)
     return {
         "schema": SCHEMA,
         **row,
+        "issued": issued.isoformat(),
+        "form": _form(header),
         "vendor": answer["inputs"].get("vendor"),
         "simulated": by_plain_key(header.get("provenance") or {}).get("origin") == SIMULATED,
         "headline": answer["headline"],
-        "offsets": [_offset(row, answer["geometry"]) for row in offsets],
+        "coverage": {"k": k, "probability": 0.95},
+        "offsets": [_offset(row, answer["geometry"], k) for row in offsets],
         "not_determined": [row["name"] for row in offsets if row["status"] == "unidentifiable"],
         "intervals": _intervals(answer),
+        "as_found": {"tcp": (answer.get("enter") or {}).get("tcp_before")},
+        "expected": {"tcp": (answer.get("enter") or {}).get("tcp_after")},
+        "as_left": None if verification is None else _as_left(verification),
+        "conformity": answer.get("conformity"),
         "assumed": _assumed(answer),
         "misfit": answer["misfit"],
         "fit": {key: fit[key] for key in ("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message")},
@@ -100,12 +121,48 @@ def _require_certifiable(result: StoredResult, answer: Json) -> None:
         )
 
 
-def _offset(row: Json, geometry: Json) -> Json:
-    """`considered_std` is the uncertainty if the arm deviates from the nominal geometry that was assumed."""
+def _form(header: Json) -> Json:
+    """What the run's provenance states of laboratory, customer, conditions and instruments; null where it
+    states nothing."""
+    provenance = by_plain_key(header.get("provenance") or {})
+    return {
+        **{key: provenance_entry(provenance, KEYS[name]) or None for key, name in CERTIFICATE_KEYS.items()},
+        "instruments": [
+            {"name": name, "text": provenance_entry(provenance, keys) or None}
+            for name, keys in INSTRUMENTS[header["tool"]["kind"]]
+        ],
+    }
+
+
+def _coverage_factor(offsets: list[Json]) -> float:
+    """k of the 95 % intervals: one for all, since all have the degrees of freedom of the fit."""
+    row = next(row for row in offsets if known(row["status"]))
+    low, high = row["interval95"]
+    return float((high - low) / 2 / row["std"])
+
+
+def _as_left(verification: Json) -> Json:
+    """The error measured with the corrected robot, and the verdict of the acceptance test."""
+    measured = verification["measured"]
+    provenance = by_plain_key(verification["run"].get("provenance") or {})
+    return {
+        **{key: verification[key] for key in ("verdict", "measurements", "dof", "p_value", "false_alarm")},
+        "power_required": verification["power_required"],
+        "error_mm": {key: measured[key] for key in ("before", "after", "noise_mm")},
+        "run": verification["run"]["file"],
+        "sha256": verification["run"]["sha256"],
+        "measured_on": provenance_entry(provenance, KEYS[DATE]) or None,
+    }
+
+
+def _offset(row: Json, geometry: Json, k: float) -> Json:
+    """`expanded` is U = k u; `considered_std` is u if the arm deviates from the nominal geometry that was
+    assumed."""
     determined = known(row["status"])
     considered = geometry["consider"].get(row["name"]) if geometry["tolerance"] is None else None
     return {
         **{key: row[key] for key in _OFFSET},
+        "expanded": k * row["std"] if determined else None,
         "considered_std": considered if determined else None,
         "reason": row["reason"],
     }
@@ -131,6 +188,7 @@ def _assumed(answer: Json) -> Json:
         "tool": {
             "kind": header["tool"]["kind"],
             "calibrated": header["tool"].get("calibrated", True),
+            "sigma": header["tool"].get("sigma"),
         },
         "noise": header["noise"],
         "noise_factors": [
@@ -190,14 +248,23 @@ _KIND = Kind(
 )
 
 
-def write_certificate(folder: Path | str, result: StoredResult, answer: Json, key: Ed25519PrivateKey) -> str:
+def write_certificate(
+    folder: Path | str,
+    result: StoredResult,
+    answer: Json,
+    key: Ed25519PrivateKey,
+    issued: date,
+    verification: Path | None = None,
+) -> str:
     """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
 
-    `answer` is the whole result. Raises BadInput where it cannot be certified, or where `folder` is a file,
-    is not ours, or cannot be written.
+    `answer` is the whole result, `verification` the folder of the acceptance test of the corrected robot.
+    Raises BadInput where it cannot be certified, or where `folder` is a file, is not ours, or cannot be
+    written.
     """
     by = fingerprint(key.public_key())
-    certificate = certificate_json(result, answer, by)
+    verified = None if verification is None else read_verification(verification, result.sha256)
+    certificate = certificate_json(result, answer, by, issued, verified)
 
     def fill(new_folder: Path) -> None:
         write_page(

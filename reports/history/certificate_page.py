@@ -9,16 +9,19 @@ from typing import Any
 from ...analysis.status import known
 from ...experiments.history.signing import grouped
 from ...words import numbers
-from ...words.geometry import IF_IT_DEVIATES, tolerance_words
+from ...words.acceptance import ACCEPTANCE_WORDS, RULE
+from ...words.geometry import tolerance_words
 from ...words.numbers import unit_of
+from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
 from ...words.verdict import VERDICT_WORDS
-from ...words.wording import NOT_DETERMINED, clipped, ended, label, listed, sentence, shown
+from ...words.wording import NOT_DETERMINED, clipped, counted, ended, label, listed, sentence, shown
 from ..run.parameters import NO_NUMBER, OFFSETS, legend
 from ..style.blocks import (
     Block,
     Cell,
     Commands,
     Facts,
+    Form,
     Legend,
     LegendEntry,
     Page,
@@ -33,6 +36,7 @@ from ..style.blocks import (
 
 SIGNED = ("certificate.json", "certificate.html", "certificate.pdf")
 _NOT_STATED = "not stated"
+_IF_IT_DEVIATES = "U if the arm deviates"
 _MEANING = (
     "A valid signature says that the holder of this key signed exactly these bytes. It does not say that the"
     " measurements are right, nor who the holder is: compare the fingerprint with the one that"
@@ -43,28 +47,28 @@ _GROUPS = {"offset": "offsets", "target": "targets", "tool": "tool", "geometry":
 
 def certificate_page(certificate: Mapping[str, Any]) -> Page:
     """The display strings of a certificate (`zerobeam/certificate/1`)."""
-    serial = clipped(certificate["serial"], 60)
+    form = certificate["form"]
+    number = form["certificate_number"]
+    item = f"{clipped(certificate['model'])}, serial number {clipped(certificate['serial'], 60)}"
     return Page(
         "Certificate of calibration",
-        f"{clipped(certificate['model'])}, serial number {serial}",
+        f"No. {clipped(number, 40)}, {item}" if number else item,
         Verdict(
             certificate["verdict"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])
         ),
         list(_notes(certificate)),
         [
+            section_of("Identification", Form(list(_identified(certificate)), ("Signature",))),
             section_of("Offsets", *_offsets(certificate)),
+            section_of("As found and as left", Facts(list(_found_and_left(certificate)))),
+            section_of("Method, traceability and decision rule", Facts(list(_statements(certificate)))),
             section_of(
                 "What the offsets rest on",
                 Facts(list(_assumed(certificate["assumed"], certificate["offsets"]))),
             ),
             section_of("Fit", Paragraph(_fit(certificate["fit"]))),
             section_of("Origin", Facts(_origin(certificate))),
-            section_of("Signature", *_signature(certificate["key"])),
-        ],
-        [
-            ("Date of the measurements", certificate["measured_at"][:10]),
-            ("Robot, serial number", serial),
-            ("Calibrated by", clipped(certificate["operator"] or _NOT_STATED, 40)),
+            section_of("Signature by key", *_signature(certificate["key"])),
         ],
     )
 
@@ -87,25 +91,140 @@ def _notes(certificate: Mapping[str, Any]) -> Iterator[str]:
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
+def _identified(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What ISO/IEC 17025:2017, 7.8.2 asks for, two in a row; "" where nobody has stated it."""
+    form = certificate["form"]
+
+    def entry(key: str) -> tuple[str, str]:
+        return CERTIFICATE_KEYS[key], form[key] or ""
+
+    robot = ", ".join(shown(text) for text in (certificate["model"], certificate["vendor"]) if text)
+    yield entry("certificate_number")
+    yield "Date of issue", certificate["issued"]
+    yield entry("laboratory")
+    yield entry("customer")
+    yield entry("laboratory_address")
+    yield entry("customer_address")
+    yield "Item calibrated", robot
+    yield "Serial number", shown(certificate["serial"])
+    yield DATE, certificate["measured_at"][:10]
+    yield entry("place")
+    instruments = [(row["name"], row["text"] or "") for row in form["instruments"]]
+    if not any(text for _, text in instruments) and certificate["instrument"]:
+        instruments[0] = (instruments[0][0], shown(certificate["instrument"]))
+    yield from instruments
+    yield entry("temperature")
+    yield entry("payload")
+    yield entry("warm_up")
+    yield OPERATOR, shown(certificate["operator"] or "")
+    yield entry("authorised_by")
+
+
+def _found_and_left(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The robot before and after; as left alone what was measured with the corrected robot."""
+    tcp, left = certificate["as_found"]["tcp"], certificate["as_left"]
+    yield (
+        "As found",
+        ended(
+            f"The offsets above{'' if tcp is None else f'; error of the TCP over the workspace {_tcp(tcp)}'}"
+        ),
+    )
+    if (expected := certificate["expected"]["tcp"]) is not None:
+        yield (
+            "Expected as left",
+            f"Error of the TCP over the workspace {_tcp(expected)}, once the values to enter are in the"
+            " controller: predicted, not measured.",
+        )
+    if left is None:
+        yield "As left", "Not measured for this certificate: ______________________________"
+        return
+    error = left["error_mm"]
+    before = "" if error["before"] is None else f" ({_size(error['before'])} as found, at the same postures)"
+    on = f" on {shown(left['measured_on'])}" if left["measured_on"] else ""
+    yield (
+        "As left",
+        f"{ACCEPTANCE_WORDS[left['verdict']]}: error at the target {_size(error['after'])}{before}, measured"
+        f"{on} with {counted(left['measurements'], 'measurement')} of the corrected robot; the noise of a"
+        f" measurement is {numbers.significant(error['noise_mm'], 2, 'mm')}.",
+    )
+    yield "Verification run", f"{shown(left['run'])}, SHA-256 {left['sha256']}"
+
+
+def _tcp(error: Mapping[str, float]) -> str:
+    median, p95 = (numbers.significant(error[key], 2, "mm") for key in ("median_mm", "p95_mm"))
+    return f"{median} in the median posture, within {p95} in 95\u00a0% of them"
+
+
+def _size(error: Mapping[str, float]) -> str:
+    rms, worst = (numbers.significant(error[key], 2, "mm") for key in ("rms_mm", "worst_mm"))
+    return f"{rms} rms, worst {worst}"
+
+
+def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    laser = certificate["assumed"]["tool"]["kind"] == "laser"
+    instrument = (
+        "a laser on the flange and a position-sensitive detector in the cell"
+        if laser
+        else "a probe on the flange and fixed points in the cell"
+    )
+    yield (
+        "Method",
+        f"The offsets are estimated from {certificate['shots']} measurements with {instrument}, with what is"
+        " listed below as prior (Gao, Liu, Xi, Shen 2014; zerobeam"
+        f" {shown(certificate['zerobeam'])}). No distance or pose was measured independently.",
+    )
+    yield "Traceability", _traceability(certificate)
+    yield "Decision rule", " ".join(_rules(certificate))
+    yield (
+        "Validity",
+        "The results relate only to the item named above, and to its condition at the time of the"
+        " measurements.",
+    )
+
+
+def _traceability(certificate: Mapping[str, Any]) -> str:
+    form = certificate["form"]
+    if certificate["simulated"]:
+        return "None: the measurements were simulated."
+    if form["traceability"]:
+        return shown(form["traceability"])
+    stated = [row["name"] for row in form["instruments"] if row["text"] and "certificate" in row["name"]]
+    if not stated:
+        return "Not shown: no calibration certificate of an instrument is stated."
+    return (
+        f"By the certificates that the laboratory has stated ({listed(stated)}, first page); zerobeam has not"
+        " seen them."
+    )
+
+
+def _rules(certificate: Mapping[str, Any]) -> Iterator[str]:
+    conformity, left = certificate["conformity"], certificate["as_left"]
+    if conformity is None:
+        yield "No requirement was stated: no statement of conformity is made."
+    else:
+        required, probability = conformity["required_mm"], numbers.p_value(conformity["probability"])
+        yield (
+            f"Required: {numbers.exact(required, 'mm')} for 95\u00a0% of the workspace. Decision:"
+            f" {conformity['decision']} (probability {probability}). Rule: {ended(conformity['rule'])}"
+        )
+    if left is not None:
+        yield f"Acceptance test: {RULE}"
+
+
 def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
-    rows, assumed = certificate["offsets"], certificate["assumed"]
+    rows, assumed, k = certificate["offsets"], certificate["assumed"], certificate["coverage"]["k"]
     nominal = assumed["geometry"]["tolerance"] is None
-    columns = [
-        ("name", "left"),
-        ("estimate", "right"),
-        ("95 % interval", "right"),
-        ("status", "left"),
-        ("u", "right"),
-    ]
-    yield table_of(
-        OFFSETS,
-        [*columns, (IF_IT_DEVIATES, "right")] if nominal else columns,
-        [_offset(row, nominal) for row in rows],
+    columns = [("name", "left"), ("estimate", "right"), ("U", "right"), ("95 % interval", "right")]
+    more = [(_IF_IT_DEVIATES, "right")] if nominal else []
+    yield table_of(OFFSETS, [*columns, *more, ("status", "left")], [_offset(row, nominal, k) for row in rows])
+    yield Paragraph(
+        f"U is the expanded uncertainty, the standard uncertainty times k = {numbers.fixed(k, 2)}, for a"
+        " coverage probability of 95 % (JCGM 100)."
     )
     if nominal:
         yield Paragraph(
-            "u and the interval hold if the arm has its nominal geometry. The last column is u if its links"
-            f" deviate from it by {_tolerances(assumed['geometry']['considered_tolerance'])}."
+            "U and the interval hold if the arm has its nominal geometry. U if the arm deviates has the same"
+            f" k and links that deviate by {_tolerances(assumed['geometry']['considered_tolerance'])}."
         )
     if certificate["intervals"]:
         yield _intervals(certificate["intervals"])
@@ -120,22 +239,22 @@ def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
     yield Legend(legend((row["status"] for row in rows), tolerance), reasons)
 
 
-def _offset(row: Mapping[str, Any], nominal: bool) -> Row:
+def _offset(row: Mapping[str, Any], nominal: bool, k: float) -> Row:
     """One offset. What is not determined has no number in its row."""
     status, unit, name = row["status"], unit_of(row["unit"]), label(row["name"])
-    word, last = Cell(status, mark=status), [NO_NUMBER] if nominal else []
+    word, more = Cell(status, mark=status), [NO_NUMBER] if nominal else []
     if not known(status):
         text = f"held {_held_at(row)}" if row["held"] else NOT_DETERMINED
-        return row_of(name, Cell(text, span=2), word, NO_NUMBER, *last, tone=status)
+        return row_of(name, Cell(text, span=2), NO_NUMBER, *more, word, tone=status)
     if nominal and row["considered_std"] is not None:
-        last = [numbers.spread(row["considered_std"], unit)]
+        more = [numbers.spread(k * row["considered_std"], unit)]
     return row_of(
         name,
-        numbers.estimate(row["estimate"], row["std"], unit),
-        numbers.interval(row["interval95"], row["std"], unit),
+        numbers.estimate(row["estimate"], row["expanded"], unit),
+        numbers.spread(row["expanded"], unit),
+        numbers.interval(row["interval95"], row["expanded"], unit),
+        *more,
         word,
-        numbers.spread(row["std"], unit),
-        *last,
         tone=status,
     )
 
@@ -163,12 +282,23 @@ def _assumed(assumed: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> It
         yield "Geometry", f"{within}{_factors(geometry['factors'])}"
     else:
         yield "Geometry", "nominal, taken as the robot file states it"
-    yield "Tool", f"{tool['kind']}, {'calibrated: taken as stated' if tool['calibrated'] else 'estimated'}"
+    yield "Tool", f"{tool['kind']}, {_tool(tool)}"
     yield "Noise (standard deviation)", f"{_noise(noise)}; {_scale(assumed)}"
     yield "Priors (standard deviation)", "; ".join(_priors(assumed["priors"])) or "none"
     held_at = {row["name"]: _held_at(row) for row in offsets if row["held"]}
     held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in assumed["held"]]
     yield "Held, not estimated", listed(held) if held else "nothing"
+
+
+def _tool(tool: Mapping[str, Any]) -> str:
+    if not tool["calibrated"]:
+        return "estimated"
+    sigma = [
+        tolerance_words(value, "deg" if key.endswith("deg") else "mm")
+        for key, value in (tool.get("sigma") or {}).items()
+        if value is not None
+    ]
+    return f"calibrated: estimated within {' and '.join(sigma)}" if sigma else "calibrated: taken as stated"
 
 
 def _tolerances(tolerance: Mapping[str, Any]) -> str:

@@ -92,11 +92,15 @@ def _drawn(arm: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence
 
 
 def _range(arm: ArmDrift) -> tuple[datetime, datetime]:
-    """What the axis of time shows: all results, and the due date unless it is farther than they reach."""
+    """What the axis of time shows: all results, a quarter of their span at least for the forecast, and the
+    due date unless it is farther than they reach."""
     times = [result.measured_at for result in (*arm.used, *(left.result for left in arm.left_out))]
     first, last = min(times), max(times)
     span = max(last - first, _LEAST_SPAN)
-    end = last + span / 2 if arm.due is None else min(max(arm.due, last), last + span)
+    if arm.due is None:
+        end = _moved(last, span / 2)
+    else:
+        end = min(max(_moved(arm.due, span / 8), _moved(last, span / 4)), _moved(last, span))
     edge = (end - first) / 30
     return _moved(first, -edge), _moved(end, edge)
 
@@ -183,12 +187,17 @@ def _shade(axes: Axes, band: Band, origin: float, days: Matrix) -> None:
 
 
 def _scale(axes: Axes, points: Sequence[_TrendPoint], drawn: Sequence[Band]) -> None:
-    """By what is narrow enough to be compared: an interval that is far wider runs out of the panel."""
-    most = _WIDEST * float(np.median([point.half for point in points]))
-    values, halves = np.array([(point.value, point.half) for point in points if point.half <= most]).T
+    """By the bands and by what is narrow enough to be compared: an interval that is far wider than most
+    results and than most of the bands runs out of the panel."""
+    usual = float(np.median([point.half for point in points]))
+    values, halves = np.array(
+        [(point.value, point.half) for point in points if point.half <= _WIDEST * usual]
+    ).T
     low, high = [values - halves], [values + halves]
-    for band in drawn:
-        narrow = (band.high - band.low) / 2 <= most
+    widths = [(band.high - band.low) / 2 for band in drawn]
+    most = _WIDEST * max([usual, *(float(np.median(half)) for half in widths)])
+    for band, half in zip(drawn, widths, strict=True):
+        narrow = half <= most
         low.append(band.low[narrow])
         high.append(band.high[narrow])
     least, greatest = float(np.concatenate(low).min()), float(np.concatenate(high).max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from statistics import median
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -157,8 +158,8 @@ def _prediction(comparison: Comparison) -> blocks.Table | None:
             label(row.name),
             _spread(row.scatter.std, row.unit),
             _spread(row.predicted_std, row.unit),
-            _spread(row.test.ratio),
-            _range(row.test.ratio_interval95),
+            numbers.times(row.test.ratio),
+            _factors(row.test.ratio_interval95),
             numbers.p_value(row.test.p_holm),
             tone="weak" if row.name in comparison.differing else "",
         )
@@ -181,7 +182,8 @@ def _whole(comparison: Comparison) -> str:
         test += f", against a noise estimated with {whole.noise_dof} degrees of freedom (F)"
     return (
         f"All offsets together, with their covariances: {test}, p-value {numbers.p_value(whole.p_value)}. The"
-        f" runs scatter {_spread(whole.ratio)} times as much as predicted ({_range(whole.ratio_interval95)})."
+        f" runs scatter {numbers.times(whole.ratio)} times as much as predicted"
+        f" ({_factors(whole.ratio_interval95)})."
     )
 
 
@@ -290,7 +292,13 @@ def _range(interval: tuple[float, float], unit: str = "") -> str:
     return f"{_spread(interval[0])} to {_spread(interval[1], unit)}"
 
 
+def _factors(interval: tuple[float, float]) -> str:
+    """The same of factors."""
+    return f"{numbers.times(interval[0])} to {numbers.times(interval[1])}"
+
+
 _MOST_NUMBERED = 15
+_WIDEST = 5  # an interval so many times as wide as the median one does not set the scale
 
 
 def runs_picture(comparison: Comparison) -> Picture | None:
@@ -301,14 +309,14 @@ def runs_picture(comparison: Comparison) -> Picture | None:
     with style():
         figure = new_figure(0.75 * len(compared) + 0.7)
         panels = figure.subplots(len(compared), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, i in zip(panels, compared, strict=True):
-            _panel(axes, comparison, i)
+        within = [_panel(axes, comparison, i) for axes, i in zip(panels, compared, strict=True)]
         hours = comparison.by_time
         panels[-1].set_xlabel("hours from the first run" if hours else "run")
         if not hours and len(comparison.runs) <= _MOST_NUMBERED:
             panels[-1].set_xticks([run.at for run in comparison.runs])
         svg = to_svg(figure, "runs")
-    title = "Each run’s offsets less the mean of all runs (band: 95 % interval of the mean)"
+    title = "Each run’s offsets less the mean of all runs (band: 95 % interval of the mean"
+    title += ")" if all(within) else ", which reaches beyond a panel that it fills)"
     if any(row.predicted_std for row in comparison.offsets):
         title += ", with the predicted 95 % intervals"
     if comparison.odd_run is not None:
@@ -316,7 +324,9 @@ def runs_picture(comparison: Comparison) -> Picture | None:
     return Picture("runs", title, _alt(comparison, compared), svg)
 
 
-def _panel(axes: Axes, comparison: Comparison, i: int) -> None:
+def _panel(axes: Axes, comparison: Comparison, i: int) -> bool:
+    """One offset, on the scale of its runs; whether the band of the mean is within it: of two runs it is many
+    times as wide as they are apart."""
     row, ink, blue = comparison.offsets[i], light("ink"), light("identified")
     assert row.mean is not None
     low, high = row.mean.interval95
@@ -336,8 +346,26 @@ def _panel(axes: Axes, comparison: Comparison, i: int) -> None:
         axes.plot([run.at], [off], shape, markersize=6 if outlier else 4.2, color=colour)
     axes.grid(visible=False, axis="x")
     axes.locator_params(axis="y", nbins=3)
-    axes.margins(x=0.06, y=0.12)
+    axes.margins(x=0.06)
+    bottom, top = _scale(comparison, i)
+    axes.set_ylim(bottom, top)
     axes.set_ylabel(in_font(f"{label(row.name, 9)}, {'°' if row.unit == 'deg' else row.unit}"), color=ink)
+    return bottom <= low - row.mean.value and high - row.mean.value <= top
+
+
+def _scale(comparison: Comparison, i: int) -> tuple[float, float]:
+    """By the runs, and by their intervals that are narrow enough to be compared."""
+    mean = comparison.offsets[i].mean
+    assert mean is not None
+    offs = [
+        (offset.estimate - mean.value, NORMAL_95 * (offset.std or 0.0))
+        for offset in (run.offsets[i] for run in comparison.runs)
+        if offset.estimate is not None
+    ]
+    most = _WIDEST * median([half for _, half in offs])
+    ends = [off + sign * half for off, half in offs for sign in (-1, 0, 1) if sign == 0 or half <= most]
+    edge = 0.12 * (max(ends) - min(ends)) or 1e-3 * abs(mean.value) or 1e-3
+    return min(ends) - edge, max(ends) + edge
 
 
 def _alt(comparison: Comparison, compared: list[int]) -> str:

@@ -12,6 +12,7 @@ from ...words.geometry import (
     SET_BY_TOLERANCES,
     confounded_sentence,
     correlation,
+    determined_sentence,
     factors_sentence,
     geometry_title,
     percent,
@@ -191,18 +192,9 @@ def geometry_lines(result: Result) -> list[str]:
     lines = []
     if geometry.factors is not None:
         lines.append(factors_sentence(geometry) or "")
-    free = [row for row in result.parameters if row.tolerated and not row.held]
-    determined = sum(row.std is not None for row in free)
-    kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in geometry.ladder if rung.kept]
-    left = [
-        f"{RUNGS[rung.rung].removeprefix('+ ')} ({rung_reason(geometry.ladder, i)})"
-        for i, rung in enumerate(geometry.ladder)
-        if not rung.kept and rung.rung != "offsets"
-    ]
-    text = f"{geometry_title(free)}: {determined} of {len(free)} parameters determined, the others prior only"
-    text += f"; kept: {listed(kept)}" if kept else ""
-    text += f"; not kept: {listed(left)}" if left else ""
-    return [*lines, f"{text}."]
+    if (determined := determined_sentence(result.parameters)) is not None:
+        lines.append(determined)
+    return lines
 
 
 def ladder_picture(result: Result) -> Picture | None:

@@ -156,7 +156,8 @@ def _effective_sentence(effective: Effective, result: Result) -> str:
 
 
 def _step_text(step: RecordingStep) -> str:
-    return f"{step_sentence(step)}."
+    small = "" if step.stands_out else " That is about what scatters besides, and no evidence of a slip."
+    return f"{step_sentence(step)}.{small}"
 
 
 def placements_picture(result: Result) -> Picture | None:

@@ -47,8 +47,6 @@ def posterior_section(result: Result) -> Section:
 def posterior_sentence(result: Result) -> str:
     """How the sampling went."""
     message = sentence(posterior_message(result.posterior))
-    if result.posterior.converged and result.misfit is not None:
-        return f"Of a model that does not describe the measurements, and not validated: {message}"
     return message if result.posterior.converged else f"No posterior is shown: {message}"
 
 

@@ -29,6 +29,7 @@ from .next_steps import next_steps_section
 from .parameters import offsets_picture, offsets_section, rehearsal_section
 from .placements import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
+from .residual_map import residual_map_picture
 from .residuals import residuals_picture, residuals_section
 from .run_scene import run_turnable, scene_section
 from .uncertainty_budget import budget_section
@@ -81,6 +82,7 @@ def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
         workspace_picture(result),
         posterior_picture(result, draws),
         residuals_picture(result),
+        residual_map_picture(result),
         placements_picture(result),
     )
     return {picture.name: picture for picture in drawn if picture is not None}

@@ -78,7 +78,13 @@ def residuals_section(result: Result) -> Section:
         if outliers:
             cells.append(Cell("yes", mark="weak") if shot.shot in outliers else "no")
         rows.append(row_of(*cells))
-    return section_of("Residuals", Paragraph(text), FigureBlock("misses"), table_of(caption, columns, rows))
+    return section_of(
+        "Residuals",
+        Paragraph(text),
+        FigureBlock("misses"),
+        FigureBlock("residual_map"),
+        table_of(caption, columns, rows),
+    )
 
 
 # ── the figure ────────────────────────────────────────────────────────────────────────────────
@@ -120,7 +126,7 @@ def residuals_picture(result: Result) -> Picture:
             axes.set_ylim(bottom=0)
         svg = to_svg(figure, "misses")
     worst = max(order, key=lambda shot: float(shot.whitened))
-    over = sum(shot.whitened > limit for shot, limit in zip(order, _limits(order), strict=True))
+    over = sum(shot.whitened > limit for shot, limit in zip(order, noise_limits(order), strict=True))
     title = "Residuals, measurement by measurement"
     if len(drawn) < len(order):
         title += (
@@ -145,7 +151,7 @@ def drawn_of(shots: Sequence[ShotResult]) -> dict[int, ShotResult]:
     return {i: shots[i] for i in sorted([*largest, *(rest[k] for k in even)])}
 
 
-def _limits(shots: Sequence[ShotResult]) -> list[float]:
+def noise_limits(shots: Sequence[ShotResult]) -> list[float]:
     """Of the normalised residuals, below which noise leaves 95 % of them."""
     by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
     return [by_size[len(shot.miss_mm)] for shot in shots]
@@ -172,7 +178,7 @@ def _sigmas(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
     """The lower panel: the normalised residual, and the limit that noise leaves 95 % below."""
     x = np.array(list(drawn))
     whitened = np.array([shot.whitened for shot in drawn.values()])
-    limit = np.array(_limits(list(drawn.values())))
+    limit = np.array(noise_limits(list(drawn.values())))
     beyond = whitened > limit
     if few:
         axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)

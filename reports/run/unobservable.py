@@ -49,11 +49,6 @@ def _sentence(parameters: Sequence[ParameterRow], directions: Sequence[NullDirec
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
         text = f"{listed(lost)} {be(lost)} {NOT_DETERMINED}. No value is given, since any would be made up."
-    elif any(row.status == "unvalidated" for row in parameters):
-        text = (
-            f"The measurements would determine every {what} that was not held, but the model does not"
-            " describe them: nothing here is validated."
-        )
     elif directions:
         text = (
             f"Every {what} that was not held has an estimate, but some combinations are only weakly"

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
@@ -31,9 +30,6 @@ def workspace_section(result: Result) -> Section:
     workspace, near = accuracy.workspace, accuracy.near_shots
     if workspace is None or near is None:
         why = sentence(accuracy_reason(accuracy, person) or "")
-        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
-    if result.misfit is not None:
-        why = "the model does not describe the measurements, and what it misses moves the TCP as well"
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
     return section_of(
         TITLE,
@@ -113,57 +109,84 @@ def _spread(value: float) -> str:
 
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
-_COLUMNS = ("without the offsets: error, mm", "with them: 95 % within, mm")
+# The groups of columns, and what of a cell's postures a column shows.
+_WHEN = ("without the offsets", "with them, 95 % within")
+_LEVELS = ("median", "worst")
 # Inches: beside, below and between panels, above all of them.
-_LEFT, _BELOW, _BETWEEN, _RIGHT, _KEY = 0.7, 0.42, 0.38, 0.2, 0.85
+_LEFT, _BELOW, _BETWEEN, _APART, _RIGHT, _KEY, _HEAD = 0.62, 0.42, 0.12, 0.24, 0.12, 0.42, 0.4
+_MOST_CLASSES = 8
 
 
 def workspace_picture(result: Result) -> Picture | None:
-    """A column before and one after the calibration, a row for each plane; the darker the farther off.
+    """Two columns before and two after the calibration, a row for each plane; the darker the farther off.
 
-    A cell shows the median of the postures whose TCP is there: in nearly every place seen from above
-    some posture is as bad as any. The classes of a column are the same in both planes. None where no accuracy
-    is claimed.
+    Of the postures whose TCP is in a cell, the first column shows the median and the second the worst. All
+    panels have the same classes, so that they can be compared. None where no accuracy is claimed.
     """
     accuracy = result.accuracy
     if not accuracy.maps or result.misfit is not None:
         return None
     maps = accuracy.maps
+    grids = [_grids(plane) for plane in maps]
+    edges = class_edges([value for columns in grids for grid in columns for value in _numbers(grid)])
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.
-    width = (WIDTH - _LEFT - _BETWEEN - _RIGHT) / len(_COLUMNS)
+    width = (WIDTH - _LEFT - _APART - 2 * _BETWEEN - _RIGHT) / 4
     inch = max(len(plane.postures[0]) * plane.cell_mm for plane in maps) / width
     heights = [len(plane.postures) * plane.cell_mm / inch for plane in maps]
-    whole = _KEY + sum(heights) + _BELOW * len(maps) + 0.1 * (len(maps) - 1)
+    whole = _KEY + _HEAD + sum(heights) + _BELOW * len(maps) + 0.1 * (len(maps) - 1)
     with style():
         figure = new_figure(whole, fitted=False)
-        for column, words in enumerate(_COLUMNS):
-            grids = [(plane.after95_mm if column else plane.before_mm).median for plane in maps]
-            edges = _edges([value for grid in grids for value in _numbers(grid)])
-            left, top = (_LEFT + column * (width + _BETWEEN)) / WIDTH, whole - _KEY
-            for plane, grid, height in zip(maps, grids, heights, strict=True):
+        for column in range(4):
+            left = _LEFT + column * (width + _BETWEEN) + (column // 2) * (_APART - _BETWEEN)
+            top = whole - _KEY - _HEAD
+            for plane, columns, height in zip(maps, grids, heights, strict=True):
                 across = len(plane.postures[0]) * plane.cell_mm / inch
-                axes = figure.add_axes((left, (top - height) / whole, across / WIDTH, height / whole))
-                _panel(axes, plane, grid, edges)
+                box = (left / WIDTH, (top - height) / whole, across / WIDTH, height / whole)
+                axes = figure.add_axes(box)
+                _panel(axes, plane, columns[column], edges)
+                _base(axes, plane.plane, named=column == 0)
                 if column:
-                    axes.set_ylabel("")
                     axes.tick_params(axis="y", labelleft=False)
+                else:
+                    axes.set_xlabel(f"{plane.axes[0]}, mm", loc="left")
+                    axes.set_ylabel(f"{plane.axes[1]}, mm")
                 top -= height + _BELOW + 0.1
-            _legend(figure, left, words, edges)
+            at = (whole - _KEY - _HEAD + 0.05) / whole
+            figure.text(left / WIDTH, at, _LEVELS[column % 2], fontsize=9, color=light("muted"))
+            if column % 2 == 0:
+                figure.text(left / WIDTH, at + 0.17 / whole, _WHEN[column // 2], fontsize=10)
+        _legend(figure, edges)
         svg = to_svg(figure, NAME)
     return Picture(NAME, _title(maps), _alt(accuracy), svg)
+
+
+def _grids(plane: Map) -> tuple[Grid, ...]:
+    """Of the four columns."""
+    before, after = plane.before_mm, plane.after95_mm
+    return before.median, before.worst, after.median, after.worst
 
 
 def _numbers(grid: Grid) -> list[float]:
     return [value for row in grid for value in row if value is not None]
 
 
-def _edges(values: list[float]) -> list[float]:
-    """Round bounds of four to seven classes that hold all values."""
-    from matplotlib.ticker import MaxNLocator
-
-    low, high = min(values), max(values)
-    edges = np.asarray(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
-    return [float(edge) for edge in edges[edges >= 0]]
+def class_edges(values: list[float]) -> list[float]:
+    """Round bounds of classes that hold all values, each some times the one before: errors before and after
+    differ by factors."""
+    high = max(values)
+    low = max(min(values), high / 1e4)
+    if high <= 0:
+        return [0.0, 1.0]
+    edges: list[float] = []
+    for factors in ((1, 2, 5), (1, 3), (1,)):
+        decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+        steps = [factor * 10.0**decade for decade in decades for factor in factors]
+        first = max(i for i, step in enumerate(steps) if step <= low * (1 + 1e-9))
+        last = min((i for i, step in enumerate(steps) if step > high), default=len(steps) - 1)
+        edges = steps[first : last + 1]
+        if len(edges) <= _MOST_CLASSES + 1:
+            break
+    return [0.0, *edges[1:]] if min(values) < edges[0] else edges
 
 
 def class_of(value: float, edges: list[float]) -> int:
@@ -194,16 +217,13 @@ def _panel(axes: Axes, plane: Map, grid: Grid, edges: list[float]) -> None:
     ]
     x, y = zip(*shots, strict=True)
     axes.plot(
-        x, y, "o", markersize=3.6, zorder=3, markerfacecolor=light("ground"), color=light("ink"), mew=0.9
+        x, y, "o", markersize=2.8, zorder=3, markerfacecolor=light("ground"), color=light("ink"), mew=0.8
     )
     axes.set_xlim(left, left + columns * size)
     axes.set_ylim(low, low + rows * size)
     axes.grid(visible=False)
-    axes.set_xlabel(f"{plane.axes[0]}, mm")
-    axes.set_ylabel(f"{plane.axes[1]}, mm")
-    axes.locator_params(axis="x", nbins=3)
+    axes.locator_params(axis="x", nbins=2)
     axes.locator_params(axis="y", nbins=4)
-    _base(axes, plane.plane)
 
 
 def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float, low: float) -> Path | None:
@@ -224,24 +244,28 @@ def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float,
     return Path.make_compound_path(*rectangles) if rectangles else None
 
 
-def _base(axes: Axes, plane: str) -> None:
-    """Where the base is: its level next to axis 1, its place seen from above."""
+def _base(axes: Axes, plane: str, *, named: bool) -> None:
+    """Where the base is: its level next to axis 1, its place seen from above; with its name."""
     ink = light("ink")
     bottom, top = axes.get_ylim()
     if plane == "horizontal":
-        axes.plot([0], [0], "+", markersize=9, markeredgewidth=1.2, color=ink, zorder=4)
-        text = axes.annotate("base", (0, 0), (5, 4), textcoords="offset points", zorder=4)
-        text.set_bbox({"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85})
+        axes.plot([0], [0], "+", markersize=8, markeredgewidth=1.2, color=ink, zorder=4)
     elif bottom <= 0 <= top:
         axes.axhline(0, color=ink, linewidth=0.8, linestyle=DASHES)
-        text = axes.annotate("base", (1, 0), (3, 0), axes.get_yaxis_transform(), "offset points", va="center")
     else:
         return
+    if not named:
+        return
+    if plane == "horizontal":
+        text = axes.annotate("base", (0, 0), (4, 3), textcoords="offset points", zorder=4)
+        text.set_bbox({"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85})
+    else:
+        text = axes.annotate("base", (1, 0), (3, 0), axes.get_yaxis_transform(), "offset points", va="center")
     text.set(color=ink, fontsize=8.5)
 
 
-def _legend(figure: Figure, left: float, words: str, edges: list[float]) -> None:
-    """The classes of a column above it, darkest last."""
+def _legend(figure: Figure, edges: list[float]) -> None:
+    """The classes, one scale for all panels, darkest last."""
     from matplotlib.patches import Patch
 
     classes = len(edges) - 1
@@ -256,24 +280,26 @@ def _legend(figure: Figure, left: float, words: str, edges: list[float]) -> None
     ]
     figure.legend(
         handles=handles,
-        title=words,
+        title="error of the TCP, mm",
         title_fontsize=9.5,
         alignment="left",
         loc="upper left",
-        bbox_to_anchor=(left, 1.0),
-        ncols=2,
+        bbox_to_anchor=(_LEFT / WIDTH, 1.0),
+        ncols=classes,
         borderpad=0.0,
-        columnspacing=1.0,
-        handlelength=1.2,
+        columnspacing=0.9,
+        handlelength=1.1,
         handleheight=0.9,
-        handletextpad=0.5,
-        labelspacing=0.25,
+        handletextpad=0.4,
     )
 
 
 def _title(maps: Sequence[Map]) -> str:
     planes = " and ".join("from the side" if plane.plane == "vertical" else "from above" for plane in maps)
-    return f"How far the TCP is off, {planes}: the median posture of each place; rings: the measurements"
+    return (
+        f"How far the TCP is off, {planes}, before and after on one scale: the median and the worst posture"
+        " of each place; rings: the measurements"
+    )
 
 
 def _alt(accuracy: TcpAccuracy) -> str:

@@ -78,6 +78,16 @@ class Facts:
 
 
 @dataclass(frozen=True)
+class Form:
+    """Rows of a name and a text, on a ruled line for ink where there is none; `to_sign`, names of lines with
+    room for a signature."""
+
+    rows: Sequence[tuple[str, str]]
+    to_sign: Sequence[str] = ()
+    kind: ClassVar[str] = "form"
+
+
+@dataclass(frozen=True)
 class LegendEntry:
     """The mark of a status with a word and what it means; or with names and a sentence about them."""
 
@@ -128,7 +138,7 @@ class Directions:
     kind: ClassVar[str] = "directions"
 
 
-Block = Table | Paragraph | Commands | Facts | Legend | FigureBlock | SceneBlock | Directions
+Block = Table | Paragraph | Commands | Facts | Form | Legend | FigureBlock | SceneBlock | Directions
 
 
 @dataclass(frozen=True)

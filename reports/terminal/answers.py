@@ -111,20 +111,22 @@ def print_carried(console: Console, answer: Ended) -> None:
         k = answer.coverage_factor
         worth_text = None if shown is None else worth_sentence(shown, answer.parameters, k)
         worth = [] if worth_text is None or shown is None else [worth_column(shown, k)]
-        expanded = f"U ({numbers.coverage(k)})"
-        for name in ("name", "estimate", expanded, *(head for head, _ in worth), "status"):
+        expanded = [] if answer.verdict == "misfit" else [f"U ({numbers.coverage(k)})"]
+        for name in ("name", "estimate", *expanded, *(head for head, _ in worth), "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
             beside = [of(row) for _, of in worth]
             estimate = u = NO_NUMBER
             if row.status != "unidentifiable" and row.estimate is not None and row.std is not None:
                 estimate = numbers.estimate(row.estimate, k * row.std, row.unit)
-                u = NO_NUMBER if row.status == "unvalidated" else numbers.spread(k * row.std, row.unit)
-            table.add_row(label(row.name), estimate, u, *beside, marked(row.status, row.status))
+                u = numbers.spread(k * row.std, row.unit)
+            cells = [estimate, *([u] if expanded else []), *beside]
+            table.add_row(label(row.name), *cells, marked(row.status, row.status))
         console.print(table)
         if worth_text is not None:
             console.print(Text(worth_text))
-        if (table_of_truth := truth_table(answer.true, answer.parameters, k)) is not None:
+        table_of_truth = truth_table(answer.true, answer.parameters, k)
+        if table_of_truth is not None and answer.verdict != "misfit":
             _print_table(console, table_of_truth)
     if answer.consistent and answer.p_value is not None:
         p_value = numbers.p_value(answer.p_value)

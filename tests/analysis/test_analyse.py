@@ -32,7 +32,7 @@ def good():
 def test_a_good_run_passes(good):
     *_, result, draws = good
     assert result.verdict == "pass"
-    assert headline(result) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+    assert headline(result).startswith("delta2, delta3, delta4, delta5 and delta6 are identified, U ")
     assert result.findings == ()
     assert result.likelihood.converged
     assert result.likelihood.other_basins == 0
@@ -132,8 +132,8 @@ def test_the_x_pattern_claims_nothing_of_delta2():
     found = analyse(simulated(plan, TABLE_2, seed=3)[1], ess=400)
     assert found.result.verdict == "degenerate"
     answer = to_json(found.result)
-    unidentifiable = "delta2 is unidentifiable from these measurements: joint 1 varies by no more than"
-    assert unidentifiable in answer["headline"]
+    assert "delta2 is unidentifiable from these measurements." in answer["headline"]
+    assert "Joint 1 varies by no more than" in answer["headline"]
     (null,) = [d for d in answer["identifiability"]["null_space"] if d["combination"].get("delta2") == 1.0]
     assert "vary joint 1" in null["remedy"]
     assert "delta2" not in found.draws.names

@@ -15,7 +15,7 @@ from starlette.testclient import TestClient
 
 from zerobeam.app.server.answers import contents_process
 from zerobeam.experiments.schema import json_schema
-from zerobeam.model.files.header import read_header
+from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.run import read_run
 
 NAMES = [f"a{i}" for i in range(1, 7)]

@@ -3,8 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
+import pypdf
 import pytest
 from command_line import Answer, zerobeam
+from pages import Page, assert_fetches_nothing
+from scipy import stats
 
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
@@ -25,11 +29,12 @@ def plan(tmp_path):
 
 def rehearsed(plan, tmp_path, offsets):
     cell = tmp_path / "cell.yaml"
-    cell.write_text(f"schema: zerobeam/cell/1\narm: {{offsets_deg: {{{offsets}}}}}\n")
+    laser = "laser: {tilt_deg: [0, 0], shift_mm: [0, 0]}\n"  # that of the calibrated arm
+    cell.write_text(f"schema: zerobeam/cell/1\n{laser}arm: {{offsets_deg: {{{offsets}}}}}\n")
     new = tmp_path / "new.jsonl"
     how = ["--rig", "simulated", "--no-camera", "--cell", cell, "--seed", 5, "-o", new, "--force"]
     assert zerobeam("run", plan, *how).status in (0, 1)
-    return zerobeam("verify", GOOD, new)
+    return zerobeam("verify", GOOD, new, "-o", tmp_path / "report")
 
 
 def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):
@@ -37,9 +42,31 @@ def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):
     told = rehearsed(plan, tmp_path, "")
     assert (told.status, told.out.partition(".")[0]) == (0, "Pass")
     assert "against an error of the tolerance in each offset." in " ".join(told.out.split())
+    folder = tmp_path / "report"
+    report = json.loads((folder / "verification.json").read_text(encoding="utf-8"))
+    assert (report["schema"], report["verdict"]) == ("zerobeam/acceptance/1", "pass")
+    assert report["calibration"]["sha256"] == read_run(GOOD).sha256
+    error, noise = report["measured"], report["measured"]["noise_mm"]
+    postures = len(error["postures"])
+    # Offsets of a degree are centimetres at the target; the noise of N measurements, by chi-squared at 1e-4.
+    assert error["before"]["rms_mm"] > 5 > error["after"]["rms_mm"]
+    assert error["after"]["rms_mm"] < noise * np.sqrt(stats.chi2.isf(1e-4, 2 * postures) / (2 * postures)) + 1
+    page = Page((folder / "verification.html").read_text(encoding="utf-8"))
+    assert_fetches_nothing(page)
+    with pypdf.PdfReader(folder / "verification.pdf") as reader:
+        text = " ".join(" ".join(one.extract_text() for one in reader.pages).split())
+    for words in (page.words, text):
+        assert "as found" in words
+        assert "probability of a false alarm" in words
+        assert "no robot was verified" in words
     told = rehearsed(plan, tmp_path, "delta2: -1.2168")
     assert (told.status, told.out.partition(".")[0]) == (1, "Fail")
     assert "J2 (δ2) had been left at the old value" in " ".join(told.out.split())
+    report = json.loads((folder / "verification.json").read_text(encoding="utf-8"))
+    assert report["verdict"] == "fail"
+    assert report["measured"]["after"]["rms_mm"] > 5
+    (folder / "mine.txt").write_text("kept")
+    assert "would be lost" in zerobeam("verify", GOOD, tmp_path / "new.jsonl", "-o", folder).refused()
 
 
 def test_what_determines_too_little_has_no_acceptance_test(tmp_path):

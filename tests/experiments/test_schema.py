@@ -45,7 +45,7 @@ def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
 
 def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
-        *("run-header", "run-shot", "plan", "header", "robot", "obstacles", "cell"),
+        *("run-header", "run-shot", "plan", "header", "tolerances", "robot", "obstacles", "cell"),
         *("sensors", "psd-calibration", "study-file", "result", "check", "compare", "batch"),
         "history",
     ) == SCHEMA_NAMES

@@ -27,7 +27,7 @@ from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.header import read_header
+from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.reading import read_text
 from zerobeam.model.files.robot_file import read_robot

@@ -173,10 +173,8 @@ def test_panda_2_lack_of_fit_is_said_plainly(panda_2: Analysed) -> None:
     assert fit["chi2"] > fit["dof"] + 5 * math.sqrt(2 * fit["dof"])
     assert fit["p_value"] < 1e-6
     assert panda_2.answer["notes"][0].startswith("Lack of fit: residuals are 1.1 times the stated noise")
-    assert panda_2.answer["headline"].startswith(
-        "Residuals are 1.1 times the stated noise (χ² 1931, 1624 dof"
-    )
-    assert "delta2, delta3, delta4, delta5 and delta6 are unvalidated" in panda_2.answer["headline"]
+    assert panda_2.answer["headline"].startswith("The model does not describe the measurements.")
+    assert panda_2.answer["message"]["worst"] is None
     assert "identified." not in panda_2.answer["headline"]
     assert panda_2.fit_quality().startswith("Lack of fit")
 
@@ -251,8 +249,11 @@ def test_kuka_14_agrees_with_the_stated_noise_and_not_with_itself(kuka_14: Analy
     assert kuka_14.fit["rms_mm"] < 0.7
     assert kuka_14.fit["p_value"] > 0.5
     assert "Lack of fit" not in kuka_14.notes()
-    assert [own["kind"] for own in kuka_14.answer["misfit"]["criteria"]] == ["placements"]
-    assert kuka_14.answer["headline"].startswith("The placements disagree")
+    # A socket slipped inside a recording, too.
+    kinds = {own["kind"] for own in kuka_14.answer["misfit"]["criteria"]}
+    assert "placements" in kinds
+    assert kinds <= {"placements", "step"}
+    assert kuka_14.answer["headline"].startswith("The model does not describe the measurements.")
     assert all(49.8 < socket < 50.2 for socket in kuka_14.sockets())
     assert kuka_14.rows["delta7"]["status"] == "unidentifiable"
     assert all(abs(kuka_14.rows[f"delta{i}"]["estimate"]) < 0.1 for i in range(2, 7))
@@ -267,8 +268,7 @@ def test_dinova_1_whose_misfit_is_said_loudly(dinova_1: Analysed) -> None:
     assert fit["rms_mm"] == pytest.approx(3.27, abs=0.05)
     assert fit["chi2"] > 10 * fit["dof"]
     assert fit["p_value"] == 0.0
-    # In the first sentence that a reader sees, and again first among the notes.
-    assert "Residuals are 3.8 times the stated noise" in dinova_1.answer["headline"]
+    assert dinova_1.answer["headline"].startswith("The model does not describe the measurements.")
     assert dinova_1.answer["notes"][0].startswith("Lack of fit")
     assert "3.27 mm rms" in dinova_1.answer["notes"][0]
     assert dinova_1.rows["delta6"]["status"] == "unidentifiable"

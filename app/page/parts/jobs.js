@@ -16,15 +16,21 @@ export async function carryOut(command, box, title, { refusal = false, under = n
   box.hidden = false;
   const line = (text) => { log.hidden = false; log.textContent += `${text}\n`; };
   return new Promise((resolve, reject) => {
+    let told = null, at = 0;
+    const stalled = setInterval(() => {
+      if (told?.left_s != null && Date.now() - at > 1000 * Math.max(5, told.left_s)) said.textContent = `${told.stage}, longer than estimated`;
+    }, 1000);
     const events = new EventSource(`/api/jobs/${id}/events`);
     events.addEventListener("progress", (event) => {
-      const told = JSON.parse(event.data);
+      told = JSON.parse(event.data);
+      at = Date.now();
       bar.value = told.share;
-      said.textContent = `${told.stage}${told.left_s === null ? "" : `, about ${Math.max(1, Math.round(told.left_s))} s left`}`;
+      said.textContent = `${told.stage}${told.left_s === null ? "" : `, ${told.left_at_least ? "at least" : "about"} ${Math.max(1, Math.round(told.left_s))} s left`}`;
     });
     events.addEventListener("log", (event) => line(JSON.parse(event.data)));
     events.addEventListener("end", (event) => {
       events.close();
+      clearInterval(stalled);
       const job = JSON.parse(event.data);
       end.remove();
       bar.remove();
@@ -36,6 +42,7 @@ export async function carryOut(command, box, title, { refusal = false, under = n
     });
     events.addEventListener("error", () => {
       if (events.readyState !== EventSource.CLOSED) return;
+      clearInterval(stalled);
       end.remove();
       reject(new Refused({ what: "the server does not answer", to_do: "is zerobeam app still running?" }));
     });

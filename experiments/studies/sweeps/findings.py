@@ -73,7 +73,7 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
 
 
 def _on_geometry(settings: GridSettings) -> list[str]:
-    if settings.geometry is None:
+    if settings.header().arm is None:
         return []
     return [
         "The links of every simulated arm deviate from nominal geometry by random draws from the tolerances,"

@@ -21,6 +21,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from ....analysis.design.continuous_design import Criterion
 from ....model.errors import BadInput, located
 from ....model.files.header import (
+    GeometryOfArm,
     Header,
     RobotRef,
     StatedGeometry,
@@ -165,10 +166,10 @@ class Settings(FileModel):
         default=StatedTolerance(),
         description="largest standard uncertainty that counts as identified, as in a header",
     )
-    geometry: StatedGeometry | None = Field(
+    geometry: GeometryOfArm = Field(
         default=None,
         description="how far arms deviate from nominal geometry, as in a header; true links are random draws"
-        " from it. Absent: the arm has its nominal geometry",
+        " from it",
     )
     target: PlacedTarget = Field(description="position of the target")
     plan: PlanMaking = Field(default=PlanMaking(), description="how the plan is made")
@@ -188,17 +189,24 @@ class Settings(FileModel):
                 found=f"scale: {self.noise.scale}",
                 remedy="remove scale",
             )
-        if self.geometry is not None and self.geometry.scale != "known":
+        if isinstance(self.geometry, StatedGeometry) and self.geometry.scale != "known":
             raise refusal(
                 "the tolerances of a study are known: its arms are random draws from them",
                 key=("geometry", "scale"),
                 found=f"scale: {self.geometry.scale}",
                 remedy="remove scale",
             )
+        if isinstance(self.geometry, StatedGeometry) and self.geometry.tolerances is not None:
+            raise refusal(
+                "a study states the tolerances of its arms itself",
+                key=("geometry", "tolerances"),
+                found=f"tolerances: {self.geometry.tolerances}",
+                remedy="state tolerance, gravity_deg and harmonics_deg",
+            )
         return self
 
     def as_in_file(self, *, without: tuple[str, ...] = ()) -> SettingValues:
-        """All settings but those of the names `without`; no geometry where there is none."""
+        """All settings but those of the names `without`; no geometry where none is stated."""
         values = self.model_dump(mode="json", by_alias=True, exclude=set(without))
         return {key: value for key, value in values.items() if key != "geometry" or value is not None}
 
@@ -226,9 +234,16 @@ def setting_names() -> tuple[str, ...]:
 def _names(model: type[FileModel], prefix: str) -> Iterator[str]:
     for name, field in model.model_fields.items():
         yield f"{prefix}{name}"
-        for inner in (field.annotation, *get_args(field.annotation)):  # of an optional setting
-            if isinstance(inner, type) and issubclass(inner, FileModel):
-                yield from _names(inner, f"{prefix}{name}.")
+        for inner in _models(field.annotation):
+            yield from _names(inner, f"{prefix}{name}.")
+
+
+def _models(annotation: object) -> Iterator[type[FileModel]]:
+    """The model of a setting, also of an optional one or one among several kinds."""
+    if isinstance(annotation, type) and issubclass(annotation, FileModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)
 
 
 def overlap(one: str, other: str) -> bool:

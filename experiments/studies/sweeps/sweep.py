@@ -108,7 +108,8 @@ def studied_case(case: Case, seed: int) -> GridCase:
     identified = identify(problem, x)
     parameters = problem.parameters
     std = parameters.unscaled(predicted_std(problem, x))
-    which = np.flatnonzero(parameters.free & (parameters.group("offset") | parameters.group("tool")))
+    estimated = parameters.free & ~parameters.tolerated
+    which = np.flatnonzero(estimated & (parameters.group("offset") | parameters.group("tool")))
     known = np.array([i for i in which if is_known(identified.status[i])], dtype=np.intp)
     runs = _simulated(case, seed, problem, known)
     rows = []

@@ -166,8 +166,8 @@ def test_no_gauge_is_called_known_and_nothing_known_a_gauge_at_length(kind: Kind
 
 
 def freed(kind: Kind) -> tuple[Cell, Problem] | None:
-    """The cell of a kind, and its problem with geometry, and a calibrated tool within its sigma: a typical arm
-    of every fourth seed; gravity and harmonics of every other."""
+    """The cell of a kind, and its problem with geometry, a calibrated tool within its sigma: a typical arm of
+    every fourth seed; gravity and harmonics of every other."""
     arm = random_cell(kind)
     if arm is None:
         return None
@@ -183,8 +183,7 @@ def freed(kind: Kind) -> tuple[Cell, Problem] | None:
 
 
 def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
-    """The dimension of the null space without what has a tolerance, and of each free parameter whether it is a
-    gauge.
+    """The dimension of the null space without what has a tolerance, and which free parameters are gauges.
 
     For two bounds of what is none: that of fifty digits, and that of double precision. With links that
     deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.

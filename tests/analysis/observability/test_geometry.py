@@ -1,8 +1,11 @@
 """Consider analysis and tolerances against plain linear algebra; what is cached of a run is not changed."""
 
 import numpy as np
-from cells import PROBE, TABLE_2, good_plan, simulated_problem
+import pytest
+from cells import LASER, OPEN_LASER, PROBE, TABLE_2, good_plan, header, plan_of, run_of, simulated_problem
+from scipy import stats
 
+from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.geometry import (
     considered,
@@ -11,6 +14,9 @@ from zerobeam.analysis.observability.geometry import (
     with_links,
     with_tolerances,
 )
+from zerobeam.analysis.observability.identifiability import identify
+from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
 
 
@@ -80,3 +86,39 @@ def test_nominal_geometry_is_as_uncertain_as_links_make_it() -> None:
         std = np.sqrt(np.diag(covariance + moved @ moved.T)) * problem.parameters.prior_std[free]
         np.testing.assert_allclose(considered(problem, x, weight)[free], std, rtol=1e-9)
         assert (std > 1.5 * np.sqrt(np.diag(covariance)) * problem.parameters.prior_std[free])[:5].any()
+
+
+SIGMA = {"tilt_deg": 0.05, "shift_mm": 0.1}
+
+
+def roughly_known_laser(sigma: dict[str, float] | None, count: int = 12) -> Plan:
+    """An exact arm with an uncalibrated laser, of which the last offset is to be estimated."""
+    tool = OPEN_LASER if sigma is None else {**OPEN_LASER, "sigma": sigma}
+    return plan_of(header(tool, held=["delta1"]), good_plan(count).postures)
+
+
+def test_a_tool_that_is_known_to_an_angle_leaves_the_last_offset_that_uncertain() -> None:
+    """As a calibrated one of that sigma does. Negative control: without a sigma it is unidentifiable."""
+    problem = Problem.from_plan(roughly_known_laser(SIGMA))
+    told = identify(problem, problem.nominal())
+    assert told.status[5] == "identified"
+    assert np.degrees(told.data_std[5]) == pytest.approx(0.05, rel=0.05)
+    calibrated = plan_of(header({**LASER, "sigma": SIGMA}), good_plan(12).postures)
+    other = Problem.from_plan(calibrated)
+    np.testing.assert_allclose(told.data_std[1:6], identify(other, other.nominal()).data_std[1:6])
+    unknown = Problem.from_plan(roughly_known_laser(None))
+    assert identify(unknown, unknown.nominal()).status[5] == "unidentifiable"
+
+
+def test_the_last_offset_of_such_tools_is_as_far_off_as_stated() -> None:
+    """40 arms with tools off by their sigma: the mean square of z by chi-squared, at 99.9 %."""
+    plan = roughly_known_laser(SIGMA, 8)
+    z = []
+    for seed in range(100, 140):
+        rng = np.random.default_rng(seed)
+        truth = Truth.drawn(plan, rng)
+        fitted = fit_likelihood(Problem.from_run(run_of(plan.header, simulated_shots(truth, rng))), starts=0)
+        std = fitted.problem.parameters.unscaled(fitted.std)
+        z.append((fitted.x[5] - truth.x[5]) / std[5])
+    low, high = stats.chi2.ppf([0.0005, 0.9995], len(z)) / len(z)
+    assert low < np.mean(np.square(z)) < high

@@ -194,19 +194,19 @@ def test_the_named_combination_is_null():
 
 
 def test_x_pattern_with_joint_1_jittered():
-    """A hundredth of a degree in joint 1 is no information, though the matrix is regular."""
+    """Twentieths of a degree in joint 1 are no information, though the matrix is regular."""
     plan = pattern_plan("x")
     postures = plan.postures.copy()
-    postures[:, 0] += np.radians(0.01) * np.array([1, -1, 0.5, 0.2, -0.7, 0.9, -0.4])
+    postures[:, 0] += np.radians(0.05) * np.array([1, -1, 0.5, 0.2, -0.7, 0.9, -0.4])
     answer = check(plan_of(plan.header, postures))
     row = answer.parameters[1]
     assert (row.status, row.std) == ("unidentifiable", None)
-    assert 50 < row.data_std < 5000
+    assert 10 < row.data_std < 1000
     (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
     assert null.kind == "noise"
-    assert reason(null.cause).startswith("joint 1 varies by no more than 0.020°")
+    assert reason(null.cause).startswith("joint 1 varies by no more than 0.10°")
     assert "vary joint 1" in remedy(null.cause)
-    assert answer.identifiability.condition > 1e3
+    assert answer.identifiability.condition > 300
     assert answer.identifiability.rank == 7
 
 
@@ -228,8 +228,8 @@ def test_x_pattern_as_it_is_recorded():
     fit = fit_likelihood(problem, starts=0)
     identified = identify(problem, fit.x)
     status, data_std = by_name(problem, identified)["delta2"]
-    assert status == "unidentifiable"
-    assert 50 < data_std < 5000
+    assert (status, data_std) == ("unidentifiable", np.inf)  # joint 1 is at rest
+    assert reason(direction_of(identified, "delta2", "exact").cause).startswith("joint 1 varies by no more")
     # Negative control: a pseudo-inverse that cuts off the small singular value claims to know it well.
     jacobian = fit.whitened.jacobian[:, problem.parameters.free]
     cut = np.linalg.pinv(jacobian, rcond=1e-4)

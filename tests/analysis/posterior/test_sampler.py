@@ -362,6 +362,27 @@ def test_more_is_drawn_where_more_is_asked():
     assert 0 < shares[-1] <= 1
 
 
+def test_a_run_that_goes_on_in_mapped_coordinates_has_not_nearly_ended(monkeypatch):
+    """What the plain run has told leaves room for the larger part of the work, which has advances."""
+    monkeypatch.setattr(sampler, "_PLAIN_STEPS", 60)
+    monkeypatch.setattr(sampler, "_WALKERS", (32, 32))  # too few for so many draws
+    shares, mapped_from = [], []
+
+    class Noted(sampler.TriangularMap):
+        def __init__(self, *about):
+            mapped_from.append(len(shares))
+            super().__init__(*about)
+
+    monkeypatch.setattr(sampler, "TriangularMap", Noted)
+    sampled = sample_density(normal, t_at_zero(2), seed=1, ess=20_000, progress=shares.append)
+    assert sampled.enough
+    first = mapped_from[0]
+    assert max(shares[:first]) <= 0.2
+    assert len(set(shares[first:])) >= 3
+    assert shares == sorted(shares)
+    assert shares[-1] <= 0.99
+
+
 def test_the_budget_is_kept(monkeypatch):
     """Evaluations are counted, and end."""
     monkeypatch.setattr(sampler, "BUDGET", 600_000)

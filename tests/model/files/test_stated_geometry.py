@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import LASER, OPEN_LASER, header
+from cells import LASER, OPEN_LASER, header, irb1600
 
 import zerobeam as zb
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.header import Header, read_header
+from zerobeam.model.files.header import Header, StatedGeometry
+from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.validation import validate
 from zerobeam.model.likelihood.problem import Problem
 
@@ -42,7 +43,7 @@ WRONG = [
     ("tolerance: {length_mm: [0.3, 0.3]}", "geometry.tolerance.length_mm has the wrong number", "2 values"),
     ("tolerance: {angle_deg: [0.1]}", "geometry.tolerance.angle_deg has the wrong number", "1 values"),
     ("tolerance: {length: 0.3}", "unknown key 'length' in geometry.tolerance", "length: 0.3"),
-    ("tolerances: {}", "unknown key 'tolerances' in geometry", "tolerances"),
+    ("tolerancs: {}", "unknown key 'tolerancs' in geometry", "tolerancs"),
     ("masses_kg: [1, 2, 3]", "geometry.masses_kg has the wrong number of values", "3 values"),
     ("masses_kg: [1, 2, 3, 4, -5, 6]", "item 5 of geometry.masses_kg is out of range", "-5"),
     ("up: [0, 0, 0]", "geometry.up has no length", "[0, 0, 0]"),
@@ -172,22 +173,40 @@ def test_what_is_stated_arrives(tmp_path):
     np.testing.assert_allclose(problem.geometry.gravity.up, [0, 1, 0])
 
 
-@pytest.mark.parametrize("stated", [{}, {"geometry": "exact"}])
-def test_exact_geometry_takes_a_calibrated_tool_as_stated(stated: dict[str, Any]) -> None:
-    own = header(**stated)
+def test_a_header_that_says_nothing_of_the_geometry_is_of_a_typical_arm() -> None:
+    """Links, the last one whole, gravity, harmonics and the calibrated tool, each with its prior."""
+    own = header(geometry=None)
+    assert (own.geometry, own.arm) == (None, StatedGeometry())
+    assert not own.exact_tool
+    parameters = Problem.build(own, irb1600(), POSTURES, ["psd"] * len(POSTURES)).parameters
+    std = dict(zip(parameters.names, parameters.prior_std * parameters.display, strict=True))
+    expected = {"link2.a": 0.3, "link2.beta": 0.1, "joint3.gravity": 0.05, "joint6.cos": 0.02}
+    expected |= {"tool.tilt1": 0.05, "tool.tilt2": 0.05, "tool.shift1": 0.1, "tool.shift2": 0.1}
+    assert {name: std[name] for name in expected} == pytest.approx(expected)
+    last = [item.axis for item in parameters.items if item.of == "link6"]
+    assert last == ["a", "b", "d", "alpha", "beta"]
+    estimated = np.array(parameters.names)[parameters.free & ~parameters.tolerated]
+    assert set(estimated) == {f"delta{i}" for i in range(2, 7)} | {"psd.x", "psd.y", "psd.z"}
+    exact = Problem.build(header(), irb1600(), POSTURES, ["psd"] * len(POSTURES)).parameters
+    assert exact.names == (*(f"delta{i}" for i in range(1, 7)), "psd.x", "psd.y", "psd.z")
+
+
+def test_exact_geometry_takes_a_calibrated_tool_as_stated() -> None:
+    own = header(geometry="exact")
     assert own.arm is None
     assert own.exact_tool
-    assert not header(OPEN_LASER, **stated).exact_tool
-    assert not header({**LASER, "sigma": {"tilt_deg": 0.02}}, **stated).exact_tool
+    assert not header(OPEN_LASER, geometry="exact").exact_tool
+    assert not header({**LASER, "sigma": {"tilt_deg": 0.02}}, geometry="exact").exact_tool
 
 
-def test_a_calibrated_tool_may_be_uncertain() -> None:
-    own = header({**LASER, "sigma": {}}, geometry={})
+@pytest.mark.parametrize("geometry", [None, {}])
+def test_a_calibrated_tool_of_an_uncertain_arm_is_uncertain(geometry: dict[str, Any] | None) -> None:
+    own = header(geometry=geometry)
     assert own.arm is not None
     assert not own.exact_tool
     assert (own.tool.sigma.tilt_deg, own.tool.sigma.shift_mm) == (0.05, 0.1)
-    assert header({**LASER, "sigma": {"mm": 0.3}}).tool.sigma.shift_mm == 0.3
-    assert header(OPEN_LASER).tool.sigma.shift_mm == 10.0
+    assert header({**LASER, "sigma": {"mm": 0.3}}, geometry=geometry).tool.sigma.shift_mm == 0.3
+    assert header(OPEN_LASER, geometry=geometry).tool.sigma.shift_mm == 10.0
 
 
 @pytest.mark.parametrize("stated", ["nominal", 0.3, True, ["exact"]])

@@ -225,6 +225,24 @@ def test_a_stated_list_takes_the_place_of_the_methods(irb1600):
     assert held(build(irb1600, LASER, held=[])) == []
 
 
+SIGMA = {"tilt_deg": 0.05, "shift_mm": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("more", "held", "known"),
+    [
+        ({"calibrated": False, "sigma": SIGMA}, ["delta1"], True),
+        ({"calibrated": False, "sigma": SIGMA}, ["delta1", "delta6"], False),
+        ({"calibrated": False, "sigma": SIGMA}, None, False),
+        ({"calibrated": False}, ["delta1"], False),
+        ({"sigma": SIGMA}, None, True),
+    ],
+)
+def test_a_stated_sigma_is_knowledge_where_the_last_offset_is_to_be_estimated(irb1600, more, held, known):
+    parameters = build(irb1600, {**LASER, **more}, held=held)
+    assert parameters.tolerated[parameters.group("tool")].tolist() == [known] * 4
+
+
 @pytest.mark.parametrize("name", ["delta7", "delta0", "psd", "other.x", "tool.tilt1", "Delta1", "noise.spot"])
 def test_a_held_name_that_is_none_of_them(irb1600, refused, name):
     error = refused(build, irb1600, LASER, held=["delta1", name])

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from datetime import datetime, time, timedelta
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from arms_over_years import FIRST, LOST, arm_history, happened, over_years
 from chromium import PAPER, PHONE, Size, chromium
+from matplotlib.collections import PolyCollection
+from matplotlib.dates import date2num
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.reports.history.arm_page import ArmHistory, arm_page, fleet_arm, headline
 from zerobeam.reports.history.history_folder import arm_document, safe_name, write_arm, write_fleet
-from zerobeam.reports.history.trend_figure import trend_pictures
+from zerobeam.reports.history.trend_figure import _drawn, trend_pictures
 from zerobeam.reports.output.html import html
-from zerobeam.reports.style.canvas import Picture
+from zerobeam.reports.style.canvas import Picture, style
 from zerobeam.reports.style.palette import light
 
 LABEL = "J3 (δ3)"
@@ -61,6 +65,36 @@ def test_a_result_has_no_point_for_what_it_does_not_determine() -> None:
     assert f"{LABEL} in 4 results" in pictures(partly)["trend"].alt
     (row,) = [row for row in shown(partly).rows if row[0] == f"{partly.results[3].measured_at:%Y-%m-%d}"]
     assert row[1:3] == ["Degenerate", f"{LABEL} not determined"]
+
+
+@pytest.mark.parametrize("lost", [(), (2, 3, 4, 5)], ids=str)
+def test_no_band_is_cut_off(lost: tuple[int, ...]) -> None:
+    """The widest is that of an offset that the last results do not determine; the forecast has room."""
+    results = [
+        replace(
+            one,
+            without_prior=replace(
+                one.without_prior,
+                covariance=(np.array(one.without_prior.covariance) / 400).tolist(),
+                by_geometry=(0 * np.array(one.without_prior.by_geometry)).tolist(),
+            ),
+        )
+        for one in over_years(6, walk=0.05, lost=lost)
+        if one.without_prior is not None
+    ]
+    own = arm_history(results)
+    assert own.arm.drift is not None
+    with style():
+        figure = _drawn(own.arm, own.arm.drift, (), own.arm.drift.series.names)
+    last = date2num(results[-1].measured_at)
+    for axes in figure.axes:
+        (begin, end), (low, high) = axes.get_xlim(), axes.get_ylim()
+        assert end - last > 0.18 * (last - begin)
+        bands = [one.get_paths()[0].vertices for one in axes.collections if isinstance(one, PolyCollection)]
+        assert bands
+        for band in bands:
+            assert low < band[:, 1].min()
+            assert band[:, 1].max() < high
 
 
 def test_an_offset_that_no_result_determines_is_named_and_never_drawn_as_known() -> None:

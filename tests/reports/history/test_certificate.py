@@ -7,6 +7,7 @@ import functools
 import io
 import json
 import re
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +40,13 @@ from zerobeam.reports.history.certificate import (
 )
 from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output.html import html
+from zerobeam.words import numbers
+from zerobeam.words.provenance import CERTIFICATE_KEYS, INSTRUMENTS
 from zerobeam.words.result_json import to_json
 
 pytest.importorskip("cryptography")
+
+ISSUED = date(2026, 4, 1)
 
 
 def written(folder: Path, answer: dict[str, Any]) -> Path:
@@ -50,7 +55,7 @@ def written(folder: Path, answer: dict[str, Any]) -> Path:
     history = kept(folder, answer)
     own = only(history)
     key = private_key(a_key(folder), no_passphrase)
-    write_certificate(folder / "certificate", own, whole_answer(history, own), key)
+    write_certificate(folder / "certificate", own, whole_answer(history, own), key, ISSUED)
     return folder / "certificate"
 
 
@@ -64,7 +69,7 @@ def of_result(folder: Path, result: Result) -> dict[str, Any]:
     answer = copy.deepcopy(to_json(result))
     answer["inputs"]["header"]["provenance"] = {"serial": "A-1", "when": "2026-01-31"}
     own = only(kept(folder, answer))
-    return certificate_json(own, answer, "0" * 64)
+    return certificate_json(own, answer, "0" * 64, ISSUED)
 
 
 def page(certificate: dict[str, Any]) -> Page:
@@ -91,10 +96,12 @@ def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
         assert [row[key] for key in ("name", "status", "estimate", "std", "interval95")] == [
             of[key] for key in ("name", "status", "estimate", "std", "interval95")
         ]
-        assert row["considered_std"] == answer["geometry"]["consider"].get(row["name"])
+        nominal = answer["geometry"]["tolerance"] is None
+        considered = answer["geometry"]["consider"].get(row["name"]) if nominal else None
+        assert row["considered_std"] == considered
     assert found["assumed"]["noise"]["joint_deg"] == 0.01
     assert found["assumed"]["priors"][0] == {"group": "offset", "unit": "deg", "std": 5.0}
-    assert found["assumed"]["held"] == ["delta1"]
+    assert found["assumed"]["held"][0] == "delta1"
     by = public_key(public_file(a_key(tmp_path)))
     assert found["key"] == {"algorithm": "Ed25519", "fingerprint": fingerprint(by)}
     files = files_of_certificate(folder)
@@ -107,8 +114,11 @@ def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
     assert_fetches_nothing(shown)
     for text in (shown.words, pdf_text(folder / "certificate.pdf")):
         plain = " ".join(text.split())
-        for said in ("A-1", "J. Doe", "Hamamatsu 17", "−1.222°", "0.020°", "nominal", "No misfit"):
+        for said in ("A-1", "J. Doe", "Hamamatsu 17", "2026-04-01", "No misfit"):
             assert said in plain
+        for row in (row for row in found["offsets"] if row["status"] == "identified"):
+            assert numbers.estimate(row["estimate"], row["expanded"], "deg") in plain
+            assert numbers.spread(row["expanded"], "deg") in plain
         assert own.document_sha256 in re.sub(r"\s", "", text)
         assert grouped(fingerprint(by)).replace(" ", "") in re.sub(r"\s", "", text)
         assert "signed exactly these bytes" in plain
@@ -118,6 +128,137 @@ def test_the_same_result_and_key_give_the_same_bytes(tmp_path: Path) -> None:
     folder = written(tmp_path, a_result())
     first = {path.name: path.read_bytes() for path in folder.iterdir()}
     assert {path.name: path.read_bytes() for path in written(tmp_path, a_result()).iterdir()} == first
+
+
+def test_another_day_of_issue_gives_another_certificate(tmp_path: Path) -> None:
+    own = only(kept(tmp_path, a_result()))
+    made = [certificate_json(own, a_result(), "0" * 64, day) for day in (ISSUED, date(2026, 4, 2))]
+    assert [one.pop("issued") for one in made] == ["2026-04-01", "2026-04-02"]
+    assert made[0] == made[1]
+
+
+STATED = {
+    "certificate_number": "K-17",
+    "laboratory": "Muster GmbH",
+    "laboratory_address": "Werkstr. 1",
+    "customer": "Plant 4",
+    "customer_address": "Hafen 2",
+    "place": "Hall 3",
+    "temperature": "21.4",
+    "payload": "12.4 kg",
+    "warm_up": "40 min",
+    "traceability": "by DKD-K-0815",
+    "authorised_by": "R. Roe",
+}
+
+
+def first_page(folder: Path) -> str:
+    page = pypdf.PdfReader(io.BytesIO((folder / "certificate.pdf").read_bytes())).pages[0]
+    return " ".join(page.extract_text().split())
+
+
+def test_the_first_page_has_what_a_laboratory_must_state(tmp_path: Path) -> None:
+    """ISO/IEC 17025:2017, 7.8.2: what is stated, else a line for ink; and a place to sign."""
+    folder = written(tmp_path / "stated", a_result(**STATED, psd_certificate="DKD-K-0815"))
+    found, text = stated(folder), first_page(folder)
+    assert {key: found["form"][key] for key in STATED} == STATED
+    assert found["form"].keys() == {*CERTIFICATE_KEYS, "instruments"}
+    names = [name for key, name in CERTIFICATE_KEYS.items() if key != "traceability"]
+    names += [name for name, _ in INSTRUMENTS["laser"]]
+    for said in (*names, *(text for key, text in STATED.items() if key != "traceability"), "Signature"):
+        assert said in text, said
+    assert "by DKD-K-0815" in pdf_text(folder / "certificate.pdf")
+    blank = written(tmp_path / "blank", a_result())
+    form = stated(blank)["form"]
+    assert [row["text"] for row in form.pop("instruments")] == [None] * 4
+    assert set(form.values()) == {None}
+    for said in (*names, "Signature"):
+        assert said in first_page(blank), said
+    shown = (blank / "certificate.html").read_text(encoding="utf-8")
+    # Ten entries, four of instruments, the operator, the signature.
+    assert shown.count('<dd class="blank">') == len(names) + 2
+    assert "Not shown: no calibration certificate" in " ".join(pdf_text(blank / "certificate.pdf").split())
+
+
+def test_a_document_has_one_u_and_one_k(tmp_path: Path) -> None:
+    folder = written(tmp_path, a_result())
+    found = stated(folder)
+    k = found["coverage"]["k"]
+    for row in (row for row in found["offsets"] if row["status"] == "identified"):
+        low, high = row["interval95"]
+        assert row["expanded"] == pytest.approx(k * row["std"]) == pytest.approx((high - low) / 2)
+    shown = Page((folder / "certificate.html").read_text(encoding="utf-8"))
+    for text in (shown.words, pdf_text(folder / "certificate.pdf")):
+        assert re.findall(r"k = (\S+),", " ".join(text.split())) == [f"{k:.2f}"]
+
+
+def test_a_result_of_an_older_version_is_certified(tmp_path: Path) -> None:
+    answer = a_result()
+    for key in ("enter", "conformity"):
+        answer.pop(key, None)
+    certificate = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)
+    assert (certificate["as_found"]["tcp"], certificate["as_left"]) == (None, None)
+    words = page(certificate).words
+    assert "Not measured for this certificate" in words
+    assert "Expected as left" not in words
+
+
+def a_verification(folder: Path, sha256: str) -> Path:
+    """The folder of a verification of the calibration of this run."""
+    measured = {
+        "before": {"rms_mm": 32.0, "worst_mm": 41.0},
+        "after": {"rms_mm": 0.34, "worst_mm": 0.44},
+        "noise_mm": 0.4,
+    }
+    answer = {
+        "schema": "zerobeam/acceptance/1",
+        **{"verdict": "pass", "measurements": 4, "dof": 5, "p_value": 0.9, "false_alarm": 0.01},
+        **{"power_required": 0.8, "measured": measured},
+        "calibration": {"file": "run.jsonl", "sha256": sha256, "provenance": {}},
+        "run": {"file": "new.jsonl", "sha256": "ab" * 32, "provenance": {"When": "2026-04-01"}},
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "verification.json").write_text(json.dumps(answer), encoding="utf-8")
+    return folder
+
+
+def test_as_left_is_what_was_measured_with_the_corrected_robot(tmp_path: Path) -> None:
+    answer = a_result()
+    sha256 = answer["inputs"]["sha256"]
+    history = kept(tmp_path, answer)
+    own, key = only(history), private_key(a_key(tmp_path), no_passphrase)
+    whole = whole_answer(history, own)
+    folder = tmp_path / "certificate"
+    write_certificate(folder, own, whole, key, ISSUED, a_verification(tmp_path / "verified", sha256))
+    left = stated(folder)["as_left"]
+    assert (left["verdict"], left["run"], left["measured_on"]) == ("pass", "new.jsonl", "2026-04-01")
+    assert left["error_mm"]["after"] == {"rms_mm": 0.34, "worst_mm": 0.44}
+    shown = Page((folder / "certificate.html").read_text(encoding="utf-8")).words
+    for words in (shown, pdf_text(folder / "certificate.pdf")):
+        plain = " ".join(words.split())
+        assert "0.34 mm rms, worst 0.44 mm (32 mm rms, worst 41 mm as found" in plain
+        assert "Acceptance test: Fail where" in plain
+        assert "Not measured for this certificate" not in plain
+    other = a_verification(tmp_path / "other", "0" * 64)
+    with pytest.raises(BadInput, match="another calibration"):
+        write_certificate(tmp_path / "no", own, whole, key, ISSUED, other)
+    (other / "verification.json").write_text('{"schema": "zerobeam/acceptance/1"}', encoding="utf-8")
+    with pytest.raises(BadInput, match="not the report of a verification"):
+        write_certificate(tmp_path / "no", own, whole, key, ISSUED, other)
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_requirement_comes_with_its_decision_and_rule(tmp_path: Path) -> None:
+    answer = a_result()
+    answer["conformity"] = {
+        **{"required_mm": 0.5, "tcp_95_mm": 0.6, "probability": 0.2, "decision": "undecided"},
+        "rule": "as JCGM 106 says",
+    }
+    words = page(certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)).words
+    assert "Decision: undecided (probability 0.20). Rule: as JCGM 106 says." in words
+    answer["conformity"] = None
+    words = page(certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)).words
+    assert "no statement of conformity is made" in words
 
 
 def test_what_is_not_determined_has_no_number_anywhere(tmp_path: Path) -> None:
@@ -131,7 +272,7 @@ def test_what_is_not_determined_has_no_number_anywhere(tmp_path: Path) -> None:
     assert [row[key] for key in ("estimate", "std", "interval95", "considered_std")] == [None] * 4
     shown = Page((folder / "certificate.html").read_text(encoding="utf-8"))
     cells = shown.row("J2 (δ2)")
-    assert cells[1:3] == ["not determined by these data", "unidentifiable"]
+    assert (cells[1], cells[-1]) == ("not determined by these data", "unidentifiable")
     assert not re.search(r"\d", "".join(cells[1:]))
     text = pdf_text(folder / "certificate.pdf")
     (between,) = re.findall(r"J2 \(δ2\)([^J]*?)J3 \(δ3\)\s*−0\.36", text)
@@ -159,7 +300,7 @@ def test_what_determines_no_offset_is_not_certified(tmp_path: Path, converged: b
     answer["without_prior"], answer["fits"]["likelihood"]["converged"] = None, converged
     own = only(kept(tmp_path, answer))
     with pytest.raises(BadInput, match="determines no offset" if converged else "did not converge"):
-        certificate_json(own, answer, "0" * 64)
+        certificate_json(own, answer, "0" * 64, ISSUED)
 
 
 def test_a_posterior_that_did_not_converge_is_said(tmp_path: Path) -> None:
@@ -180,12 +321,12 @@ def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     assert freed["assumed"]["geometry"]["factors"]["length"] == factors.length
     within = "estimated within tolerances of 0.3\u00a0mm and 0.1°, which the data multiply by"
     assert f"{within} {factors.length:.2f} (lengths) and {factors.angle:.2f} (angles)" in shown.words
-    assert "u if the arm deviates" not in shown.words
+    assert "U if the arm deviates" not in shown.words
     noisy = of_result(tmp_path / "separate", example_results.separate())
     assert [row["name"] for row in noisy["assumed"]["noise_factors"]] == ["noise.joint", "noise.spot"]
     assert "estimated up to two factors" in page(noisy).words
     free = of_result(tmp_path / "uncalibrated", example_results.uncalibrated())
-    assert free["assumed"]["tool"] == {"kind": "laser", "calibrated": False}
+    assert (free["assumed"]["tool"]["kind"], free["assumed"]["tool"]["calibrated"]) == ("laser", False)
     assert "laser, estimated" in page(free).words
     assert "tool 3° and 10" in page(free).words
 
@@ -197,7 +338,7 @@ def test_intervals_that_differ_between_methods_are_shown(tmp_path: Path) -> None
         {"name": name, "unit": "deg", **ends, "differ": differ}
         for name, differ in (("delta2", True), ("delta3", False), ("psd.x", True))
     ]
-    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64)
+    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)
     assert [row["name"] for row in found["intervals"]] == ["delta2"]
     assert ["J2 (δ2)", "−1.260 to −1.180°", "−1.400 to −1.180°", "—"] in page(found).rows
 
@@ -205,7 +346,7 @@ def test_intervals_that_differ_between_methods_are_shown(tmp_path: Path) -> None
 def test_what_the_result_found_and_a_simulation_are_on_the_first_page(tmp_path: Path) -> None:
     answer = a_result(origin="simulated")
     answer["notes"] = ["Outlying: measurement 3; delta4 hangs on it"]
-    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64)
+    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64, ISSUED)
     assert found["simulated"]
     notes = certificate_page(found).notes
     assert notes[0].startswith("These measurements were simulated")
@@ -229,7 +370,7 @@ def test_names_do_no_harm(tmp_path: Path) -> None:
 def test_a_history_says_whether_it_still_holds_the_result(tmp_path: Path) -> None:
     answer = a_result()
     history = kept(tmp_path, answer)
-    certificate = certificate_json(only(history), answer, "0" * 64)
+    certificate = certificate_json(only(history), answer, "0" * 64, ISSUED)
     assert why_history_differs(history, certificate) is None
     assert "no result" in (why_history_differs(history, {**certificate, "sha256": "0" * 64}) or "")
     assert "operator" in (why_history_differs(history, {**certificate, "operator": "x"}) or "")
@@ -253,7 +394,7 @@ def test_postgresql_gives_the_same_bytes(tmp_path: Path) -> None:
             history = kept(tmp_path / name, *answers, url=at)
             for number, own in enumerate(results(history)):
                 folder = tmp_path / name / str(number)
-                write_certificate(folder, own, whole_answer(history, own), key)
+                write_certificate(folder, own, whole_answer(history, own), key, ISSUED)
                 assert why_history_differs(history, stated(folder)) is None
                 made.setdefault(name, []).append({path.name: path.read_bytes() for path in folder.iterdir()})
             history.engine.dispose()
@@ -262,10 +403,10 @@ def test_postgresql_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_another_result_of_the_same_run_has_another_certificate(tmp_path: Path) -> None:
-    first = certificate_json(only(kept(tmp_path, a_result())), a_result(), "0" * 64)
+    first = certificate_json(only(kept(tmp_path, a_result())), a_result(), "0" * 64, ISSUED)
     (tmp_path / "other").mkdir()
     answer = a_result()
     answer["posterior"]["seconds"] += 1.0
-    second = certificate_json(only(kept(tmp_path / "other", answer)), answer, "0" * 64)
+    second = certificate_json(only(kept(tmp_path / "other", answer)), answer, "0" * 64, ISSUED)
     assert first["sha256"] == second["sha256"]
     assert first["document_sha256"] != second["document_sha256"]

@@ -46,7 +46,7 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles == [
         "Offsets",
-        "What to do",
+        "What to do next",
         "Rehearsal: estimates and true values",
         "What cannot be determined",
         "Accuracy of the TCP",

@@ -16,7 +16,7 @@ import pytest
 from command_line import WIDTH
 from example_results import HOSTILE_NAMES
 from pages import Page, assert_fetches_nothing
-from repeated_runs import drawn, repeat, repeats, table_file
+from repeated_runs import COVARIANCE, drawn, repeat, repeats, table_file
 from rich.console import Console
 from study_text import tables_of, texts_of
 
@@ -47,6 +47,46 @@ def lost() -> Comparison:
     values[:, 1] = np.nan
     status = ("identified", "unidentifiable", "weak")
     return Comparison.of_repeats("runs", repeats(values, covariance=holes, status=status), 0)
+
+
+def panels(svg: str) -> list[tuple[float, list[float]]]:
+    """Of each panel its height and where its dots are in it (0 below, 1 above), from the drawing."""
+    boxes = re.findall(
+        r'<clipPath id="[^"]*">\s*<(?:\w+:)?rect x="[\d.]+" y="([\d.]+)" width="[\d.]+" height="([\d.]+)"',
+        svg,
+    )
+    dots = [float(y) for y in re.findall(r'<(?:\w+:)?use [^>]*y="([\d.]+)" style="fill: #1b2126', svg)]
+    found = []
+    for y, height in {(float(y), float(height)) for y, height in boxes}:
+        inside = [1 - (dot - y) / height for dot in dots if y <= dot <= y + height]
+        found.append((height, inside))
+    return found
+
+
+def test_the_runs_fill_their_panels() -> None:
+    """The mean of two runs has an interval by Student's t of one degree of freedom: a band 6 to 13 times as
+    wide as the runs are apart does not set the scale."""
+    values = np.array([[1.0, 1.0, 1.0], [1.2, 1.1, 1.04]])
+    two = Comparison.of_repeats("runs", repeats(values, covariance=COVARIANCE / 1e4), 0)
+    assert all(
+        row.mean is not None and row.mean.interval95[1] > values[1, i] for i, row in enumerate(two.offsets)
+    )
+    picture = picture_of(two)
+    assert "which reaches beyond a panel" in picture.title
+    shown = panels(picture.svg)
+    assert len(shown) == 3
+    for _, at in shown:
+        assert len(at) == 2
+        assert max(at) - min(at) > 0.6
+    assert "reaches beyond" not in picture_of(answer()).title
+
+
+@pytest.mark.parametrize(("odd", "factor"), [(0.0, "0.55"), (5.0, "133")])
+def test_factors_are_plain_numbers(odd: float, factor: str) -> None:
+    view = comparison_page(answer(odd))
+    assert f"scatter {factor} times as much as predicted" in view.verdict.sentence
+    said = " ".join(texts for row in table(view, "Standard deviation over the runs") for texts in row)
+    assert not re.search(r"\de[+−-]?\d", view.verdict.sentence.partition("(")[0] + said)
 
 
 def picture_of(told: Comparison) -> Picture:

@@ -102,7 +102,7 @@ def test_a_posterior_of_one_offset_and_one_of_many() -> None:
     )
     assert "δ2" in words(drawn(result, one)["posterior"].svg)
     assert "δ3" not in words(drawn(result, one)["posterior"].svg)
-    many = drawn(misfit())["posterior"]
+    many = drawn(good())["posterior"]
     assert "δ6" in words(many.svg)
 
 

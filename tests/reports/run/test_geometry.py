@@ -18,6 +18,7 @@ from zerobeam.reports.run.parameters import offsets_section, offsets_table, offs
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Section
 from zerobeam.reports.style.palette import light
+from zerobeam.words.message import message
 from zerobeam.words.wording import label
 
 
@@ -29,16 +30,16 @@ def section(result: Result) -> Section:
 
 def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     heads = [column.text for column in offsets_table(good()).columns]
-    assert heads == ["name", "estimate", "95 % interval", "status", "u", "u if the arm deviates"]
+    assert heads == ["name", "estimate", "U (k\u00a0=\u00a02)", "status", "U if the arm deviates"]
     for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
-        u, considered = (float(text.rstrip("°")) for text in row[-2:])
+        u, considered = (float(row[k].rstrip("°")) for k in (2, 4))
         assert considered > u > 0
-    assert "Leave out geometry: exact to estimate it." in paragraphs(offsets_section(good()))
+    assert any("Leave out geometry: exact to estimate it." in text for text in message(good()).cautions)
 
 
 def test_an_unidentifiable_offset_has_no_worth_either() -> None:
     (row,) = [row for row in texts_of(offsets_table(x_pattern())) if row[0] == label("delta2")]
-    assert row[-2:] == ["—", "—"]
+    assert row[-1] == "—"
 
 
 def test_a_misfit_says_nothing_of_what_u_is_worth() -> None:
@@ -85,7 +86,7 @@ def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None
     assert [row.cells[0].text for row in shown.rows] == determined
     free = sum(not row.held for row in rows)
     said = geometry_lines(geometry())[-1]
-    assert f"Geometry and tool: {len(determined)} of {free} parameters determined" in said
+    assert f"Geometry and tool: {len(determined)} of {free} parameters are determined" in said
 
 
 def test_what_only_the_prior_says_is_listed_by_its_tolerance() -> None:

@@ -1,0 +1,135 @@
+"""A header as it is read: as its file states it, with the plant's tolerances where it leaves them out.
+
+They are in the file that the header names (`geometry: {tolerances: …}`), or in that of the environment
+variable ZEROBEAM_TOLERANCES. The header that comes out states all of them: a run or a result that is written
+with it means the same at any other plant.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from pydantic import Field
+
+from ..errors import BadInput
+from .confinement import TOLERANCES
+from .header import EXACT, Header, StatedGeometry, StatedSigma, StatedTool, Switch
+from .reading import KeyPath, read_yaml
+from .validation import FileModel, Positive, validate
+
+
+class PlantLinkTolerance(FileModel):
+    """Standard deviations of the link parameters of any arm."""
+
+    length_mm: Positive = Field(default=0.3, description="of each length, millimetres")
+    angle_deg: Positive = Field(default=0.1, description="of each angle, degrees")
+
+
+class PlantToolSigma(FileModel):
+    """How far a calibrated tool may be from what is stated of it."""
+
+    mm: Positive = Field(default=0.1, description="of each shift, millimetres")
+    tilt_deg: Positive = Field(default=0.05, description="of each tilt of a beam, degrees")
+
+
+class PlantTolerances(FileModel):
+    """What is typical of the arms and tools of a plant: prior standard deviations, as in a header."""
+
+    tolerance: PlantLinkTolerance = Field(
+        default=PlantLinkTolerance(), description="of the link parameters, one number for all links"
+    )
+    gravity: Switch = Field(
+        default="auto", description="whether joints deflect under the weight of the links"
+    )
+    harmonics: Switch = Field(default="auto", description="whether joint readings have a first harmonic")
+    gravity_deg: Positive = Field(
+        default=0.05, description="of a joint's deflection where the torque is largest, degrees"
+    )
+    harmonics_deg: Positive = Field(default=0.02, description="of each harmonic, cosine and sine, degrees")
+    tool_sigma: PlantToolSigma = Field(
+        default=PlantToolSigma(), description="of a calibrated tool, as tool.sigma of a header"
+    )
+
+
+def read_header(path: Path | str) -> Header:
+    """Header of a YAML file of its own, for `plan` and the importers."""
+    document = read_yaml(Path(path))
+    header = validate(Header, document.data, file=document.file, line=document.line)
+    return completed(header, document.file.parent, file=document.file, line=document.line)
+
+
+def completed(
+    header: Header, folder: Path, *, file: Path | None = None, line: Callable[[KeyPath], int | None]
+) -> Header:
+    """The header with the plant's tolerances, if there are any, in place of typical ones that it leaves out.
+
+    An exact arm has none. `folder` is where its paths start; `file` and `line` are where it is stated.
+    BadInput where the file of the tolerances cannot be used.
+    """
+    if header.geometry == EXACT:
+        return header
+    geometry = header.geometry or StatedGeometry()
+    plant = _plant(geometry, folder, file, line)
+    if plant is None:
+        return header
+    stated = geometry.model_dump(exclude_unset=True, exclude={"tolerances"})
+    typical = plant.model_dump(exclude={"tool_sigma"})
+    tolerance = typical["tolerance"] | stated.get("tolerance", {})
+    merged = StatedGeometry.model_validate({**typical, **stated, "tolerance": tolerance})
+    tool = _completed(header.tool, plant.tool_sigma)
+    return header.model_copy(update={"geometry": merged, "tool": tool})
+
+
+def _plant(
+    geometry: StatedGeometry, folder: Path, file: Path | None, line: Callable[[KeyPath], int | None]
+) -> PlantTolerances | None:
+    if geometry.tolerances is not None:
+        try:
+            return _read(folder / geometry.tolerances)
+        except BadInput as error:
+            if error.line is not None:
+                raise
+            # There is no such file, or no reading it: that is said where it is named.
+            at = line(("geometry", "tolerances"))
+            raise BadInput(
+                error.what,
+                found=geometry.tolerances,
+                allowed=error.allowed,
+                remedy=error.remedy,
+                file=file,
+                line=at,
+            ) from None
+    path = os.environ.get(TOLERANCES)
+    if not path:
+        return None
+    try:
+        return _read(Path(path).expanduser())
+    except BadInput as error:
+        remedy = f"{error.remedy or 'correct the file'}; the environment variable {TOLERANCES} names it"
+        raise BadInput(
+            error.what,
+            found=error.found,
+            allowed=error.allowed,
+            remedy=remedy,
+            file=error.file,
+            line=error.line,
+        ) from None
+
+
+def _read(path: Path) -> PlantTolerances:
+    document = read_yaml(path)
+    return validate(PlantTolerances, document.data, file=document.file, line=document.line)
+
+
+def _completed(tool: StatedTool, typical: PlantToolSigma) -> StatedTool:
+    """The tool with what is typical where nothing is stated; one that is not calibrated is as it is."""
+    if not tool.calibrated:
+        return tool
+    values = {"shift_mm": typical.mm}
+    if tool.kind == "laser":
+        values["tilt_deg"] = typical.tilt_deg
+    if "sigma" in tool.model_fields_set:
+        values |= tool.sigma.model_dump(exclude_unset=True)
+    return tool.model_copy(update={"sigma": StatedSigma.model_validate(values)})

@@ -1,0 +1,98 @@
+"""The acceptance test of a corrected robot in words: verdict, rule, what was measured before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..analysis.acceptance.acceptance_test import (
+    FALSE_ALARM,
+    POWER,
+    Acceptance,
+    AcceptanceResult,
+    EnteredOffset,
+    Mistake,
+)
+from ..analysis.acceptance.measured_error import MeasuredError
+from . import numbers
+from .wording import counted, label, listed
+
+ACCEPTANCE_WORDS: dict[Acceptance, str] = {"pass": "Pass", "fail": "Fail", "inconclusive": "Inconclusive"}
+RULE = (
+    f"Fail where residuals as large have a probability below {FALSE_ALARM:.0%} for a robot that is as its"
+    " calibration says (the probability of a false alarm). Pass where they agree, and an error of the"
+    " tolerance in any one offset would have been noticed with a probability of at least"
+    f" {POWER:.0%}. Else inconclusive."
+)
+CONTROLLERS_MODEL = (
+    "Each error is the residual between beam (or probe) and target by the controller’s model: nominal"
+    " geometry, joints as the controller reads them. The target is where the measurements of that time fit"
+    " best, so that its place may have changed."
+)
+_ENTERED = {"not entered": "left at the old value", "wrong sign": "entered with the wrong sign"}
+
+
+def acceptance_reason(answer: AcceptanceResult) -> str:
+    """Why the verdict is what it is, in a sentence."""
+    rms = f"{numbers.significant(answer.rms_mm, 2, 'mm')} rms"
+    expected = numbers.significant(answer.expected_mm, 2, "mm")
+    if answer.p_value is None or answer.statistic is None:
+        count = counted(answer.measurements, "measurement")
+        return f"{count} leave no degree of freedom: record more postures."
+    chi2 = numbers.significant(answer.statistic * answer.dof)
+    measure = f"χ² {chi2}, {answer.dof} dof, {numbers.p_words(answer.p_value)}"
+    if answer.verdict == "fail":
+        return (
+            f"The corrected robot is not where its calibration says: residuals {rms}, where {expected} were"
+            f" predicted ({measure}). Do not use it; a false alarm has a probability of {FALSE_ALARM:.0%}."
+        )
+    agrees = f"Residuals {rms} agree with the prediction ({measure})"
+    if answer.verdict == "pass":
+        return (
+            f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
+            f" probability of at least {POWER:.0%}."
+        )
+    names = listed([label(offset.name) for offset in answer.unnoticed])
+    return (
+        f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record more postures"
+        " (zerobeam plan verify RUN -o PLAN --shots N)."
+    )
+
+
+def noticed_sentence(offsets: Sequence[EnteredOffset]) -> str:
+    """What the probabilities of the table are, and what a pass needs."""
+    lacking = any(offset.power < POWER for offset in offsets)
+    return (
+        "Probability of noticing an error. A correct calibration fails with a probability of"
+        f" {FALSE_ALARM:.0%}. To pass, the test needs {POWER:.0%} against an error of the tolerance in each"
+        " offset"
+        f"{': here it can only fail. Record more postures.' if lacking else '.'}"
+    )
+
+
+def mistake_sentence(mistake: Mistake) -> str:
+    """A mistake in entering that would explain the measurements."""
+    names = listed([label(name) for name in mistake.offsets])
+    return f"It would fit if {names} had been {_ENTERED[mistake.kind]} ({numbers.p_words(mistake.p_value)})."
+
+
+def probability_words(share: float) -> str:
+    """Rounded down: what is less than enough never looks like enough."""
+    return "over 99 %" if share > 0.99 else f"{int(100 * share)} %"
+
+
+def measured_sentence(measured: MeasuredError) -> str:
+    """The error before and after, and the noise that no calibration takes away."""
+    after, noise = measured.after, numbers.significant(measured.noise_mm, 2, "mm")
+    of_noise = f"the noise of one measurement is {noise}"
+    left = f"{numbers.significant(after.rms_mm, 2, 'mm')} rms ({_worst(after.worst_mm)})"
+    if measured.before is None:
+        return (
+            f"Error at the target, measured: {left} as left; {of_noise}. As found is not known: the"
+            " calibration has no measurement at some of these postures."
+        )
+    found = f"{numbers.significant(measured.before.rms_mm, 2, 'mm')} rms ({_worst(measured.before.worst_mm)})"
+    return f"Error at the target, measured: {found} as found, {left} as left; {of_noise}."
+
+
+def _worst(worst_mm: float) -> str:
+    return f"worst {numbers.significant(worst_mm, 2, 'mm')}"
