@@ -11,7 +11,7 @@ from ..style.canvas import Picture
 from .study_blocks import NOT_GIVEN, PlainRow, columns_of, how_it_was_done, view_of
 
 _COLUMNS = (
-    "what is wrong",
+    "scenario",
     "measurements",
     "pass",
     "misfit",
