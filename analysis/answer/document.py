@@ -19,8 +19,8 @@ from ...model.files.json_document import keys_of
 from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
+from ..diagnostics.cause import Cause
 from ..diagnostics.enter import Conformity, TakenGeometry, TcpError
-from ..diagnostics.hypotheses import Cause
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
@@ -451,6 +451,7 @@ class ExplanationDocument(DocumentPart):
     measurements: tuple[int, ...]
     factor: float
     agrees: bool
+    odds: float
     sentence: str
 
 

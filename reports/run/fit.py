@@ -13,7 +13,8 @@ from ...analysis.posterior.intervals import Intervals
 from ...words import numbers
 from ...words.findings import likelihood_message
 from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit import CAUSES, changed, diagnosis_said
+from ...words.misfit import diagnosis_said
+from ...words.misfit_causes import CAUSES, changed
 from ...words.numbers import times, unit_of
 from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
