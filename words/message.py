@@ -43,11 +43,12 @@ from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
 from ..model.files.header import DEFAULT_TARGETS, Header
 from . import numbers
+from .enter import conformity_sentence
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
 from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
 from .misfit_causes import mend
-from .observability import reason, remedy
+from .observability import reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
 from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
@@ -197,6 +198,10 @@ def _warnings(result: Result) -> Iterator[str]:
     yield from map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
     if (unchecked := likelihood_message(result.likelihood)) is not None:
         yield f"{capital(unchecked)}."
+    if result.verdict == "pass" and (missed := unnoticed_sentence(result.power)) is not None:
+        yield missed
+    if "required" in result.inputs.header:
+        yield conformity_sentence(result)
     if not offsets:
         return
     worst = max(offsets, key=lambda row: row.std or 0.0)
