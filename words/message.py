@@ -45,7 +45,8 @@ from ..model.files.header import DEFAULT_TARGETS, Header
 from . import numbers
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
-from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, mend, step_sentence
+from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
+from .misfit_causes import mend
 from .observability import reason, remedy
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS

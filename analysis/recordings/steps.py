@@ -241,5 +241,7 @@ def _gumbel(value: float, simulated: Matrix) -> float:
     """The p-value of a largest value, by Gumbel's distribution of the moments of the simulated ones: the
     tail of -log(1 - share) is exponential (of a beta distribution), and simulations do not reach it."""
     scale = float(simulated.std(ddof=1)) * np.sqrt(6) / np.pi
+    if scale == 0.0:  # a shift explains whatever there is
+        return 1.0
     location = float(simulated.mean()) - _EULER * scale
     return float(-np.expm1(-np.exp(-(value - location) / scale)))
