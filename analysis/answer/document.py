@@ -20,7 +20,7 @@ from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
 from ..diagnostics.cause import Cause
-from ..diagnostics.enter import Conformity, TcpError
+from ..diagnostics.enter import Conformity, TakenGeometry, TcpError
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
@@ -458,10 +458,22 @@ class ExplanationDocument(DocumentPart):
 class EnterDocument(DocumentPart):
     """Values to enter, and the error of the TCP to expect."""
 
-    for_: Literal["nominal"] = Field(alias="for")
+    for_: TakenGeometry = Field(alias="for")
     values: dict[str, float]
-    tcp_before: TcpError
-    tcp_after: TcpError
+    u: dict[str, float]
+    tcp_before: TcpError | None
+    tcp_after: TcpError | None
+
+
+class PowerDocument(DocumentPart):
+    """The probability with which a run notices a wrong model."""
+
+    wrong: WrongModel
+    size: float
+    unit: str
+    joint: int | None
+    probability: float
+    off_u: float
 
 
 class ResultDocument(DocumentPart):
@@ -490,7 +502,9 @@ class ResultDocument(DocumentPart):
     misfit: MisfitDocument | None
     diagnosis: tuple[ExplanationDocument, ...]
     enter: EnterDocument | None
+    enter_geometry: EnterDocument | None
     conformity: Conformity | None
+    power: tuple[PowerDocument, ...]
     notes: tuple[str, ...]
     next_steps: NextSteps
     inputs: Inputs
@@ -509,17 +523,6 @@ class CheckedParameterDocument(DocumentPart):
     prior_std: float
     tolerance_share: Number
     reason: str | None
-
-
-class PowerDocument(DocumentPart):
-    """The probability with which a run notices a wrong model."""
-
-    wrong: WrongModel
-    size: float
-    unit: str
-    joint: int | None
-    probability: float
-    off_u: float
 
 
 class CheckDocument(DocumentPart):

@@ -43,7 +43,7 @@ class ToleranceOnly:
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class NamedTolerance:
     """What a parameter of geometry or tool is known to: `std` in its `unit`."""
 
     name: str
@@ -57,7 +57,7 @@ class WithinTolerances:
     variance is set by them, most by `largest`."""
 
     share: float
-    largest: tuple[Tolerance, ...] = ()
+    largest: tuple[NamedTolerance, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -31,13 +31,13 @@ from .causes import (
     BaseFrame,
     Cause,
     CommonMotion,
+    NamedTolerance,
     NoiseSplit,
     NullDirection,
     OnAxis,
     OnePosition,
     ParallelAxes,
     TargetUnseen,
-    Tolerance,
     TooFewMeasurements,
     ToolAgainstTarget,
     ToolRotation,
@@ -431,7 +431,7 @@ def _by_tolerances(judged: _Judged, direction: Matrix) -> Mechanism | None:
     named = [items[i] for i in largest if shares[i] >= shares[largest[0]] / 2]
     cause = WithinTolerances(
         float(min(shares.sum(), 1.0)),
-        tuple(Tolerance(item.name, item.prior_std * item.display, item.unit) for item in named),
+        tuple(NamedTolerance(item.name, item.prior_std * item.display, item.unit) for item in named),
     )
     return Mechanism(_NO_SUPPORT, cause)
 

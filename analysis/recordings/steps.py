@@ -18,6 +18,7 @@ import numpy as np
 from ...model.arrays import Index, Mask, Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
+from ..status import LACK_OF_FIT
 from .recordings import (
     LARGE,
     SIGNIFICANCE,
@@ -43,8 +44,8 @@ _NUMBERS = 1_000_000  # simulated residuals at once
 _DETERMINED_MM = 10.0  # a direction that the measurements determine no better is free
 _EULER = float(np.euler_gamma)
 _RHO_STEP = 0.05
-# The only significant step of a hundred typical arms at rest has 1.9; steps of forty with a target moved by 1 mm
-# have 2.5 to 5.4, and those of sockets that slipped on real arms (panda_2, kuka_14) 3.6 to 6.2.
+# The only significant step of a hundred typical arms at rest has 1.9; steps of forty with a target moved by
+# 1 mm have 2.5 to 5.4, and those of sockets that slipped on real arms (panda_2, kuka_14) 3.6 to 6.2.
 _STANDS_OUT = 2.0
 
 
@@ -71,10 +72,11 @@ class RecordingStep:
     factor: float
 
     @property
-    def stands_out(self) -> bool:
-        """Beyond what else scatters in the recording: errors of an arm that change slowly along a row of
-        postures are significant steps of the size of that scatter."""
-        return self.factor > _STANDS_OUT
+    def contradicts(self) -> bool:
+        """Whether it speaks against the model: at the level of every test of a fit, and beyond what else
+        scatters in the recording. Errors of an arm that change slowly along a row of postures are steps of
+        the size of that scatter."""
+        return self.p_value < LACK_OF_FIT and self.factor > _STANDS_OUT
 
 
 @dataclass(frozen=True)

@@ -382,7 +382,7 @@ def _held(
                 allowed=", ".join(names),
                 remedy="correct the name in `held`, or leave `held` out to hold what the method defines",
             )
-    if set(listed) == set(names):
+    if not any(item.name not in listed for item in items if not item.tolerated):
         raise BadInput(
             "everything is held: there is nothing to estimate",
             found=", ".join(listed),

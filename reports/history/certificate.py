@@ -76,7 +76,7 @@ def certificate_json(
     row = HistoryResult.of(result).to_json()
     del row["without_prior"]
     header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
-    k = _coverage_factor(offsets)
+    k = answer.get("coverage_factor") or _coverage_factor(offsets)
     return {
         "schema": SCHEMA,
         **row,
@@ -135,7 +135,8 @@ def _form(header: Json) -> Json:
 
 
 def _coverage_factor(offsets: list[Json]) -> float:
-    """k of the 95 % intervals: one for all, since all have the degrees of freedom of the fit."""
+    """k of the 95 % intervals, of a result that does not state it: one for all, since all have the degrees of
+    freedom of the fit."""
     row = next(row for row in offsets if known(row["status"]))
     low, high = row["interval95"]
     return float((high - low) / 2 / row["std"])

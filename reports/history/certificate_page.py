@@ -214,16 +214,16 @@ def _rules(certificate: Mapping[str, Any]) -> Iterator[str]:
 def _offsets(certificate: Mapping[str, Any]) -> Iterator[Block]:
     rows, assumed, k = certificate["offsets"], certificate["assumed"], certificate["coverage"]["k"]
     nominal = assumed["geometry"]["tolerance"] is None
-    columns = [("name", "left"), ("estimate", "right"), ("U", "right"), ("95 % interval", "right")]
+    columns = [("name", "left"), ("estimate", "right"), (f"U ({numbers.coverage(k)})", "right")]
     more = [(_IF_IT_DEVIATES, "right")] if nominal else []
     yield table_of(OFFSETS, [*columns, *more, ("status", "left")], [_offset(row, nominal, k) for row in rows])
     yield Paragraph(
-        f"U is the expanded uncertainty, the standard uncertainty times k = {numbers.fixed(k, 2)}, for a"
-        " coverage probability of 95 % (JCGM 100)."
+        f"U is the expanded uncertainty, the standard uncertainty times {numbers.coverage(k)}: estimate ± U"
+        " holds the offset with a probability of about 95 % (JCGM 100)."
     )
     if nominal:
         yield Paragraph(
-            "U and the interval hold if the arm has its nominal geometry. U if the arm deviates has the same"
+            "U holds if the arm has its nominal geometry. U if the arm deviates has the same"
             f" k and links that deviate by {_tolerances(assumed['geometry']['considered_tolerance'])}."
         )
     if certificate["intervals"]:
@@ -245,14 +245,13 @@ def _offset(row: Mapping[str, Any], nominal: bool, k: float) -> Row:
     word, more = Cell(status, mark=status), [NO_NUMBER] if nominal else []
     if not known(status):
         text = f"held {_held_at(row)}" if row["held"] else NOT_DETERMINED
-        return row_of(name, Cell(text, span=2), NO_NUMBER, *more, word, tone=status)
+        return row_of(name, Cell(text, span=2), *more, word, tone=status)
     if nominal and row["considered_std"] is not None:
         more = [numbers.spread(k * row["considered_std"], unit)]
     return row_of(
         name,
         numbers.estimate(row["estimate"], row["expanded"], unit),
         numbers.spread(row["expanded"], unit),
-        numbers.interval(row["interval95"], row["expanded"], unit),
         *more,
         word,
         tone=status,

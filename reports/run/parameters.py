@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
-OFFSETS = "Joint offsets, to be added to the recorded joint positions"
+OFFSETS = "Joint offsets of the arm: true position = recorded position + offset"
 NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = (
     "Joint offsets, unvalidated: the model does not describe the measurements; not to be applied"
@@ -223,12 +223,12 @@ def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
 
 
 def offsets_picture(result: Result) -> Picture:
-    """Left the estimates, right the half widths of their intervals on a logarithmic scale.
+    """Left the estimates, right their expanded uncertainties on a logarithmic scale.
 
     Prismatic joints (mm) have a panel row of their own. A parameter without an estimate has a
     hatched band and no dot anywhere.
     """
-    offsets = [row for row in result.parameters if row.group == "offset"]
+    offsets, k = [row for row in result.parameters if row.group == "offset"], result.coverage_factor
     units = list(dict.fromkeys(row.unit for row in offsets))
     groups = [[row for row in offsets if row.unit == unit] for unit in units]
     with style():
@@ -241,10 +241,11 @@ def offsets_picture(result: Result) -> Picture:
             width_ratios=[1.55, 1],
         )
         for (left, right), rows, unit in zip(panels, groups, units, strict=True):
-            _estimates(left, rows, numbers.symbol(unit))
-            _widths(right, rows, numbers.symbol(unit))
+            _estimates(left, rows, numbers.symbol(unit), k)
+            _widths(right, rows, numbers.symbol(unit), k)
         svg = to_svg(figure, "offsets")
-    return Picture("offsets", "Offsets with their 95 % intervals", _alt(offsets), svg)
+    title = f"Offsets with their expanded uncertainties U ({numbers.coverage(k)})"
+    return Picture("offsets", title, _alt(offsets, k), svg)
 
 
 def _rows(axes: Axes, rows: Sequence[ParameterResult]) -> None:
@@ -253,25 +254,26 @@ def _rows(axes: Axes, rows: Sequence[ParameterResult]) -> None:
     bare_y(axes)
 
 
-def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
+def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str, k: float) -> None:
     _rows(axes, rows)
     axes.tick_params(axis="y", labelcolor=light("ink"), labelsize=10)
     for y, row in enumerate(rows):
         colour, shape = light(row.status), SHAPES[row.status]
         if row.estimate is None:
             hatched(axes, y, NOT_DETERMINED)
-        elif row.interval95 is None:
+        elif row.std is None:
             axes.plot([row.estimate], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
             beside(axes, row.estimate, y, "held", color=colour)
         else:
-            axes.plot(row.interval95, [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
+            ends = [row.estimate - k * row.std, row.estimate + k * row.std]
+            axes.plot(ends, [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
             axes.plot([row.estimate], [y], shape, markersize=5, color=colour)
     axes.axvline(0, color=light("muted"), linewidth=0.8)
     axes.margins(x=0.08)
-    axes.set_xlabel(f"offset, {unit}, with 95 % interval")
+    axes.set_xlabel(f"offset ± U, {unit}")
 
 
-def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
+def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str, k: float) -> None:
     _rows(axes, rows)
     axes.tick_params(axis="y", labelleft=False)
     axes.set_xscale("log")
@@ -279,10 +281,9 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
     for y, row in enumerate(rows):
         if row.estimate is None:
             hatched(axes, y, "")
-        if row.interval95 is None:
+        if row.std is None:
             continue
-        low, high = row.interval95
-        half = (high - low) / 2
+        half = k * row.std
         halves.append(half)
         axes.plot([half], [y], SHAPES[row.status], markersize=5, color=light(row.status))
         beside(axes, half, y, numbers.spread(half, row.unit))
@@ -294,21 +295,22 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
         axes.set_xticks([])
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_xlabel(f"half width of the interval, {unit}")
+    axes.set_xlabel(f"U, {unit}")
 
 
-def _alt(rows: Sequence[ParameterResult]) -> str:
+def _alt(rows: Sequence[ParameterResult], k: float) -> str:
     parts = []
     for row in rows:
         name = label(row.name)
         if row.estimate is None:
             parts.append(f"{name} {NOT_DETERMINED}")
-        elif row.interval95 is None or row.std is None:
+        elif row.std is None:
             parts.append(f"{name} held")
         else:
-            interval = numbers.interval(row.interval95, row.std, row.unit)
-            parts.append(f"{name} {interval} ({row.status})")
-    return f"95 % intervals of the joint offsets: {'; '.join(parts)}."
+            u = k * row.std
+            value = f"{numbers.estimate(row.estimate, u, row.unit)} ± {numbers.spread(u, row.unit)}"
+            parts.append(f"{name} {value} ({row.status})")
+    return f"Joint offsets ± U: {'; '.join(parts)}."
 
 
 class Estimated(Protocol):

@@ -12,6 +12,8 @@ from typing import ClassVar
 from ...analysis.answer.message import Message
 from ...words.numbers import NO_BREAK
 
+_PHONE, _MARK = 49, 2  # letters of a phone's line, of a mark
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -48,6 +50,18 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Row]
     kind: ClassVar[str] = "table"
+
+    @property
+    def narrow(self) -> bool:
+        """Whether a phone shows it as a table: its rows fit a line there, heads broken at spaces."""
+        letters = [max(map(len, column.text.split()), default=0) for column in self.columns]
+        for row in self.rows:
+            at = 0
+            for cell in row.cells:
+                if cell.span == 1 and at < len(letters):
+                    letters[at] = max(letters[at], len(cell.text) + (_MARK if cell.mark else 0))
+                at += cell.span
+        return sum(letters) + len(letters) <= _PHONE
 
 
 @dataclass(frozen=True)

@@ -278,9 +278,13 @@ good, x_pattern, uncalibrated, misfit, unconverged, outlier, held_out, separate,
 
 def draws(result: Result) -> Draws:
     """The draws of an example, also where it was changed in other parts than its posterior."""
-    (found,) = [own.draws for own in _MADE.values() if own.result.posterior is result.posterior]
+    found = _draws(result)
     assert found is not None
     return found
+
+
+def _draws(result: Result) -> Draws | None:
+    return next(own.draws for own in _MADE.values() if own.result.posterior is result.posterior)
 
 
 def drawn(result: Result, of: Draws | None = None) -> dict[str, Picture]:
@@ -288,7 +292,7 @@ def drawn(result: Result, of: Draws | None = None) -> dict[str, Picture]:
     for name, own in _MADE.items():
         if of is None and result is own.result:
             return _drawn_once(name)
-    return pictures(result, of or draws(result))
+    return pictures(result, of or _draws(result))
 
 
 @functools.cache

@@ -121,9 +121,10 @@ def test_analyse_prints_for_people_without_json() -> None:
     assert "\x1b" not in told.out
 
 
-def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not() -> None:
+def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not(tmp_path: Path) -> None:
+    (run := tmp_path / "run.jsonl").write_text(run_text(), encoding="utf-8")
     first, again, other = (
-        zerobeam("analyse", GOOD, "--json", "--seed", seed, *FEW).json for seed in (1, 1, 2)
+        zerobeam("analyse", run, "--json", "--seed", seed, *FEW).json for seed in (1, 1, 2)
     )
     for answer in (first, again, other):
         answer["posterior"].pop("seconds")
@@ -344,12 +345,13 @@ def test_a_failed_fit_has_its_own_status_and_no_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(importlib.import_module("zerobeam.analysis.ladder"), "fit_likelihood", unconverged)
-    told = zerobeam("report", GOOD, "-o", tmp_path / "out", "--json")
+    (exact := tmp_path / "run.jsonl").write_text(run_text(), encoding="utf-8")
+    told = zerobeam("report", exact, "-o", tmp_path / "out", "--json")
     assert (told.status, told.err) == (3, "")
     assert "did not converge" in told.json["headline"]
     assert {row["status"] for row in told.json["parameters"]} == {"held", "unidentifiable"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == WHOLE_REPORT - {"posterior.nc"}
-    assert zerobeam("analyse", GOOD).status == 3
+    assert zerobeam("analyse", exact).status == 3
 
 
 @pytest.mark.parametrize(

@@ -52,10 +52,11 @@ def test_the_keys_are_those_of_the_design() -> None:
     answer = to_json(good())
     assert answer["schema"] == RESULT_SCHEMA
     assert list(answer) == [
-        *("schema", "verdict", "headline", "parameters", "without_prior", "identifiability", "fits"),
+        *("schema", "verdict", "message", "coverage_factor", "headline", "parameters", "without_prior"),
+        *("identifiability", "fits"),
         *("geometry", "posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust"),
         "hold_out",
-        *("placements", "scene", "misfit", "diagnosis", "enter", "conformity"),
+        *("placements", "scene", "misfit", "diagnosis", "enter", "enter_geometry", "conformity"),
         *("notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [

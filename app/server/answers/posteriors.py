@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ....analysis.estimation.fit import LikelihoodFit
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
@@ -176,14 +177,16 @@ def brush(folder: Folder, request: AskedBrush) -> Brushed:
     def without_residuals(reason: str) -> Brushed:
         return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=[], reason=reason)
 
-    if draws.prior:
-        few = ", ".join(draws.prior[:6]) + (" …" if len(draws.prior) > 6 else "")
-        return without_residuals(
-            f"{few}: unidentifiable; their draws are of the prior alone and say nothing of the residuals"
-        )
     run = fitted(folder.file(request.run))
     if run.run.sha256 != draws.sha256:
         raise BadInput("these draws are not of this run", found=f"SHA-256 {draws.sha256[:12]}…")
+    tolerated = {row.name for row in run.solution.parameters if row.tolerated}
+    prior = [name for name in draws.prior if name not in tolerated]
+    if prior:
+        few = ", ".join(prior[:6]) + (" …" if len(prior) > 6 else "")
+        return without_residuals(
+            f"{few}: unidentifiable; their draws are of the prior alone and say nothing of the residuals"
+        )
     lengths, every = _RESIDUALS.of(path, lambda _: _lengths(run, draws))
     among = chosen[::every]
     if not among.any():
@@ -195,7 +198,11 @@ def brush(folder: Folder, request: AskedBrush) -> Brushed:
 
 
 def _lengths(run: FittedRun, draws: StoredDraws) -> tuple[Matrix, int]:
-    """(draws, N) lengths of the normalised residuals of every k-th draw, and k."""
+    """(draws, N) lengths of the normalised residuals of every k-th draw, and k.
+
+    What is known by its tolerance only has no draws beside the others: it is drawn given theirs, by the
+    curvature at the mode.
+    """
     fit = run.solution.fit
     problem: Problem = fit.problem
     every = max(1, -(-len(draws.values) * problem.shots // MOST_RESIDUALS))
@@ -211,6 +218,7 @@ def _lengths(run: FittedRun, draws: StoredDraws) -> tuple[Matrix, int]:
         item = problem.parameters.items[by_name[name]]
         values = draws.values[::every, k]
         rows[:, by_name[name]] = np.log(values) if item.group == "noise" else values / item.display
+    rows = _with_tolerated(fit, rows, {by_name[name] for name in draws.names})
     factor = fit.whitened.factor
     lengths = np.empty((len(rows), problem.shots))
     scale = np.sqrt(fit.weight)
@@ -218,6 +226,27 @@ def _lengths(run: FittedRun, draws: StoredDraws) -> tuple[Matrix, int]:
         residual, _ = problem.linearise(x)
         lengths[k] = np.linalg.norm(np.linalg.solve(factor, residual[:, :, None])[:, :, 0], axis=1) * scale
     return lengths, every
+
+
+def _with_tolerated(fit: LikelihoodFit, rows: Matrix, drawn: set[int]) -> Matrix:
+    """Parameter vectors `rows` (W, p) of which only the places `drawn` are draws: the other free ones are
+    drawn given these, from the normal distribution at the mode."""
+    parameters = fit.problem.parameters
+    at = np.array([i for i in np.flatnonzero(parameters.free) if i in drawn], dtype=int)
+    others = np.array([i for i in np.flatnonzero(parameters.free) if i not in drawn], dtype=int)
+    if not len(others):
+        return rows
+    known, unknown = parameters.among_free[at], parameters.among_free[others]
+    across = fit.covariance[np.ix_(unknown, known)]
+    gain = np.linalg.solve(fit.covariance[np.ix_(known, known)], across.T).T
+    left = fit.covariance[np.ix_(unknown, unknown)] - gain @ across.T
+    variance, axes = np.linalg.eigh(left)
+    noise = np.random.default_rng(0).standard_normal((len(rows), len(others)))
+    given = ((rows[:, at] - fit.x[at]) / parameters.prior_std[at]) @ gain.T
+    given += noise @ (axes * np.sqrt(np.maximum(variance, 0.0))).T
+    result = rows.copy()
+    result[:, others] = fit.x[others] + given * parameters.prior_std[others]
+    return result
 
 
 END_POINTS = [

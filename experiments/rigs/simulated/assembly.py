@@ -139,8 +139,14 @@ class CellParts:
     camera: Camera | None
 
     def provenance(self) -> dict[str, float]:
-        """The true offsets by name with the unit, and the tool where it is not as stated."""
-        values = self.truth.provenance()
+        """The true offsets by name with the unit, and the tool where it is not as stated. How links deviate
+        is in the cell file, by other numbers than a header's."""
+        links = {item.name for item in self.truth.problem.parameters.items if item.group == "geometry"}
+        values = {
+            name: value
+            for name, value in self.truth.provenance().items()
+            if name.removeprefix("true ").partition(" (")[0] not in links
+        }
         if self.truth.problem.tool.exact and self.tool.any():
             for i, value in enumerate(np.degrees(self.tool[:2]), start=1):
                 values[f"true tool.tilt{i} (deg)"] = round(float(value), 9)

@@ -16,6 +16,8 @@ from pages import Page, assert_fetches_nothing
 from zerobeam.analysis.answer.result import Result
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
+from zerobeam.reports.style.blocks import Page as PageOfBlocks
+from zerobeam.reports.style.blocks import Verdict, row_of, section_of, table_of
 from zerobeam.words.result_json import dumps, to_json
 
 
@@ -107,3 +109,21 @@ def test_details_are_folded_below_what_matters() -> None:
     assert parts == [f"part-{i + 1}" for i in range(len(parts))]
     assert len(parts) == text.count("<h2>")
     assert all(text.count(f'id="{part}"') == 1 for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("cells", "narrow"),
+    [
+        (("J2 (δ2)", "−1.222°", "0.020°", "33 %"), True),
+        (("J2 (δ2)", "a text of more than twenty letters", "0.020°", "33 %"), False),
+        (("J2 (δ2)", "−1.22246°", "−1.24 to −1.20°", "−1.241 to −1.201°"), False),
+    ],
+    ids=str,
+)
+def test_a_phone_has_a_table_where_its_rows_fit_a_line(cells: tuple[str, ...], narrow: bool) -> None:
+    """Else a list of its rows: numbers of one column below each other are read faster."""
+    table = table_of("Offsets", ["name", "estimate", "U", "set by tolerances"], [row_of(*cells)])
+    page = PageOfBlocks("title", "subtitle", Verdict("pass", "Pass", "All."), [], [section_of("one", table)])
+    assert table.narrow == narrow
+    assert ('<table class="narrow">' in html(page, {}, "report")) == narrow
+    assert ('<table class="wide">' in html(page, {}, "report")) != narrow

@@ -65,8 +65,8 @@ def test_a_source_a_row_and_an_offset_a_column():
     assert told["2 others, each <\u00a01\u00a0%"][:2] == ["", "0.0005 (<1\u00a0%)"]
     assert told["combined u"][1] == "0.020"
     assert told["ν effective"][1] == "∞"
-    assert told["expanded U (k\u00a0=\u00a02)"][1] == "0.040"
-    assert told["result"][1] == f"{MINUS}1.222 ± 0.040"
+    assert told["expanded U (k\u00a0=\u00a02)"][1] == "0.041"
+    assert told["result"][1] == f"{MINUS}1.222 ± 0.041"
     assert cells(sensitivities)["joint 1"][:2] == ["per °", "1.6"]
     assert cells(sensitivities)["spot"][0] == "per mm"
     assert cells(check)["J2 (δ2)"] == ["0.00010°", "0.00020°", "0.00050°", "0.000040°", "yes, to 2 digits"]
