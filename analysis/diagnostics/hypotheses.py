@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 import scipy
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
@@ -220,9 +220,9 @@ def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[Hypoth
     slopes = density.slopes(x, of)
     z = density.scaled(x)
     numbers = np.broadcast_to(density.numbers(of), len(x)) + len(density.problem.distances)
-    finite = np.isfinite(slopes.information).all(axis=(1, 2))
+    finite: Mask = np.asarray(np.isfinite(slopes.information).all(axis=(1, 2)))
     information = np.where(finite[:, None, None], slopes.information, np.eye(density.size))
-    wide = ~parameters.tolerated[parameters.free]
+    wide = np.asarray(~parameters.tolerated[parameters.free])
     by_wide = information[:, wide][:, :, wide] - np.eye(int(wide.sum()))
     rank = (np.linalg.eigvalsh(by_wide) >= 1.0).sum(axis=1)
     log_det = np.linalg.slogdet(information)[1]
@@ -365,10 +365,11 @@ def _with_held_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
 
 def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
     """What is left with what a suspect frees at its mode, from the model as recorded."""
-    values, occam = np.zeros(0), 0.0
+    values: Matrix = np.zeros(0)
+    occam = 0.0
     for _ in range(_REFITS):
         columns = suspect.columns(linear)
-        step = np.zeros(columns.shape[1])
+        step: Matrix = np.zeros(columns.shape[1])
         if len(step):
             values = np.zeros_like(step) if not len(values) else values
             y, gram = linear.normal(columns)

@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.robot_file import BUILT_IN, built_in_robots, load_robot
+from ...model.files.confinement import BUILT_IN
+from ...model.files.robot_file import built_in_robots, load_robot
 from ...model.kinematics.robot import Robot, rotation_about, shift
 
 _VENDOR = re.compile(r"^vendor: *([\w-]+)", re.MULTILINE)

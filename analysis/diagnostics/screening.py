@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -125,7 +126,8 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     """(transforms, q, spot, delta, target, tool) -> residual (d,), its Jacobian by the last three."""
     tool, n = key.tool, len(kinds)
     transforms = ca.SX.sym("transforms", 12 * (n + 1))
-    fixed = [
+    # Transforms that are symbols, as those of `Geometry.moved`.
+    fixed: list[Any] = [
         ca.vertcat(ca.reshape(transforms[12 * i : 12 * i + 12], 3, 4), ca.SX([[0, 0, 0, 1]]))
         for i in range(n + 1)
     ]

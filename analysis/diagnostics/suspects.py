@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -92,12 +92,10 @@ class Linear:
         self.size = problem.tool.residual_size
         _, shot_jacobians = problem.linearise(x)
         roots = np.sqrt(problem.weights)[:, None, None]
-        self.by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians)) * roots
+        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
+        self.by_joints: Matrix = np.asarray(by_joints * roots, dtype=float)
         self.by_place = by_targets(problem, whitened)
-        self.by_spot = (
-            -np.linalg.solve(whitened.factor, np.broadcast_to(np.eye(self.size), whitened.factor.shape))
-            * roots
-        )
+        self.by_spot: Matrix = np.asarray(-np.linalg.inv(whitened.factor) * roots, dtype=float)
 
     @cached_property
     def shots_residual(self) -> Matrix:
@@ -425,13 +423,8 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
                 y, gram = linear.normal(_by_parameters(linear, which))
-                yield from _suspects(
-                    y[None],
-                    gram[None],
-                    sizes,
-                    lambda _, which=which, of=of: _of_prior(parameters, which, "tool", of=of),
-                    scale,
-                )
+                suspect = _of_prior(parameters, which, "tool", of=of)
+                yield from _suspects(y[None], gram[None], sizes, partial(_itself, suspect), scale)
     for angle in (False, True):
         which = [
             i
@@ -452,6 +445,10 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
                 return _of_prior(parameters, [which[k]], "length", joints=(number,), of=item.name)
 
             yield from _suspects(y, gram, _TILTS if angle else _MM, made, unit if angle else 1.0)
+
+
+def _itself(suspect: Suspect, _: int) -> Suspect:
+    return suspect
 
 
 def _by_parameters(linear: Linear, which: list[int]) -> Matrix:

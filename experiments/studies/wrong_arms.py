@@ -164,9 +164,8 @@ def _deviation(names: tuple[str, ...], values: Matrix) -> Matrix:
 def _rotation(axis: Matrix, angle: Matrix) -> Matrix:
     """(N, 3, 3) about a unit axis (Rodrigues)."""
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return (
-        np.eye(3) + np.sin(angle)[:, None, None] * cross + (1 - np.cos(angle))[:, None, None] * cross @ cross
-    )
+    sine, rest = np.sin(angle)[:, None, None], 1 - np.cos(angle)[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
 
 
 def _chain(fixed: Matrix, axes: Matrix, robot: Robot, theta: Matrix) -> tuple[Matrix, Matrix, Matrix]:

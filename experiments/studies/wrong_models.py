@@ -269,9 +269,9 @@ def _headline(models: Sequence[WrongModel], broken: Sequence[str], unnamed: Sequ
         f" {_FEWEST_TO_NAME} measurements or more decide, {right} name the right one."
     ]
     if broken:
-        parts.append(f"Passes with an offset beyond {LIMIT_U:g} u: {listed(broken, 12)}.")
+        parts.append(f"Passes with an offset beyond {LIMIT_U:g} u: {listed(list(broken), 12)}.")
     else:
         parts.append(f"No scenario passes with an offset beyond {LIMIT_U:g} u in more than 1 % of its arms.")
     if unnamed:
-        parts.append(f"Named wrong too often: {listed(unnamed, 8)}.")
+        parts.append(f"Named wrong too often: {listed(list(unnamed), 8)}.")
     return " ".join(parts)
