@@ -374,7 +374,7 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
             values = np.zeros_like(step) if not len(values) else values
             y, gram = linear.normal(columns)
             whole = gram + np.eye(len(step)) / suspect.size**2
-            step = -np.linalg.solve(whole, y + values / suspect.size**2)
+            step[:] = -np.linalg.solve(whole, y + values / suspect.size**2)
             values = values + step
             occam = (
                 float(np.linalg.slogdet(suspect.size**2 * whole)[1] + (values @ values) / suspect.size**2) / 2
