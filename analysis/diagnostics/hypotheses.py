@@ -264,11 +264,14 @@ def _of_changes(
     """The best of the changes by their fit with nominal geometry, fitted whole."""
     rows = _thinned(problem, _SCREENED)
     few = problem.select(rows)
-    recorded = [few.joints, *(few.joints if own.recorded is None else own.recorded[rows] for own in every)]
-    robots = [problem.robot, *(own.robot or problem.robot for own in every)]
-    weights = [few.weights, *(_weights(problem, own)[rows] for own in every)]
+    recorded = [
+        few.joints,
+        *(few.joints if change.recorded is None else change.recorded[rows] for change in every),
+    ]
+    robots = [problem.robot, *(change.robot or problem.robot for change in every)]
+    weights = [few.weights, *(_weights(problem, change)[rows] for change in every)]
     x, cost = screened(few, robots, np.array(recorded), np.array(weights))
-    criterion = cost[1:] + 2 * few.data_size * np.array([own.volume for own in every])
+    criterion = cost[1:] + 2 * few.data_size * np.array([change.volume for change in every])
     best = [int(i) for i in np.argsort(criterion, kind="stable")[:most] if criterion[i] < cost[0]]
     nominal = problem.parameters.without("geometry")
     return [

@@ -133,7 +133,7 @@ def other_arms(robot: Robot, *, siblings: bool) -> Iterator[Variant]:
 def _vendors() -> tuple[tuple[str, str], ...]:
     """Names and makers of the built-in arms: to read the files whole takes longer than to look for a line."""
     texts = ((name, (BUILT_IN / f"{name}.yaml").read_text(encoding="utf-8")) for name in built_in_robots())
-    return tuple((name, found[1] if (found := _VENDOR.search(text)) else "") for name, text in texts)
+    return tuple((name, match[1] if (match := _VENDOR.search(text)) else "") for name, text in texts)
 
 
 @cache

@@ -137,12 +137,12 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     q, delta, target = ca.SX.sym("q", n), ca.SX.sym("delta", n), ca.SX.sym("target", 3)
     spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.free_axes))
     turns = robot.turns(q + delta)
-    seen, stations = robot.in_flange(turns, target)
+    target_in_flange, stations = robot.in_flange(turns, target)
     if tool.kind == "laser":
         point, _, across = tool.beam(unknown)
     else:
         point, across = tool.tip(unknown), ca.SX.eye(3)
-    residual = across.T @ (seen - point) - spot
+    residual = across.T @ (target_in_flange - point) - spot
     by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
     jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(residual, unknown))
     inputs = [transforms, q, spot, delta, target, unknown]
