@@ -163,7 +163,7 @@ def test_corrected_arms_fail_as_seldom_as_the_test_states(tmp_path: Path) -> Non
 
 @pytest.mark.long
 def test_a_typical_arm_with_its_values_entered_passes(tmp_path: Path) -> None:
-    """Links, gravity and harmonics deviate and stay: what was entered is not the estimate, and is predicted."""
+    """Links, gravity and harmonics deviate and stay: what was entered is no estimate, and is predicted."""
     run = calibrated(tmp_path, shots=30, geometry="")
     assert verified(tmp_path, "new.jsonl", "--arm", run).json["verdict"] == "pass"
     found = zerobeam("analyse", run, "--json", "--ess", 100).json
