@@ -6,7 +6,7 @@ What the data do not determine leaves here as null, or not at all.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..analysis.answer import document
@@ -18,6 +18,7 @@ from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import GeometryResult
 from ..analysis.observability.identifiability import Identifiability
+from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult
 from .findings import (
@@ -95,6 +96,7 @@ def document_of(result: Result) -> document.ResultDocument:
         enter_geometry=with_links and document.EnterDocument.filled(with_links, for_=with_links.of),
         notes=notes(result),
         conformity=entered and result.conformity,
+        power=_powers(result.power),
         next_steps=steps,
     )
 
@@ -110,11 +112,20 @@ def check_json(check: Check) -> dict[str, Any]:
             for row in check.parameters
         ),
         identifiability=_identifiability(check.identifiability),
-        power=tuple(map(document.PowerDocument.filled, check.power)),
+        power=_powers(check.power),
         geometry=geometry_document(check.geometry),
         notes=check_notes(check),
     )
     return answer.to_json()
+
+
+def power_json(powers: Sequence[DetectionPower]) -> list[dict[str, Any]]:
+    """The power against each wrong model."""
+    return [row.to_json() for row in _powers(powers)]
+
+
+def _powers(powers: Sequence[DetectionPower]) -> tuple[document.PowerDocument, ...]:
+    return tuple(map(document.PowerDocument.filled, powers))
 
 
 def dumps(answer: dict[str, Any]) -> str:

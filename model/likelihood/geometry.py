@@ -141,6 +141,14 @@ class Geometry:
         """This geometry without its gravity, or without its harmonics."""
         return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())
 
+    def of_robot(self, robot: Robot) -> Geometry:
+        """The same tolerances of another robot with as many joints of the same kinds."""
+        links = tuple(_links(robot)) if self.links else ()
+        gravity = self.gravity
+        if gravity is not None:
+            gravity = _bending(robot, tuple(gravity.masses.tolist()), tuple(gravity.up.tolist()))
+        return replace(self, links=links, gravity=gravity)
+
     def scaled(self, length: float, angle: float) -> Geometry:
         """This geometry with the tolerances of links multiplied: lengths by one factor, angles by another."""
         return replace(self, length=self.length * length, angle=self.angle * angle)

@@ -31,7 +31,7 @@ from .study_blocks import NOT_DETERMINED, Judged, percent, share, standing, wors
 Rows = list[tuple[Judged, ObservedParameter | None]]  # a row without a parameter heads a part
 
 AGREES, OUTSIDE = "o", "D"  # a dot on the line, a diamond off it; a triangle points beyond the panel
-_ROW, _TALLEST = 0.15, 7.2  # inches; the tallest leaves room for what is above it on a page
+_ROW, _TALLEST = 0.15, 6.8  # inches; the tallest leaves room for what is above it on a page
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.6, 0.06, 0.3, 0.48  # inches about the panels
 _HALF_WIDTH = 6.0  # of a panel, in binomial standard deviations
 

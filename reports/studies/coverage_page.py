@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from ...experiments.studies.coverage import (
     CoveragePlan,
@@ -80,6 +81,8 @@ def coverage_page(answer: CoverageStudy) -> Page:
     if text := comparison(plans):
         title = "The midpoint fit against the likelihood fit"
         sections.append(section_of(title, Paragraph(text), FigureBlock("accuracy")))
+    for number, plan in enumerate(plans, start=1):
+        sections += _numbers(plan, settings, number)
     subtitle = f"{settings.data_sets} simulated data sets for each of {counted(len(plans), 'plan')}"
     return view_of(answer, f"{subtitle}, seed {settings.seed}", sections)
 
@@ -115,21 +118,27 @@ def _plan(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[S
         ("Data sets", str(plan.data_sets)),
         ("Targets not hit", unmet_in_words(plan.failed)),
     ]
-    powers, uniformity = _powers(plan.sbc), _ranks_table(plan.sbc, settings.bins)
-    # The facts, the sentences and the first figure of a plan fit one page.
+    # Facts, sentences and figure fit one page; what else there is of the plan comes at the end.
     return [
         section_of(plan_title(plan.name), Facts(facts), new_page=True),
         section_of(
             "Coverage",
-            Legend([], verdicts(plan.estimators)),
+            Legend([], [*verdicts(plan.estimators), *verdicts(plan.sbc)]),
             FigureBlock(f"coverage_{number}"),
-            _coverage_table(plan, settings.levels),
-            _accuracy_table(plan),
             level=2,
         ),
+    ]
+
+
+def _numbers(plan: CoveragePlan, settings: CoverageSettings, number: int) -> list[Section]:
+    """The tables of a plan, and its ranks."""
+    powers, uniformity = _powers(plan.sbc), _ranks_table(plan.sbc, settings.bins)
+    title = f"{plan_title(plan.name)}, numbers and ranks"
+    tables = section_of(title, _coverage_table(plan, settings.levels), _accuracy_table(plan), new_page=True)
+    return [
+        replace(tables, folded=True),
         section_of(
             "Ranks of the truth among the draws",
-            Legend([], verdicts(plan.sbc)),
             Paragraph(powers) if powers else None,
             FigureBlock(f"ranks_{number}"),
             uniformity,

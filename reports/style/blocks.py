@@ -12,7 +12,6 @@ from typing import ClassVar
 from ...analysis.answer.message import Message
 from ...words.numbers import NO_BREAK
 
-
 _PHONE, _MARK = 49, 2  # letters of a phone's line, of a mark
 
 

@@ -62,7 +62,7 @@ def print_result(console: Console, result: Result) -> None:
     if (steps := next_steps_section(result)) is not None:
         _print_steps(console, steps, values=result.entered_geometry is not None)
     if not wrong:
-        print_directions(console, result.identifiability.null_space, result.parameters)
+        print_directions(console, result.identifiability.null_space)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
         console.print(Text(line))
