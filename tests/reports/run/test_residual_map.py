@@ -1,4 +1,4 @@
-"""The residuals over the workspace: every measurement has its dot, and what is beyond the noise another shape."""
+"""The residuals over the workspace: a dot for each measurement, another shape beyond the limit of the noise."""
 
 from __future__ import annotations
 
