@@ -1,4 +1,4 @@
-"""The residuals over the workspace: a dot for each measurement, another shape beyond the limit of the noise."""
+"""The residuals over the workspace: a dot for each measurement, another shape beyond the noise."""
 
 from __future__ import annotations
 
