@@ -32,6 +32,7 @@ WHOLE = {
     "figures/posterior.svg",
     "figures/misses.svg",
     "figures/postures.svg",
+    "figures/residual_map.svg",
     "figures/tool_accuracy.svg",
 }
 
