@@ -28,6 +28,7 @@ from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
+from .observability.power import DetectionPower, powers
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     NOTHING_KNOWN,
@@ -148,7 +149,7 @@ def _analyse(
     report("diagnostics", 0.3)
     placed = placement_result(solution, solution.effective)
     report("diagnostics", 0.6)
-    to_enter, conformity = entered(solution, run.header.required)
+    to_enter, with_links, conformity = entered(solution, run.header.required)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -160,7 +161,7 @@ def _analyse(
         shots=shots,
         distances=_distances(solution),
         intervals=intervals(solution, posterior) if between is None or draws is not None else between,
-        accuracy=accuracy(solution),
+        accuracy=accuracy(solution, values=None if to_enter is None else to_enter.values),
         budget=budget(solution, posterior),
         robust=robust,
         hold_out=held_out_fit,
@@ -171,7 +172,10 @@ def _analyse(
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
         entered=to_enter,
+        entered_geometry=with_links,
         conformity=conformity,
+        power=_power(solution),
+        coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
     )
     report("diagnostics", 1.0)
@@ -184,6 +188,13 @@ def _omitted(solution: Solution) -> tuple[PosteriorSummary, tuple[Intervals, ...
     poor = tuple(row.name for row in rows if row.differ)
     tested = not solution.problem.noise.separate
     return replace(UNSAMPLED, omitted=Omitted(poor, tested)), rows
+
+
+def _power(solution: Solution) -> tuple[DetectionPower, ...]:
+    """Of the test that the run has passed."""
+    if not solution.converged or solution.misfit is not None:
+        return ()
+    return powers(solution.problem, solution.fit.x, solution.identified.facts.rank)
 
 
 def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:

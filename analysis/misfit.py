@@ -28,6 +28,7 @@ import scipy
 from ..model.arrays import Matrix
 from ..model.likelihood.problem import Problem, rms_length
 from .displacement import Displacement
+from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.identifiability import Identified
 from .placements import placements
@@ -166,9 +167,7 @@ def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[I
     """
     problem = fit.problem
     if problem.noise.estimated:
-        dof = float(problem.data_size - identified.facts.rank)
-        if dof > 0:
-            yield from _beyond("all", float(1 / np.sqrt(fit.weight)), dof, problem.noise.plausible)
+        yield from _beyond("all", float(1 / np.sqrt(fit.weight)), noise_dof(fit), problem.noise.plausible)
     elif problem.noise.separate:
         block = problem.parameters.block("noise")
         for i in range(block.start, block.stop):

@@ -28,6 +28,7 @@ from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from .covariance import Covariance, Rows, frame
 from .displacement import Displacement, displacement
+from .estimation.effective_dof import effective_dof, noise_dof, student_95
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
@@ -40,7 +41,6 @@ from .status import (
     Status,
     UnsoundResult,
     Verdict,
-    coverage_factor,
     known,
     require_no_more_than,
     verdict_of,
@@ -190,7 +190,7 @@ class Solution:
         """Why the model does not describe the measurements; None where it does, or without an answer."""
         if not self.converged:
             return None
-        steps = [step for step in self.recording_steps.rows if step.stands_out]
+        steps = [step for step in self.recording_steps.rows if step.contradicts]
         # A target that was off for some measurements only has not moved: its step says so.
         moved = self.moved_target
         if moved is not None and moved.at.target in {step.target for step in steps}:
@@ -294,15 +294,26 @@ class Solution:
 
     @property
     def quantile(self) -> float:
-        """Half width of a 95 % interval in stds: Student's t where the noise scale is estimated."""
+        """Half width of a 95 % interval in stds, of what has no variance but the noise's: Student's t where
+        the noise scale is estimated."""
         if self.problem.noise.estimated and self.dof:
-            return float(scipy.special.stdtrit(self.dof, 0.975))
+            return float(scipy.special.stdtrit(noise_dof(self.fit), 0.975))
         return NORMAL_95
 
     @property
     def coverage_factor(self) -> float:
-        """k of an expanded uncertainty U."""
-        return coverage_factor(self.problem.noise.estimated, self.dof)
+        """k of every expanded uncertainty U = k u (about 95 %): 2, or Student's factor where noise is
+        estimated from so few degrees of freedom that it is larger (JCGM 100, 6.3.3 and G.3)."""
+        offsets = self.problem.parameters.group("offset") & self.problem.parameters.free
+        return float(self.quantiles[offsets].max(initial=2.0))
+
+    @cached_property
+    def quantiles(self) -> Matrix:
+        """(p,) half widths of the 95 % intervals in stds: Student's t by the effective degrees of freedom
+        where the noise is estimated; nan where held."""
+        result = np.full(len(self.problem.parameters), np.nan)
+        result[self.problem.parameters.free] = student_95(effective_dof(self.fit))
+        return result
 
     @cached_property
     def std(self) -> Matrix:
@@ -359,7 +370,7 @@ class Solution:
     def interval(self, i: int) -> tuple[float, float]:
         """The 95 % interval of the parameter at place `i`, by the curvature at the mode."""
         item, value = self.problem.parameters.items[i], float(self.fit.x[i])
-        half = self.quantile * float(self.std[i])
+        half = float(self.quantiles[i] * self.std[i])
         return item.shown(value - half), item.shown(value + half)
 
     def _row(self, i: int, item: Parameter) -> ParameterResult:
@@ -433,7 +444,8 @@ def judge(
     identified = identify(problem, fit.x, fit.weight)
     identified = no_better_than(problem, identified, problem.parameters.unscaled(fit.std))
     solution = Solution(fit, identified, trusted, effective, ladder, factors)
-    return replace(solution, identified=undecided(fit, identified, solution.quantile))
+    quantiles = solution.quantiles[problem.parameters.free]
+    return replace(solution, identified=undecided(fit, identified, quantiles))
 
 
 def require_noise_data(problem: Problem) -> None:
@@ -455,12 +467,13 @@ def too_few_for_noise(problem: Problem) -> BadInput:
     )
 
 
-def undecided(fit: LikelihoodFit, identified: Identified, quantile: float) -> Identified:
+def undecided(fit: LikelihoodFit, identified: Identified, quantiles: Matrix) -> Identified:
     """The same with `unidentifiable` for every parameter of which another optimum, about as good as the best,
     says something else: the best one's 95 % interval does not hold for it.
 
-    `quantile` is the half width of such an interval in stds. Every such optimum is a null direction, of the
-    kind `optima`: the way to it, of these parameters.
+    `quantiles` (f,) are the half widths of such intervals in stds. Every such optimum is a null direction, of
+    the kind `optima`: the way to it, of these parameters; not where it differs in what has a tolerance
+    alone.
     """
     parameters = fit.problem.parameters
     status, data_std = list(identified.status), identified.data_std.copy()
@@ -468,13 +481,11 @@ def undecided(fit: LikelihoodFit, identified: Identified, quantile: float) -> Id
     directions = []
     rivals = [other for other in fit.others if other.below < EQUALLY_GOOD]
     for other in rivals:
-        elsewhere = settled & _leaves_out(fit, other, quantile)
-        if elsewhere.any():
+        elsewhere = settled & _leaves_out(fit, other, quantiles)
+        if (elsewhere & ~parameters.tolerated[parameters.free]).any():
             directions.append(_direction(fit, other, elsewhere, 1 + len(rivals)))
         for i in np.flatnonzero(parameters.free)[elsewhere]:
             status[i], data_std[i] = "unidentifiable", np.inf
-    if not directions:
-        return identified
     facts = replace(identified.facts, null_space=(*identified.facts.null_space, *directions))
     decided: tuple[Status, ...] = tuple(status)
     return replace(identified, status=decided, data_std=data_std, facts=facts)
@@ -486,14 +497,14 @@ def undecided_names(null_space: Sequence[NullDirection]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for combination in taking_part for name in combination))
 
 
-def _leaves_out(fit: LikelihoodFit, other: Optimum, quantile: float) -> NDArray[np.bool_]:
+def _leaves_out(fit: LikelihoodFit, other: Optimum, quantiles: Matrix) -> NDArray[np.bool_]:
     """(f,) whether the best optimum's interval holds too little of the other's normal: less than if both had
     the same std and were one std apart."""
-    half = quantile * fit.std
+    half = quantiles * fit.std
     within = scipy.special.ndtr((fit.z + half - other.z) / other.std) - scipy.special.ndtr(
         (fit.z - half - other.z) / other.std
     )
-    return np.asarray(within < scipy.special.ndtr(quantile - 1.0) - scipy.special.ndtr(-quantile - 1.0))
+    return np.asarray(within < scipy.special.ndtr(quantiles - 1.0) - scipy.special.ndtr(-quantiles - 1.0))
 
 
 def _direction(fit: LikelihoodFit, other: Optimum, elsewhere: NDArray[np.bool_], count: int) -> NullDirection:

@@ -13,8 +13,6 @@ from functools import cache
 from importlib.metadata import version
 from typing import Literal
 
-import scipy
-
 from ..model.errors import ZerobeamError
 
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
@@ -52,12 +50,6 @@ def verdict_of(offsets: Iterable[Status]) -> Verdict:
     return max(
         (_VERDICT_OF.get(status, "pass") for status in offsets), key=_GRAVITY.__getitem__, default="pass"
     )
-
-
-def coverage_factor(noise_estimated: bool, dof: int) -> float:
-    """k of every expanded uncertainty U = k u (about 95 %): 2, or Student's factor where the noise scale is
-    estimated from so few degrees of freedom that it is larger (JCGM 100, 6.3.3 and G.3)."""
-    return max(2.0, float(scipy.special.stdtrit(dof, 0.975))) if noise_estimated and dof else 2.0
 
 
 def as_grave(verdict: Verdict, needed: Verdict) -> bool:

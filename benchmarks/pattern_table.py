@@ -35,7 +35,6 @@ def row(which: Pattern, aside_m: float) -> str:
             "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
             "geometry": "exact",
             "targets": {"psd": {"guess_mm": target}},
-            "geometry": "exact",
         }
     )
     name = f"| {which.upper()} | {aside_m:.1f} |"

@@ -291,6 +291,6 @@ def _program_command() -> Command:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             return corrected.files, corrected.notes
 
-        _export(run, file, texts, paths, "links", **options)
+        _export(run, file, texts, paths, "postures", **options)
 
     return with_parameters(export_program, [*options_of(export_program), *options_of(_export)])

@@ -70,7 +70,8 @@ def plan(
         typer.Option(
             min=2,
             max=10_000,
-            help="Number of measurements. Default: 7; verify: as few as the test needs.",
+            help="Number of measurements. Default: 20 (x, y and geometry: exact 7; verify: as few as the test"
+            " needs).",
             show_default=False,
         ),
     ] = None,
@@ -81,7 +82,8 @@ def plan(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="Take the fewest measurements that reach this standard uncertainty (deg; mm).",
+            help="Take the fewest measurements that reach this standard uncertainty (deg; mm) and detect"
+            " wrong models.",
             show_default=False,
         ),
     ] = None,
@@ -141,7 +143,7 @@ def plan(
         header=shared_header,
         header_folder=header.parent,
         target=_numbers(target, 3, "--target"),
-        shots=7 if shots is None else shots,
+        shots=shots,
         candidates=candidates,
         criterion=criterion.value,
         tolerance=tolerance,

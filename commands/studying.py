@@ -119,6 +119,16 @@ def study_drift(arms: Annotated[int, typer.Option(min=20, help="Simulated arms."
     return partial(drift_study, arms)
 
 
+@_command("wrong-models")
+def study_wrong_models(
+    arms: Annotated[int, typer.Option(min=2, help="Simulated arms for each scenario.")] = 40,
+) -> Study:
+    """What an answer says when something is wrong: verdicts, errors and causes of many wrong models."""
+    from ..experiments.studies.wrong_models import wrong_models_study
+
+    return partial(wrong_models_study, arms)
+
+
 @_command("table2")
 def study_table2() -> Study:
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""

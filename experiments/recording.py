@@ -40,7 +40,7 @@ from .verification import offsets_to_enter
 
 @dataclass(frozen=True)
 class CorrectedArm:
-    """`values` are true values by parameter (deg, mm): the offsets less those that were entered, the tool and
+    """`values` are true values by parameter (deg, mm): the offsets less what was entered, the tool and
     the geometry as they were. `run` and `sha256` are of the run's file."""
 
     run: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from ..analysis.acceptance.acceptance_test import (
     choose,
 )
 from ..analysis.acceptance.measured_error import MeasuredError, measured_error
+from ..analysis.diagnostics.enter import values_to_enter
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.solution import Solution
 from ..model.errors import BadInput, located
@@ -93,8 +95,8 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
     return Verified(answer, measured, run, verified)
 
 
-def _determined(run: Run) -> tuple[Solution, tuple[str, ...]]:
-    """The solution of a run, and the offsets that are to be entered: all that are not held, each
+def _determined(run: Run) -> tuple[Solution, dict[str, float]]:
+    """The solution of a run, and the values to enter, deg (mm) by offset: of all that are not held, each
     identified."""
     solution = converged_solution(run, "nothing was to be entered")
     free = [row for row in solution.offsets if not row.held]
@@ -109,15 +111,13 @@ def _determined(run: Run) -> tuple[Solution, tuple[str, ...]]:
                 allowed="a run with the verdict pass",
                 remedy="record more measurements: zerobeam check PLAN says which postures help",
             )
-    return solution, tuple(row.name for row in free)
+    return solution, values_to_enter(solution)
 
 
 def offsets_to_enter(run: Run) -> dict[str, float]:
     """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
     with one_blas_thread():
-        solution, entered = _determined(run)
-    rows = {row.name: row.estimate for row in solution.offsets if row.name in entered}
-    return {name: estimate for name, estimate in rows.items() if estimate is not None}
+        return _determined(run)[1]
 
 
 def _tolerances(header: Header, tolerance: float | None) -> dict[str, float]:
@@ -150,7 +150,7 @@ def _require_of(run: Run, verified: Run) -> None:
 
 
 def _write(
-    run: Run, solution: Solution, plan: VerificationPlan, entered: tuple[str, ...], file: Path, force: bool
+    run: Run, solution: Solution, plan: VerificationPlan, entered: Collection[str], file: Path, force: bool
 ) -> None:
     problem = solution.problem
     points = problem.split(solution.fit.x).targets

@@ -26,6 +26,7 @@ from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Page, Verdict
 from ..words.findings import likelihood_message, posterior_message
 from ..words.message import message
+from ..words.next_steps import offered
 from ..words.result_json import to_json
 from ..words.wording import clipped, counted
 from .arguments import require_choice, require_kind, require_number
@@ -54,7 +55,11 @@ class Analysed(Analysis):
         measurements: all numbers are then `unvalidated`, and `misfit` says why.
     parameters, offsets : ParameterTable
         Rows in their order: all parameters, the joint offsets alone. Offsets are in degrees (mm for prismatic
-        joints) and are added to the recorded joint positions. `.to_frame()` makes a pandas DataFrame.
+        joints) and of the arm: true position = recorded position + offset. `.to_frame()` makes a pandas
+        DataFrame.
+    enter : dict
+        Values to enter into a controller with nominal geometry, degrees (mm) by offset; empty where nothing
+        may be entered.
     covariance : Covariance
         `.matrix` (m, m) of the m parameters that the data determine, `.names` and `.units` (m,);
         `covariance["delta2", "delta3"]` is one element. It has no row for anything else.
@@ -86,6 +91,14 @@ class Analysed(Analysis):
     def parameters(self) -> ParameterTable:
         """A row for each parameter, in their order, with the paper's midpoint estimate where there is one."""
         return self.result.parameters
+
+    @property
+    def enter(self) -> dict[str, float]:
+        """What to enter into a controller with nominal geometry, degrees (mm) by offset: values that make up
+        for links that deviate too. Empty where nothing may be entered; `result.entered` has the error of the
+        TCP to expect."""
+        values = offered(self.result)
+        return {} if values is None else dict(values.values)
 
     @property
     def posterior(self) -> xr.DataTree:

@@ -210,7 +210,7 @@ def optimal_plan(
     header: Header | Mapping[str, Any] | Path | str,
     target: Sequence[float],
     *,
-    shots: int = 7,
+    shots: int | None = None,
     candidates: int = 10_000,
     criterion: Literal["A", "D", "E"] = "A",
     tolerance: float | None = None,
@@ -232,14 +232,14 @@ def optimal_plan(
     target
         (3,) where the target is, base frame, mm.
     shots
-        Number of measurements.
+        Number of measurements; None: 20, or 7 where the geometry is exact.
     candidates
         Number of random postures to choose from.
     criterion
         What is minimised: "A" the mean, "D" the generalised, "E" the largest variance of the offsets.
     tolerance
         The fewest measurements, up to `max_shots`, whose predicted standard uncertainties are all within this
-        (degrees; mm for prismatic joints); `shots` is not read then.
+        (degrees; mm for prismatic joints), and that detect what some plan detects; `shots` is not read then.
     max_shots
         With `tolerance`: the largest number of measurements.
     facing
@@ -276,12 +276,16 @@ def optimal_plan(
     ... }
     >>> best = zb.optimal_plan(header, (900, 0, 0), candidates=300)
     >>> best.plan
-    <Plan optimal: 7 postures at psd, irb1600>
+    <Plan optimal: 20 postures at psd, irb1600>
     >>> best.check.verdict
     'pass'
     """
     require_choice(criterion, ("A", "D", "E"), "criterion")
-    counts = {"shots": (shots, 2), "candidates": (candidates, 10), "max_shots": (max_shots, 2)}
+    counts = {
+        "shots": (2 if shots is None else shots, 2),
+        "candidates": (candidates, 10),
+        "max_shots": (max_shots, 2),
+    }
     for argument, (value, least) in (counts | {"seed": (seed, 0)}).items():
         require_number(value, least, argument, whole=True)
     require_number(margin_deg, 0, "margin_deg")

@@ -45,7 +45,8 @@ from ..model.files.header import DEFAULT_TARGETS, Header
 from . import numbers
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
-from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, mend
+from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
+from .misfit_causes import mend
 from .observability import reason, remedy
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
@@ -60,6 +61,7 @@ _FILES = {
     "fanuc": ("export fanuc", "mastering.txt"),
 }
 _MOST_CAUTIONS = 6
+_MOST_STEPS = 2  # that are no misfit
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
 _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
@@ -192,6 +194,7 @@ def _warnings(result: Result) -> Iterator[str]:
     if result.misfit is not None or not result.likelihood.converged:
         return
     offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
+    yield from map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
     if (unchecked := likelihood_message(result.likelihood)) is not None:
         yield f"{capital(unchecked)}."
     if not offsets:

@@ -18,6 +18,7 @@ from ..analysis.misfit import (
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
+from .misfit_causes import CAUSES, changed
 from .numbers import p_words, times
 from .wording import Namer, capital, clipped, listed
 
@@ -137,21 +138,7 @@ def _off(parameter: OffPrior, name: Namer) -> str:
     )
 
 
-_MOST_MEASUREMENTS = 10
 _LESS = 0.9  # of the residuals, above which it is the estimates that a cause explains
-
-CAUSES = {
-    "swapped_joints": "joint columns exchanged",
-    "sign": "sign of a joint",
-    "zero": "zero of a joint",
-    "units": "unit of the angles",
-    "coupling": "coupled joints",
-    "twist": "sign of a twist",
-    "placement": "one placement",
-    "measurements": "single measurements",
-    "moved_target": "moved target",
-    "geometry": "link geometry",
-}
 
 
 def explanation_sentence(tried: Explanation) -> str:
@@ -181,91 +168,10 @@ def cause_sentence(explanations: Sequence[Explanation]) -> str:
         left = _estimates_within(best)
     text = f"Most likely: {CAUSES[best.cause]}. {capital(changed(best))} {left}."
     if rivals:
-        text += f" As likely: {listed([changed(rival) for rival in rivals], _MOST_ALTERNATIVES)}."
+        next_best = f"{changed(rivals[0])} (evidence ratio {evidence_ratio(rivals[0])})"
+        also = [changed(rival) for rival in rivals[1:]]
+        text += f" Next best: {listed([next_best, *also], _MOST_ALTERNATIVES)}."
     return text if best.agrees else f"{text} That alone does not explain them."
-
-
-def mend(explanation: Explanation) -> str:
-    """What to do about a cause, as sentences."""
-    joints, targets = [f"J{joint}" for joint in explanation.joints], list(map(clipped, explanation.targets))
-    match explanation.cause:
-        case "swapped_joints":
-            return f"Exchange the columns of {listed(joints)} in the recording, and analyse it again."
-        case "sign":
-            return (
-                f"Reverse the sign of {joints[0]} in the recording (zerobeam import csv --reversed), or its"
-                " axis in the robot file, and analyse again."
-            )
-        case "zero":
-            return f"Correct the zero of {joints[0]} in the recording or the robot file, and analyse again."
-        case "units":
-            return "Import the recording again with the right --units, and analyse it again."
-        case "coupling":
-            return (
-                f"State in the robot file what joint {explanation.joints[-1]} is counted from (pendant,"
-                " encoder), and analyse again."
-            )
-        case "twist":
-            return "Correct the sign of this twist in the robot file, and analyse again."
-        case "placement":
-            return (
-                f"Remove the measurements at {listed(targets)}, or record them again with the target fixed."
-            )
-        case "measurements":
-            which = listed([str(n) for n in explanation.measurements], _MOST_MEASUREMENTS)
-            return f"Remove measurement {which} from the run, or repeat it."
-        case "moved_target":
-            return (
-                f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on,"
-                " or record the run again."
-            )
-        case "geometry":
-            return "Leave out geometry: exact in the header, so that the links are estimated."
-        case _:
-            return "Correct this in the recording or the robot file, and analyse again."
-
-
-def changed(explanation: Explanation) -> str:
-    """What is different under this explanation."""
-    joints = [f"J{joint}" for joint in explanation.joints]
-    targets = [clipped(name) for name in explanation.targets]
-    match explanation.cause:
-        case "swapped_joints":
-            return f"with {listed(joints)} exchanged"
-        case "sign":
-            return f"with the sign of {joints[0]} reversed"
-        case "zero":
-            how = "added to" if explanation.amount > 0 else "subtracted from"
-            quarter = explanation.amount % 90 == 0
-            by = (
-                numbers.exact(abs(explanation.amount))
-                if quarter
-                else numbers.significant(abs(explanation.amount))
-            )
-            return f"with {numbers.with_unit(by, 'deg')} {how} {joints[0]}"
-        case "units":
-            if explanation.amount > 1:
-                return "with the joint angles read as radians"
-            return "with the joint angles divided by 57.3 (converted from radians to degrees twice)"
-        case "coupling":
-            how = "added to" if explanation.amount > 0 else "subtracted from"
-            return f"with {joints[0]} {how} {joints[1]} (coupled joints)"
-        case "twist":
-            if len(joints) == 1:
-                return f"with the sign of the twist from {joints[0]} to the flange reversed in the robot file"
-            return f"with the sign of the twist from {joints[0]} to {joints[1]} reversed in the robot file"
-        case "placement":
-            return f"without the measurements at {listed(targets)}"
-        case "measurements":
-            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            return f"without {noun} {listed([str(n) for n in explanation.measurements], _MOST_NAMED)}"
-        case "moved_target":
-            return (
-                f"with {targets[0]} moved between measurements {explanation.measurements[0]} and"
-                f" {explanation.measurements[1]}"
-            )
-        case "geometry":
-            return "with link geometry estimated"
 
 
 def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
@@ -274,4 +180,9 @@ def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
         return "None of these alone explains the residuals to the noise: something else is wrong too."
     if len(explanations) > 1:
         return "The measurements do not decide between these: check each. Nothing was applied."
-    return "No other cause that was tried explains the residuals as well. Nothing was applied."
+    return "No other cause that was tried is within an evidence ratio of 1:1000. Nothing was applied."
+
+
+def evidence_ratio(rival: Explanation) -> str:
+    """Of a rival to the best explanation: 1:40."""
+    return f"1:{numbers.significant(max(1 / rival.odds, 1.0), 2)}"

@@ -8,7 +8,9 @@ from __future__ import annotations
 from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.message import Message
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
+from ..analysis.diagnostics.enter import Entered
 from . import numbers
+from .enter import WHY_THEY_DIFFER, conformity_sentence, enter_sentence, geometry_sentence
 from .message import export_command, run_argument
 
 
@@ -16,9 +18,9 @@ def next_steps(result: Result, message: Message) -> NextSteps:
     """What to do with an answer, whatever its verdict; the first step is the action of its `message`."""
     action = message.action
     first = NextStep(action.text, () if action.command is None else (action.command,))
-    against = any(isinstance(finding, OtherBasins | HeldOutMisfit) for finding in result.findings)
-    if result.verdict == "pass" and not against:
-        return NextSteps(_values(result), (first, *_after_entering(result)))
+    entered = offered(result)
+    if entered is not None:
+        return NextSteps(_values(result, entered), (first, *_after_entering(result)))
     return NextSteps((), (first, *_alone(result)))
 
 
@@ -38,33 +40,35 @@ def _alone(result: Result) -> tuple[NextStep, ...]:
     )
 
 
-def _values(result: Result) -> tuple[EnteredValue, ...]:
+def offered(result: Result) -> Entered | None:
+    """The values to enter, where they may be entered: one rule for all who show them."""
+    against = any(isinstance(finding, OtherBasins | HeldOutMisfit) for finding in result.findings)
+    return None if result.verdict != "pass" or against else result.entered
+
+
+def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:
     entries = []
-    for row in result.parameters:
-        if row.group != "offset" or row.status != "identified":
-            continue
+    for name, value in entered.values.items():
+        row, k = result.parameters.named(name), result.coverage_factor
         assert row.estimate is not None
         assert row.std is not None
-        u = result.coverage_factor * row.std
         entries.append(
-            EnteredValue(row.name, numbers.estimate(row.estimate, u, row.unit), numbers.spread(u, row.unit))
+            EnteredValue(
+                name,
+                numbers.estimate(value, k * entered.u[name], row.unit),
+                numbers.spread(k * entered.u[name], row.unit),
+                numbers.estimate(row.estimate, k * row.std, row.unit),
+            )
         )
     return tuple(entries)
 
 
 def _after_entering(result: Result) -> tuple[NextStep, ...]:
     run = run_argument(result.inputs.run)
-    gain = "What the values gain at the TCP is not claimed: it depends on what is not determined."
-    accuracy = result.accuracy
-    if accuracy is not None and accuracy.workspace is not None:
-        now, then = accuracy.workspace.before_mm.median, accuracy.workspace.after95_mm.median
-        gain = (
-            f"What the values gain: the TCP is off by {numbers.significant(now, 2, 'mm')} now in the median"
-            f" posture, and by at most {numbers.significant(then, 2, 'mm')} with them (95 %, nominal"
-            " geometry taken as exact)."
-        )
+    why = WHY_THEY_DIFFER if result.entered_geometry else None
+    gain = (enter_sentence(result), geometry_sentence(result), conformity_sentence(result), why)
     return (
-        NextStep(gain),
+        NextStep(" ".join(sentence for sentence in gain if sentence is not None)),
         NextStep(
             "Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
             " The answer is pass, fail or inconclusive.",

@@ -334,13 +334,8 @@ def outlook_lines(check: Check) -> list[str]:
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
     """Which wrong models a run detects, and the errors of the offsets by those that it may not detect."""
-    noticed = [_wrong_words(each) for each in powers if each.probability >= NOTICED]
-    missed = [
-        f"{_wrong_words(each)} (probability {100 * each.probability:.0f} %, error of an offset up to"
-        f" {numbers.significant(each.off_u, 2)} u)"
-        for each in powers
-        if each.probability < NOTICED
-    ]
+    noticed = [wrong_words(each) for each in powers if each.noticed]
+    missed = [_missed_words(each) for each in powers if not each.noticed]
     level = f"{100 * NOTICED:.0f} % or more"
     sentences = (
         [f"A run of this plan detects {listed(noticed)} with a probability of {level}."] if noticed else []
@@ -348,7 +343,32 @@ def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
     return [*sentences, *([f"A run of this plan may not detect {listed(missed)}."] if missed else [])]
 
 
-def _wrong_words(power: DetectionPower) -> str:
+def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
+    """The wrong models that a run which passes could not have detected, of those that do harm."""
+    missed = [_missed_words(each) for each in powers if each.dangerous]
+    return f"A pass does not exclude {listed(missed)}." if missed else None
+
+
+def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
+    """The wrong models that no plan detects."""
+    missed = [wrong_words(each) for each in powers]
+    return f"No plan with this tool and target detects {listed(missed)}." if missed else None
+
+
+def power_limit(powers: Sequence[DetectionPower]) -> str:
+    """The limit of a plan that determines every offset: what its run may not detect."""
+    return f"the power: a run may not detect {listed([_missed_words(each) for each in powers])}"
+
+
+def _missed_words(power: DetectionPower) -> str:
+    return (
+        f"{wrong_words(power)} (probability {100 * power.probability:.0f} %, error of an offset up to"
+        f" {numbers.significant(power.off_u, 2)} u)"
+    )
+
+
+def wrong_words(power: DetectionPower) -> str:
+    """The wrong model as a noun."""
     size = numbers.exact(power.size, numbers.unit_of(power.unit))
     match power.wrong:
         case "tool":

@@ -6,7 +6,7 @@ What the data do not determine leaves here as null, or not at all.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..analysis.answer import document
@@ -18,6 +18,7 @@ from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import GeometryResult
 from ..analysis.observability.identifiability import Identifiability
+from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult
 from .findings import (
@@ -31,7 +32,7 @@ from .findings import (
 )
 from .message import headline, message
 from .misfit import criterion_sentence, explanation_sentence
-from .next_steps import next_steps
+from .next_steps import next_steps, offered
 from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
@@ -57,9 +58,9 @@ def to_json(result: Result) -> dict[str, Any]:
 def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
-    said = message(result)
+    said, entered = message(result), offered(result)
     steps = next_steps(result, said)
-    entered = result.entered if steps.enter else None  # one rule for what may be entered
+    with_links = result.entered_geometry if entered else None
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
@@ -92,8 +93,10 @@ def document_of(result: Result) -> document.ResultDocument:
             for one in result.diagnosis
         ),
         enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
+        enter_geometry=with_links and document.EnterDocument.filled(with_links, for_=with_links.of),
         notes=notes(result),
         conformity=entered and result.conformity,
+        power=_powers(result.power),
         next_steps=steps,
     )
 
@@ -109,11 +112,20 @@ def check_json(check: Check) -> dict[str, Any]:
             for row in check.parameters
         ),
         identifiability=_identifiability(check.identifiability),
-        power=tuple(map(document.PowerDocument.filled, check.power)),
+        power=_powers(check.power),
         geometry=geometry_document(check.geometry),
         notes=check_notes(check),
     )
     return answer.to_json()
+
+
+def power_json(powers: Sequence[DetectionPower]) -> list[dict[str, Any]]:
+    """The power against each wrong model."""
+    return [row.to_json() for row in _powers(powers)]
+
+
+def _powers(powers: Sequence[DetectionPower]) -> tuple[document.PowerDocument, ...]:
+    return tuple(map(document.PowerDocument.filled, powers))
 
 
 def dumps(answer: dict[str, Any]) -> str:

@@ -1,7 +1,9 @@
 """Does a corrected robot do what its calibration predicts?
 
-The offsets have been entered, so the new residuals should be those of an arm without them. They are the
-noise of the new readings and what the calibration left uncertain: normal with covariance C = N + J S J',
+The values c have been entered (`values_to_enter`), so the corrected robot reads c more at the same place: the
+new residuals should be those of an arm with the offsets delta - c, and links, gravity and harmonics as they
+were. Residuals are the noise of the new readings and what the calibration left uncertain: normal with
+covariance C = N + J S J',
 where S is the posterior covariance of offsets, tool and geometry, and J the Jacobian of the new
 measurements. The targets' places are free, since they may have been moved. Where the calibration is right,
 r' C^-1 r less what the targets take up has the chi-squared (divided by its degrees of freedom: the F, where
@@ -16,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -39,12 +42,13 @@ _MOST_CANDIDATES = 60  # spread over the run: more are as good
 
 @dataclass(frozen=True)
 class EnteredOffset:
-    """One offset that was entered: its `estimate`, u and the tolerance (deg, mm), and the probability that
-    the test notices an error of that tolerance, and that it was not entered at all."""
+    """One offset that was entered: its `estimate`, the value `entered`, u and the tolerance (deg, mm), and
+    the probability that the test notices an error of that tolerance, and that it was not entered at all."""
 
     name: str
     unit: str
     estimate: float
+    entered: float
     std: float
     tolerance: float
     power: float
@@ -99,11 +103,11 @@ class PredictedResiduals:
 
 
 class AcceptancePrediction:
-    """New measurements as the calibration predicts them, with its offsets entered.
+    """New measurements as the calibration predicts them, with values entered.
 
     `solution` is the calibration; `header` its header with the targets of the new measurements, `joints`
     (N, n) rad or mm as the corrected robot reads them, `targets` of each, `spots` (N, 2) mm; `entered` are
-    names of offsets.
+    the values, deg (mm), by name of the offset.
     """
 
     def __init__(
@@ -113,10 +117,10 @@ class AcceptancePrediction:
         joints: Matrix,
         targets: Sequence[str],
         spots: Matrix | None,
-        entered: Sequence[str],
+        entered: Mapping[str, float],
     ) -> None:
         old = solution.problem
-        self.entered = tuple(entered)
+        self.entered = dict(entered)
         problem = Problem.build(header, old.robot, joints, targets, spots)
         if old.geometry:
             problem = problem.with_geometry(old.geometry)
@@ -127,47 +131,48 @@ class AcceptancePrediction:
         problem, x = problem.with_noise_of(x)
         self._scale = np.sqrt(solution.fit.weight)
         self.noise_dof = solution.dof if old.noise.estimated else None
-        self.estimate = {name: float(x[problem.parameters.index(name)]) for name in self.entered}
-        for name in self.entered:
-            x[problem.parameters.index(name)] = 0.0
+        parameters = problem.parameters
+        for name, value in self.entered.items():
+            i = parameters.index(name)
+            x[i] -= value / parameters.items[i].display
         self.problem, self._x = problem, x
         names = [item.name for item in problem.parameters.items if item.group != "target" and not item.held]
         at = [old.parameters.among_free[old.parameters.index(name)] for name in names]
         self._uncertain = [problem.parameters.index(name) for name in names]
         self._covariance = solution.fit.covariance[np.ix_(at, at)]
 
-    def shifted(self, offsets: Mapping[str, float]) -> PredictedResiduals:
-        """The prediction with some offsets (rad, mm) of the corrected arm not 0; targets where they fit."""
-        x = self._x.copy()
-        for name, value in offsets.items():
-            x[self.problem.parameters.index(name)] = value
+    def shifted(self, more: Mapping[str, float]) -> PredictedResiduals:
+        """The prediction with some offsets of the corrected arm by so much `more`, deg (mm); targets where
+        they fit."""
+        x, parameters = self._x.copy(), self.problem.parameters
+        for name, value in more.items():
+            i = parameters.index(name)
+            x[i] += value / parameters.items[i].display
         target = self.problem.parameters.block("target")
         parts = self.problem.split(x)
         x[target] = self.problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
         for _ in range(_STEPS):
-            residual, jacobian, _, _ = self._whitened(x)
+            residual, jacobian = self._whitened(x)[:2]
             step = np.linalg.lstsq(jacobian[:, target], residual, rcond=None)[0]
             x[target] -= step * self.problem.parameters.prior_std[target]
-        residual, jacobian, whitened, spread = self._whitened(x)
+        residual, jacobian, whitened, covariance = self._whitened(x)
         free = _left_of(jacobian[:, target])
-        predicted = float(np.sqrt(np.trace(spread) / self.problem.shots))
+        d, shots = self.problem.tool.residual_size, self.problem.shots
+        in_mm = block_diag(*whitened.factor) / self._scale
+        predicted = float(np.sqrt(np.trace(in_mm @ covariance[: shots * d, : shots * d] @ in_mm.T) / shots))
         return PredictedResiduals(
             free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted
         )
 
     def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
-        """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in mm."""
+        """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in stds of the noise."""
         whitened = self.problem.whiten(x)
         residual, jacobian = whitened.residual * self._scale, whitened.jacobian * self._scale
         by = jacobian[:, self._uncertain]
         covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
         root = np.linalg.cholesky(covariance)
-        d = self.problem.tool.residual_size
-        in_mm = block_diag(*whitened.factor) / self._scale
-        shots = self.problem.shots * d
-        spread = in_mm @ covariance[:shots, :shots] @ in_mm.T
         solved = solve_triangular(root, np.column_stack([residual, jacobian]), lower=True)
-        return solved[:, 0], solved[:, 1:], whitened, spread
+        return solved[:, 0], solved[:, 1:], whitened, covariance
 
     def power(self, shift: Matrix) -> float:
         """Probability that a shift (k,) of the whitened residuals is noticed."""
@@ -180,9 +185,7 @@ class AcceptancePrediction:
 
     def critical(self, k: int) -> float:
         """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
-        if self.noise_dof is None:
-            return float(stats.chi2.isf(FALSE_ALARM, k) / k)
-        return float(stats.f.isf(FALSE_ALARM, k, self.noise_dof))
+        return _critical(k, self.noise_dof)
 
     def p_value(self, predicted: PredictedResiduals) -> float | None:
         k = predicted.dof
@@ -192,6 +195,13 @@ class AcceptancePrediction:
         if self.noise_dof is None:
             return float(stats.chi2.sf(statistic, k))
         return float(stats.f.sf(statistic / k, k, self.noise_dof))
+
+
+@cache
+def _critical(k: int, noise_dof: int | None) -> float:
+    if noise_dof is None:
+        return float(stats.chi2.isf(FALSE_ALARM, k) / k)
+    return float(stats.f.isf(FALSE_ALARM, k, noise_dof))
 
 
 def accept(
@@ -230,23 +240,23 @@ def entered_offsets(
 ) -> tuple[EnteredOffset, ...]:
     """Each entered offset with the power of the test against an error of it; `tolerance` by unit: deg, mm."""
     parameters, rows = prediction.problem.parameters, []
-    for name in prediction.entered:
+    for name, value in prediction.entered.items():
         row, i = solution[name], parameters.index(name)
         assert row.estimate is not None
         assert row.std is not None
         along = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
         limit = tolerance[row.unit]
-        powers = prediction.power(along * limit), prediction.power(along * row.estimate)
-        rows.append(EnteredOffset(name, row.unit, row.estimate, row.std, limit, *powers))
+        powers = prediction.power(along * limit), prediction.power(along * value)
+        rows.append(EnteredOffset(name, row.unit, row.estimate, value, row.std, limit, *powers))
     return tuple(rows)
 
 
 def _mistakes(prediction: AcceptancePrediction) -> tuple[Mistake, ...]:
     """Mistakes in entering one offset, or all, that the measurements do not contradict, likeliest first."""
-    estimate, mistakes = prediction.estimate, []
+    entered, mistakes = prediction.entered, []
     for kind, times in (("not entered", 1.0), ("wrong sign", 2.0)):
-        for names in [*((name,) for name in estimate), tuple(estimate)]:
-            p = prediction.p_value(prediction.shifted({name: times * estimate[name] for name in names}))
+        for names in [*((name,) for name in entered), tuple(entered)]:
+            p = prediction.p_value(prediction.shifted({name: times * entered[name] for name in names}))
             if p is not None and p >= FALSE_ALARM:
                 mistakes.append(Mistake(kind, names, p))  # type: ignore[arg-type]
     return tuple(sorted(dict.fromkeys(mistakes), key=lambda mistake: -mistake.p_value))
@@ -277,7 +287,7 @@ class VerificationPlan:
 def choose(
     solution: Solution,
     header: Header,
-    entered: tuple[str, ...],
+    entered: Mapping[str, float],
     tolerance: Mapping[str, float],
     shots: int | None = None,
 ) -> VerificationPlan:
@@ -285,10 +295,8 @@ def choose(
     raises the weakest offset most."""
     problem = solution.problem
     candidates = np.unique(np.linspace(0, problem.shots - 1, _MOST_CANDIDATES).round().astype(int)).tolist()
-    applied = np.zeros(problem.robot.n)
-    for j, item in enumerate(problem.parameters.items[problem.parameters.block("offset")]):
-        if item.name in entered:
-            applied[j] = solution.fit.x[problem.parameters.index(item.name)]
+    offsets_of_joints = problem.parameters.items[problem.parameters.block("offset")]
+    applied = np.array([entered.get(item.name, 0.0) / item.display for item in offsets_of_joints])
 
     def planned(rows: list[int]) -> tuple[Matrix, tuple[str, ...], tuple[EnteredOffset, ...]]:
         joints = problem.joints[rows] + applied

@@ -7,7 +7,7 @@ may have been moved in between; before and after have as many measurements for t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,11 +59,11 @@ def measured_error(
     joints: Matrix,
     targets: Sequence[str],
     spots: Matrix | None,
-    entered: Sequence[str],
+    entered: Mapping[str, float],
 ) -> MeasuredError:
     """Before and after at new measurements: `joints` (N, n) rad or mm as the corrected robot reads them, the
     `targets` of each, `spots` (N, 2) mm; `header` is that of the calibration with these targets, `entered`
-    are names of offsets."""
+    are the values that were entered, deg (mm) by offset."""
     old = solution.problem
     rows = _calibrated_rows(solution, joints, targets, entered)
     after, noise = _residuals(solution, header, joints, targets, spots)
@@ -99,14 +99,12 @@ def _size(residual: Matrix) -> ErrorSize:
 
 
 def _calibrated_rows(
-    solution: Solution, joints: Matrix, targets: Sequence[str], entered: Sequence[str]
+    solution: Solution, joints: Matrix, targets: Sequence[str], entered: Mapping[str, float]
 ) -> list[int | None]:
     """The measurement of the calibration at each posture: the nearest one of the same target."""
     old = solution.problem
-    applied = np.zeros(old.robot.n)
-    for j, item in enumerate(old.parameters.items[old.parameters.block("offset")]):
-        if item.name in entered:
-            applied[j] = solution.fit.x[old.parameters.index(item.name)]
+    offsets = old.parameters.items[old.parameters.block("offset")]
+    applied = np.array([entered.get(item.name, 0.0) / item.display for item in offsets])
     rotates = np.array([joint.kind == "revolute" for joint in old.robot.joints])
     rows: list[int | None] = []
     for reading, target in zip(joints, targets, strict=True):

@@ -19,8 +19,8 @@ from ...model.files.json_document import keys_of
 from ...model.files.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
-from ..diagnostics.enter import Conformity, TcpError
-from ..diagnostics.hypotheses import Cause
+from ..diagnostics.cause import Cause
+from ..diagnostics.enter import Conformity, TakenGeometry, TcpError
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
@@ -451,16 +451,29 @@ class ExplanationDocument(DocumentPart):
     measurements: tuple[int, ...]
     factor: float
     agrees: bool
+    odds: float
     sentence: str
 
 
 class EnterDocument(DocumentPart):
     """Values to enter, and the error of the TCP to expect."""
 
-    for_: Literal["nominal"] = Field(alias="for")
+    for_: TakenGeometry = Field(alias="for")
     values: dict[str, float]
-    tcp_before: TcpError
-    tcp_after: TcpError
+    u: dict[str, float]
+    tcp_before: TcpError | None
+    tcp_after: TcpError | None
+
+
+class PowerDocument(DocumentPart):
+    """The probability with which a run notices a wrong model."""
+
+    wrong: WrongModel
+    size: float
+    unit: str
+    joint: int | None
+    probability: float
+    off_u: float
 
 
 class ResultDocument(DocumentPart):
@@ -489,7 +502,9 @@ class ResultDocument(DocumentPart):
     misfit: MisfitDocument | None
     diagnosis: tuple[ExplanationDocument, ...]
     enter: EnterDocument | None
+    enter_geometry: EnterDocument | None
     conformity: Conformity | None
+    power: tuple[PowerDocument, ...]
     notes: tuple[str, ...]
     next_steps: NextSteps
     inputs: Inputs
@@ -508,17 +523,6 @@ class CheckedParameterDocument(DocumentPart):
     prior_std: float
     tolerance_share: Number
     reason: str | None
-
-
-class PowerDocument(DocumentPart):
-    """The probability with which a run notices a wrong model."""
-
-    wrong: WrongModel
-    size: float
-    unit: str
-    joint: int | None
-    probability: float
-    off_u: float
 
 
 class CheckDocument(DocumentPart):

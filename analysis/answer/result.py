@@ -21,10 +21,11 @@ from ..diagnostics.scene import RunScene
 from ..misfit import Misfit
 from ..observability.geometry import GeometryResult
 from ..observability.identifiability import Identifiability
+from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
-from ..status import UnsoundResult, Verdict, as_grave, coverage_factor, known, verdict_of
+from ..status import UnsoundResult, Verdict, as_grave, known, verdict_of
 from .findings import Finding
 
 RESULT_SCHEMA = "zerobeam/result/1"
@@ -153,9 +154,15 @@ class Result:
         What the answer was made from.
     diagnosis : tuple
         What explains a misfit, the best explanation first; empty where nothing does or there is none.
-    entered, conformity
-        Values that serve a controller with nominal geometry best, the error of the TCP to expect, and whether
-        the robot then meets what the header requires. None where nothing can be promised.
+    entered, entered_geometry, conformity
+        Values that serve a controller with nominal geometry best, and one that takes the estimated geometry,
+        each with the error of the TCP to expect; whether the robot with the first meets what the header
+        requires. None where nothing can be promised; the second also of an exact arm.
+    coverage_factor : float
+        k of every expanded uncertainty U of this answer.
+    power : tuple of DetectionPower
+        With which probability such a run notices a wrong model; empty where nothing is tested, and of a
+        misfit.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
 
@@ -194,7 +201,10 @@ class Result:
     inputs: Inputs
     diagnosis: tuple[Explanation, ...] = ()
     entered: Entered | None = None
+    entered_geometry: Entered | None = None
     conformity: Conformity | None = None
+    power: tuple[DetectionPower, ...] = ()
+    coverage_factor: float = 2.0
     without_prior: OffsetsWithoutPrior | None = None
 
     def __post_init__(self) -> None:
@@ -230,11 +240,6 @@ class Result:
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
 
-    @property
-    def coverage_factor(self) -> float:
-        """k of every expanded uncertainty U of this answer."""
-        return coverage_factor(self.likelihood.noise_scale is not None, self.likelihood.dof)
-
     @staticmethod
     def _refuse(names: set[str], what: str) -> None:
         if names:
@@ -245,11 +250,13 @@ class Result:
 
 @dataclass(frozen=True)
 class EnteredValue:
-    """What is to be entered of a joint: its `value` and expanded uncertainty, rounded, with units."""
+    """What is to be entered of a joint: its `value` and expanded uncertainty U, and the `estimate` of
+    the arm's offset, rounded, with units; `estimate` is None in results of earlier versions."""
 
     name: str
     value: str
     expanded_u: str
+    estimate: str | None = None
 
 
 @dataclass(frozen=True)

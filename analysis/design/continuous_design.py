@@ -152,7 +152,7 @@ class _Slope:
 
     def gain(self, roots: Matrix) -> Matrix:
         """(C,) decrease of the criterion per weight of each measurement (C, d, f)."""
-        return np.asarray(self._shots * ((roots @ self._root) ** 2).sum(axis=(1, 2)))
+        return np.asarray(self._shots * (times(roots, self._root) ** 2).sum(axis=(1, 2)))
 
     def bound(self, excess: float) -> float:
         """A variance that no design is below; `excess` is the largest gain minus the weighted mean."""
@@ -260,16 +260,25 @@ def _highest_under(
 def _spread(candidates: Candidates, size: int) -> Index:
     """Candidates to begin with: greedily those with most information on what is not determined yet."""
     roots = candidates.roots
-    information = np.eye(roots.shape[2])
+    covariance = np.eye(roots.shape[2])
+    gain = (roots**2).sum(axis=(1, 2))
     chosen: list[int] = []
     for _ in range(min(size, candidates.count)):
-        reduced = roots @ np.linalg.cholesky(np.linalg.inv(information))
-        gain = (reduced**2).sum(axis=(1, 2))
-        gain[chosen] = -1.0
         best = int(np.argmax(gain))
         chosen.append(best)
-        information = information + roots[best].T @ roots[best]
+        taken = covariance @ roots[best].T
+        root = np.linalg.cholesky(np.linalg.inv(np.eye(roots.shape[1]) + roots[best] @ taken))
+        taken = taken @ root
+        covariance = covariance - taken @ taken.T
+        gain -= (times(roots, taken) ** 2).sum(axis=(1, 2))
+        gain[best] = -np.inf
     return np.array(chosen, dtype=np.int64)
+
+
+def times(roots: Matrix, by: Matrix) -> Matrix:
+    """(C, d, k) `roots` (C, d, f) times `by` (f, k), as one product: many small ones take several times as
+    long."""
+    return np.asarray((roots.reshape(-1, roots.shape[2]) @ by).reshape(*roots.shape[:2], -1))
 
 
 def power_mean(covariances: Matrix, power: int) -> Matrix:

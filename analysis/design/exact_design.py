@@ -24,13 +24,14 @@ from .continuous_design import (
     continuous,
     offset_covariance,
     power_mean,
+    times,
     variance,
 )
 
-STARTS = 24
+STARTS = 8
 _SWEEPS = 30
 _NEAR = 400  # candidates among which the starts exchange, those of the largest gain at the optimum
-_NEAR_FEW = 2000  # the same with fewer numbers than unknowns: the optimum in shares says less of whole ones
+_NEAR_FEW = 1000  # the same with fewer numbers than unknowns: the optimum in shares says less of whole ones
 _SCREENED = 64  # candidates of which E looks at the eigenvalues, the most promising by a power mean
 _SHARP = 32  # power of the mean of eigenvalues by which E chooses them
 _PAIRED = 300  # candidates of which E exchanges two at once
@@ -115,16 +116,35 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
     value = variance(offset_covariance(candidates, candidates.information(rows)), criterion)
     for _ in range(_SWEEPS):
         before = value
+        grams = _grams(candidates.roots, np.linalg.inv(candidates.information(rows)))
         for k in range(len(rows)):
             others = np.delete(rows, k)
-            values = _values_with(candidates, candidates.information(others), criterion)
+            information = candidates.information(others)
+            covariance = np.linalg.inv(information)
+            without = grams + _gram_of(candidates.roots, covariance, rows[k])
+            values = _values_with(candidates, information, covariance, without, criterion)
             values[others] = np.inf
             best = int(np.argmin(values))
             if values[best] < value * (1 - 1e-12):
                 rows[k], value = best, float(values[best])
+                grams = without - _gram_of(candidates.roots, covariance, best)
         if value > before * (1 - 1e-9):
             break
     return value, rows
+
+
+def _grams(roots: Matrix, covariance: Matrix) -> Matrix:
+    """(C, d, d) the variance of what each candidate would measure, its noise of 1 included."""
+    spread = times(roots, covariance)
+    return np.asarray(spread @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1]))
+
+
+def _gram_of(roots: Matrix, covariance: Matrix, row: int) -> Matrix:
+    """(C, d, d) by what the measurement `row`, added to those of a `covariance`, lowers `_grams`."""
+    taken = covariance @ roots[row].T
+    root = np.linalg.cholesky(np.linalg.inv(np.eye(roots.shape[1]) + roots[row] @ taken))
+    lowered = times(roots, taken @ root)
+    return np.asarray(lowered @ lowered.transpose(0, 2, 1))
 
 
 def _exchange_two(
@@ -140,18 +160,18 @@ def _exchange_two(
     return min(ends, key=lambda end: end[0])[1]
 
 
-def _values_with(candidates: Candidates, information: Matrix, criterion: Measure) -> Matrix:
-    """(C,) the criterion after adding each candidate to the information (rank-d updates).
+def _values_with(
+    candidates: Candidates, information: Matrix, covariance: Matrix, grams: Matrix, criterion: Measure
+) -> Matrix:
+    """(C,) the criterion after adding each candidate to the information (rank-d updates); `covariance` is
+    its inverse, `grams` are the candidates' (`_grams`).
 
     For E it is exact for the most promising candidates and infinite for the others.
     """
     roots, offsets = candidates.roots, candidates.offsets
-    covariance = np.linalg.inv(information)
-    spread = roots @ covariance
-    gram = spread @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1])
-    of_offsets, on_offsets = covariance[np.ix_(offsets, offsets)], spread[:, :, offsets]
+    of_offsets, on_offsets = covariance[np.ix_(offsets, offsets)], times(roots, covariance[:, offsets])
     if criterion == "D":
-        log = np.linalg.slogdet(of_offsets)[1] - np.linalg.slogdet(gram)[1]
+        log = np.linalg.slogdet(of_offsets)[1] - np.linalg.slogdet(grams)[1]
         if not offsets.all():
             # The determinant of the whole over that of the nuisance's own information.
             inner = roots[:, :, ~offsets]
@@ -159,9 +179,9 @@ def _values_with(candidates: Candidates, information: Matrix, criterion: Measure
             within = inner @ alone @ inner.transpose(0, 2, 1) + np.eye(roots.shape[1])
             log = log + np.linalg.slogdet(within)[1]
         return np.asarray(np.exp(log / len(of_offsets)))
-    solved = np.linalg.solve(gram, on_offsets)
     if criterion == "A":
-        return np.asarray((np.trace(of_offsets) - (solved * on_offsets).sum(axis=(1, 2))) / len(of_offsets))
+        return np.asarray((np.trace(of_offsets) - _squares(grams, on_offsets)) / len(of_offsets))
+    solved = np.linalg.solve(grams, on_offsets)
     after = of_offsets - on_offsets.transpose(0, 2, 1) @ solved
     if criterion == "soft":
         return power_mean(after, SOFT)
@@ -170,6 +190,18 @@ def _values_with(candidates: Candidates, information: Matrix, criterion: Measure
     screened = np.argpartition(nearly, min(_SCREENED, len(nearly)) - 1)[:_SCREENED]
     largest[screened] = np.linalg.eigvalsh(after[screened])[:, -1]
     return largest
+
+
+def _squares(grams: Matrix, columns: Matrix) -> Matrix:
+    """(C,) the sums of squares of `columns` (C, d, s) by the inverse of `grams` (C, d, d), by elimination."""
+    grams, columns = grams.copy(), columns.copy()
+    total = np.zeros(len(grams))
+    for i in range(grams.shape[1]):
+        total += (columns[:, i] ** 2).sum(axis=1) / grams[:, i, i]
+        share = grams[:, i + 1 :, i] / grams[:, i, i, None]
+        columns[:, i + 1 :] -= share[:, :, None] * columns[:, None, i]
+        grams[:, i + 1 :, i + 1 :] -= share[:, :, None] * grams[:, None, i, i + 1 :]
+    return total
 
 
 def exchange_pairs(

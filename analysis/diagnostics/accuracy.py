@@ -3,9 +3,12 @@
 The TCP T(q) is a point of the flange, in the base frame **that joint 1's own encoder defines**: the
 offset of joint 1 never enters it, so neither does the gauge of section 3.3, be delta1 held or free.
 
-- *Before*: the error of the arm without offsets, |T(q; 0) - T(q; delta)| at the estimate, with the std of it.
-- *After*: what the fit leaves open. T is wrong by J times the error of the offsets, J exact, so that its
-  covariance is J C J' (JCGM 102). Given are the radius that holds 95 % and the expected error, rms.
+- *Before*: the error of the arm with nothing entered, |N(q; 0) - T(q; theta)| at the estimate of the whole
+  arm (offsets, links, gravity, harmonics), with the std of it.
+- *After*: with the values entered that `enter` computes for a controller with nominal geometry. What these
+  leave at the estimate, T(q; theta) - N(q; c), is systematic; T is wrong by J times the error of the
+  estimate, J exact, so that its covariance is J C J' (JCGM 102). Given are the radius that holds 95 % and the
+  expected error, rms.
 
 The place is the tool's stated point, as a point of the flange: the free tool parameters are not in it. Where
 the last offset is not determined (held with a free laser, or unidentifiable with a free tip) a point off the
@@ -14,34 +17,40 @@ does not move.
 
 If T depends on any other offset that the data do not determine (unidentifiable, or held), no accuracy is
 claimed: there is no number, but the reason. (An offset moves a place of the flange nowhere or nearly
-everywhere.) What of the arm deviates from nominal, its repeatability and its load are not in the numbers.
+everywhere.) The arm's repeatability and its load are not in the numbers, nor is how well the TCP is known.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 
 from ...model.arrays import Index, Matrix
-from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
-from ..error_radius import radius95
+from ..error_radius import radius95, radius95_about
 from ..observability.causes import Cause
 from ..solution import Solution
 from ..status import UnsoundResult
+from .enter import controller_arm, values_to_enter
+from .tcp_positions import (
+    TcpSource,
+    arm_covariance,
+    default_point,
+    moving_offsets,
+    spread_postures,
+    tool_point,
+    undetermined_offsets,
+    within_limits,
+)
 
 Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]
-TcpSource = Literal["stated point", "tool", "last axis"]
 
 _POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
 _CELLS = 20  # along the longer side of a map, at most
-NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
-_ON_AXIS = 1e-6  # mm
 
 
 @dataclass(frozen=True)
@@ -125,31 +134,33 @@ class TcpAccuracy:
             raise UnsoundResult("accuracy is claimed although it depends on what the data do not determine")
 
 
-def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
-    """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above."""
+def accuracy(
+    solution: Solution, point: Matrix | None = None, values: Mapping[str, float] | None = None
+) -> TcpAccuracy:
+    """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above;
+    `values` are those of `values_to_enter` if they are there already."""
     problem, fit = solution.problem, solution.fit
     parameters, offsets = problem.parameters, problem.parameters.block("offset")
     status = solution.status[offsets]
-    open_offsets = np.isin(status, ["unidentifiable", "held"])
-    open_offsets[0] = False
+    open_offsets = undetermined_offsets(problem, solution.status)
     location: TcpSource = "stated point"
     if point is None:
-        point, location = _default_point(problem, bool(open_offsets[-1]))
+        point, location = default_point(problem, bool(open_offsets[-1]))
     limits = (problem.robot.lower, problem.robot.upper)
     recorded_limits = (problem.joints.min(axis=0), problem.joints.max(axis=0))
     drawn = [spread_postures(*limits, _POSTURES), spread_postures(*recorded_limits, _POSTURES // 4)]
     joints = np.concatenate([within_limits(problem.robot, rows) for rows in drawn] + [problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
-    effect = np.sqrt((by_offset**2).sum(axis=0).max(axis=1)) * parameters.prior_std[offsets]
     names = parameters.names[offsets]
-    enters = effect > NO_EFFECT
+    enters = moving_offsets(problem, jacobian)
     undetermined = np.flatnonzero(enters & open_offsets)
     workspace, near_shots, sensitivity = None, None, None
     maps: tuple[Map, ...] = ()
     weak: tuple[str, ...] = ()
     if not len(undetermined):
-        errors = _errors(solution, point, joints, position, jacobian)
+        values = values_to_enter(solution) if values is None else values
+        errors = _errors(solution, point, joints, position, jacobian, values)
         whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
         workspace, near_shots = _region(errors[:, whole]), _region(errors[:, near])
         maps = _maps(problem, position[whole], position[near.stop :], errors[:, whole])
@@ -172,79 +183,20 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
     )
 
 
-def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-    """(P, 3) mm where the `point` (3,) of the flange is at recorded `joints` (P, n) with the offsets and the
-    geometry of x (p,), in the base frame as joint 1's encoder defines it; and (P, 3, a) by these, 0 by the
-    first offset."""
-    arm = problem.parameters.arm
-    x = x.copy()
-    x[arm.start] = 0.0
-    position, jacobian = problem.functions.kernel("placed")(joints, x[arm], point)
-    # Postures next to each other in memory: what follows is done for all of them, number by number.
-    by_arm = np.ascontiguousarray(jacobian[:, :, arm].transpose(1, 2, 0))
-    by_arm[:, 0] = 0.0
-    return np.asfortranarray(position), by_arm.transpose(2, 0, 1)
-
-
-def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
-    """(a, a) of offsets and geometry, rad or mm, from that of the scaled free parameters (f, f); 0 of what is
-    held."""
-    parameters = problem.parameters
-    estimated = np.flatnonzero(parameters.free & (np.arange(len(parameters)) < parameters.arm.stop))
-    at, std = parameters.among_free[estimated], parameters.prior_std[estimated]
-    result = np.zeros((parameters.arm.stop, parameters.arm.stop))
-    result[np.ix_(estimated, estimated)] = covariance[np.ix_(at, at)] * np.outer(std, std)
-    return result
-
-
-def within_limits(robot: Robot, joints: Matrix) -> Matrix:
-    """Those of joints (N, n) that the arm can take: where joint 3 is counted from the ground its range
-    depends on joint 2."""
-    return joints if robot.conventions.range3 is None else joints[~beyond_limits(robot, joints).any(axis=1)]
-
-
-def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:
-    """(count, n) evenly between `lower` and `upper` (n,): Kronecker's sequence with the powers of the root of
-    x^(n + 1) = x + 1 (Roberts 2018), which has no seed."""
-    return np.asarray(lower + _shares(len(lower), count) * (upper - lower))
-
-
-@lru_cache(maxsize=16)
-def _shares(n: int, count: int) -> Matrix:
-    """(count, n) from 0 to 1 of `spread_postures`."""
-    root = 2.0
-    for _ in range(60):
-        root = (1 + root) ** (1 / (n + 1))
-    steps = root ** -np.arange(1.0, n + 1)
-    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0)
-
-
-def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, TcpSource]:
-    """The tool's stated point, or the nearest of the last axis if its offset is not determined."""
-    point = problem.tool.point
-    last = problem.robot.joints[-1]
-    if not open_last or last.kind != "revolute":
-        return point, "tool"
-    to_flange = problem.robot.flange[:3, :3].T
-    axis, origin = to_flange @ last.axis, -to_flange @ problem.robot.flange[:3, 3]
-    foot = origin + axis * (axis @ (point - origin))
-    if np.linalg.norm(foot - point) <= _ON_AXIS:
-        return point, "tool"
-    return foot, "last axis"
-
-
 def _errors(
     solution: Solution,
     point: Matrix,
     joints: Matrix,
     position: Matrix,
     jacobian: Matrix,
+    values: Mapping[str, float],
 ) -> Matrix:
     """(4, P) mm: before the calibration, the std of that, the 95 % radius after it, and the rms: see
     `Region`."""
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
-    (nominal,) = problem.functions.kernel("place")(joints, np.zeros(problem.parameters.arm.stop), point)
+    place = problem.functions.kernel("place")
+    (nominal,) = place(joints, np.zeros(problem.parameters.arm.stop), point)
     of_point = _transferred(arm_covariance(problem, fit.covariance), jacobian)
     apart = np.asfortranarray(nominal) - position
     length = np.linalg.norm(apart, axis=1)
@@ -252,7 +204,14 @@ def _errors(
     rms = np.sqrt(np.trace(of_point, axis1=1, axis2=2))
     # Of no length at all every direction is as good: the std of the worst is at most the rms.
     std = np.where(length > 0, np.sqrt(along) / np.where(length > 0, length, 1.0), rms)
-    return np.array([length, std, radius95(of_point, dof), rms])
+    if not problem.geometry:
+        return np.array([length, std, radius95(of_point, dof), rms])
+    arm = controller_arm(problem, values)
+    arm[0] = 0.0
+    (entered_at,) = place(joints, arm, point)
+    left = np.asfortranarray(position - entered_at)
+    rms = np.sqrt(rms**2 + (left**2).sum(axis=1))
+    return np.array([length, std, radius95_about(left, of_point, dof), rms])
 
 
 def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:

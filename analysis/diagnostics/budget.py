@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from ...model.arrays import NORMAL_95, Matrix
+from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
 from ..posterior.posterior import PosteriorParameter, PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than
@@ -105,13 +105,13 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     scale = parameters.prior_std[index] * parameters.display[index]
     sources, parts = _sources(solution, at)
     variances = np.diag(fit.covariance)[at]
-    dof = _effective_dof(solution, sources, parts, variances)
+    dof = effective_dof(fit)[at]
     draws = {row.name: row for row in posterior.parameters or () if row.source == "data"}
     budgets = []
     for j, i in enumerate(determined):
         item = parameters.items[i]
         std = float(np.sqrt(variances[j]) * scale[j])
-        factor = float(scipy.special.stdtrit(dof[j], _TWO_SIDED)) if np.isfinite(dof[j]) else NORMAL_95
+        factor = float(solution.quantiles[i])
         value = item.shown(float(fit.x[i]))
         rows = []
         for source, part in zip(sources, parts[:, j].tolist(), strict=True):
@@ -141,21 +141,12 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
     """All sources, and (sources, t) their parts in the scaled variances of the free parameters `at` (t,)."""
     problem, fit = solution.problem, solution.fit
     parameters, whitened = problem.parameters, fit.whitened
-    rows = problem.shots * problem.tool.residual_size
     noise = parameters.group("noise")[parameters.free]
-    jacobian = whitened.jacobian[:, parameters.free][:, ~noise]
-    by_residual, by_distance = jacobian[:rows], jacobian[rows:]
-    information = (
-        fit.weight * by_residual.T @ by_residual + by_distance.T @ by_distance + np.eye(jacobian.shape[1])
-    )
-    kept = (np.cumsum(~noise) - 1)[at]
-    gain = np.linalg.inv(information)[kept]
-
+    by_distance = whitened.jacobian[problem.shots * problem.tool.residual_size :, parameters.free][:, ~noise]
     # Of every reading: the residual's derivative by a joint is that by its offset, by the spot -1.
-    _, jacobian_mm = problem.linearise(fit.x)
-    blocks = jacobian[:rows].reshape(problem.shots, -1, jacobian.shape[1])
-    by_spot = fit.weight * gain @ blocks.transpose(0, 2, 1) @ np.linalg.inv(whitened.factor)  # (N, t, d)
-    by_joint = by_spot @ problem.by_joints(jacobian_mm)
+    every = gains(fit)
+    kept, gain = (np.cumsum(~noise) - 1)[at], every.covariance[at][:, ~noise]
+    by_joint, by_spot = every.by_joint[:, at], every.by_spot[:, at]
     variances = problem.variances(fit.x) / fit.weight
     parts = [
         (by_joint**2).sum(axis=0).T * variances[:-1, None],
@@ -196,10 +187,10 @@ def _noise_sources(solution: Solution, std: Matrix) -> list[BudgetRow]:
     problem, robot = solution.problem, solution.problem.robot
     kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + 1)
     if problem.noise.estimated:
-        kinds = [("A", float(solution.dof))] * (robot.n + 1)
+        kinds = [("A", noise_dof(solution.fit))] * (robot.n + 1)
     elif problem.noise.separate:
         status = dict(zip(problem.parameters.names, solution.status, strict=True))
-        variance = np.diag(_log_scales(solution))
+        variance = np.diag(log_scales(solution.fit))
         joint, spot = (
             _of_factor(status[f"noise.{name}"], float(value))
             for name, value in zip(("joint", "spot"), variance, strict=True)
@@ -224,41 +215,6 @@ def _of_factor(status: Status, variance: float) -> tuple[Literal["A", "B"], floa
     """Type and degrees of freedom (G.3) of a noise whose factor has the logarithm of this variance."""
     kind: Literal["A", "B"] = "A" if known(status) else "B"
     return kind, 1 / (2 * variance) if variance > 0 else None
-
-
-def _log_scales(solution: Solution) -> Matrix:
-    """(g, g) covariance of the logarithms of the noise scales: that of all, or the joints' and the spot's."""
-    if solution.problem.noise.estimated:
-        return np.array([[1 / (2 * solution.dof)]])
-    parameters = solution.problem.parameters
-    noise = parameters.group("noise")
-    result = np.zeros((len(parameters), len(parameters)))
-    std = parameters.prior_std[parameters.free]
-    result[np.ix_(parameters.free, parameters.free)] = solution.fit.covariance * np.outer(std, std)
-    return result[np.ix_(noise, noise)]
-
-
-def _effective_dof(
-    solution: Solution,
-    sources: list[BudgetRow],
-    parts: Matrix,
-    variances: Matrix,
-) -> Matrix:
-    """(t,) by Welch and Satterthwaite's formula (G.2b) for variances that need not be estimated
-    independently: u^4 over half the variance of u^2, u^2 being a sum of parts that each have a scale."""
-    noise = solution.problem.noise
-    if noise.known:
-        return np.full(len(variances), np.inf)
-    kinds = np.array([source.kind for source in sources])
-    if noise.estimated:
-        # All that was not stated has the one scale, curvature too.
-        of_stated = np.isin(kinds, ["prior", "target", "distance"])
-        groups = (variances - parts[of_stated].sum(axis=0))[:, None]
-    else:
-        groups = np.array([parts[kinds == kind].sum(axis=0) for kind in ("joint", "spot")]).T
-    spread = 2 * ((groups @ _log_scales(solution)) * groups).sum(axis=1)
-    with np.errstate(divide="ignore"):
-        return np.asarray(variances**2 / spread)
 
 
 def check_linear(value: float, std: float, half: float, row: PosteriorParameter) -> LinearCheck:

@@ -1,8 +1,8 @@
 """Values to enter: what a controller takes is not what the arm is.
 
 A controller with nominal geometry takes offsets alone. Those that serve it best also make up for links that
-deviate, as far as offsets can: they minimise the expected squared error of the TCP over the workspace under
-the posterior of the whole model,
+deviate and joints that bend, as far as offsets can: they minimise the expected squared error over the
+workspace under the posterior of the whole model,
 
     E |T(q; theta) - N(q; c)|^2 = |T(q; E theta) - N(q; c)|^2 + tr(J C J'),
 
@@ -10,11 +10,14 @@ with T the arm, N the nominal one with the offsets c entered, and J C J' the cov
 (JCGM 102). The last term does not depend on c: what is entered is the least-squares fit of N to the mean arm.
 
 The region is what the arm reaches in front of it: joint 1 within 90 degrees of the middle of its range, the
-other joints over theirs. The points are the flange's origin and the tool's stated point, with equal weights.
+other joints over theirs. The points, of equal weight, are the flange's origin, the TCP (the tool's stated
+point) and four points 100 mm beside the TCP: without these the wrist would be turned to make up for lengths,
+and a longer tool would be worse off. The error that is stated is that of the TCP.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -27,13 +30,26 @@ from ...model.likelihood.problem import Problem
 from ..recordings.recordings import drawn_by_covariance
 from ..solution import Solution
 from ..status import known
-from .accuracy import NO_EFFECT, arm_covariance, spread_postures, tool_point, within_limits
+from .tcp_positions import (
+    arm_covariance,
+    default_point,
+    moving_offsets,
+    spread_postures,
+    tool_point,
+    undetermined_offsets,
+    within_limits,
+)
 
 _POSTURES = 256
+_FITTED = 128  # of them: the first are spread as evenly as all
 _DRAWS = 200  # of the posterior
-_STEPS = 4  # Gauss-Newton from the estimates: what is left is below a micrometre
+_STEPS = 2  # Gauss-Newton from the estimates: what is left is below a micrometre
 _FRONT = float(np.radians(90.0))
+_BESIDE = 100.0  # mm: the points beside the TCP
+_SAME = 1e-10  # of the largest: a direction of offsets that moves no point stays as estimated
 _CONFORMS = 0.95  # JCGM 106, 8.3.3: the guard band of a 5 % risk
+
+TakenGeometry = Literal["nominal", "geometry"]
 
 
 @dataclass(frozen=True)
@@ -48,13 +64,19 @@ class TcpError:
 
 @dataclass(frozen=True)
 class Entered:
-    """What to enter into a controller with `of` geometry, by name, deg (mm); and the TCP's error to expect
-    with nothing entered and with these."""
+    """What to enter into a controller with `of` geometry, by name, deg (mm), and the standard uncertainty `u`
+    of each: how far it may be from what would serve this arm best. A controller with nominal geometry takes
+    the offsets; one that takes the geometry the whole estimated arm, but for what depends on the posture.
 
-    of: Literal["nominal"]
+    `tcp_before` and `tcp_after` are the TCP's error to expect with nothing entered and with these. Both are
+    None where the TCP depends on an offset that the data do not determine.
+    """
+
+    of: TakenGeometry
     values: dict[str, float]
-    tcp_before: TcpError
-    tcp_after: TcpError
+    u: dict[str, float]
+    tcp_before: TcpError | None
+    tcp_after: TcpError | None
 
 
 @dataclass(frozen=True)
@@ -70,95 +92,184 @@ class Conformity:
     rule: str = "conforms where the probability is 95 % or more, does not where it is 5 % or less (JCGM 106)"
 
 
+def values_to_enter(solution: Solution, left_out: Collection[str] = ()) -> dict[str, float]:
+    """What to enter into a controller with nominal geometry, deg (mm) by name: of each offset that is
+    determined, but for those `left_out`, which neither the arm nor the controller then has. Export, next
+    steps, report and verification use these; of an exact arm they are the estimates."""
+    fitted = _Fitted(solution, left_out)
+    return fitted.shown(fitted.offsets)
+
+
 def entered(
     solution: Solution, required: StatedRequirement | None = None
-) -> tuple[Entered | None, Conformity | None]:
-    """The values to enter, and whether the robot then meets what is required.
+) -> tuple[Entered | None, Entered | None, Conformity | None]:
+    """The values for nominal geometry and for a controller that takes the geometry (None of an exact arm),
+    and whether the robot with the first meets what is required.
 
-    None where an offset that moves the TCP is not determined, or the model does not describe the
-    measurements: nothing can be promised then.
+    All None where an offset is not determined, or the model does not describe the measurements: nothing can
+    be promised then.
     """
-    if not solution.converged or solution.misfit is not None:
-        return None, None
-    region = _Region(solution)
-    if region.undetermined:
-        return None, None
-    values = region.fitted()
-    before, after = region.errors(np.zeros_like(values)), region.errors(values)
-    items = solution.problem.parameters.items
-    result = Entered(
-        of="nominal",
-        values={items[i].name: float(values[i]) * items[i].display for i in region.estimated},
-        tcp_before=_tcp_error(before),
-        tcp_after=_tcp_error(after),
+    if solution.verdict in ("misfit", "degenerate"):
+        return None, None, None
+    fitted = _Fitted(solution)
+    if not fitted.names:
+        return None, None, None
+    values, u = fitted.shown(fitted.offsets), fitted.shown(fitted.std)
+    whole = _whole_values(solution)
+    spread = TcpSpread(solution)
+    if spread.undetermined:
+        nominal = Entered("nominal", values, u, None, None)
+        return nominal, whole and Entered("geometry", *whole, None, None), None
+    problem = solution.problem
+    before = _tcp_error(spread.errors(np.zeros(problem.parameters.arm.stop)))
+    after = spread.errors(controller_arm(problem, values))
+    with_links = whole and Entered(
+        "geometry", *whole, before, _tcp_error(spread.errors(held_by_a_robot(problem, solution.fit.x)))
     )
-    return result, None if required is None else _conformity(after, required.tcp_mm)
+    return (
+        Entered("nominal", values, u, before, _tcp_error(after)),
+        with_links,
+        None if required is None else _conformity(after, required.tcp_mm),
+    )
 
 
-class _Region:
-    """The arm as the posterior has it, over the region: positions (R, 3) mm of the points at the mean, and
-    (R, 3, a) their Jacobians by the arm's parameters."""
+def controller_arm(problem: Problem, values: Mapping[str, float]) -> Matrix:
+    """(a,) rad or mm: nominal geometry with these offsets, deg (mm) by name."""
+    arm = np.zeros(problem.parameters.arm.stop)
+    for name, value in values.items():
+        i = problem.parameters.index(name)
+        arm[i] = value / problem.parameters.items[i].display
+    return arm
+
+
+def held_by_a_robot(problem: Problem, x: Matrix) -> Matrix:
+    """(a,) offsets and geometry of x (p,), rad or mm, but for what depends on the posture (gravity,
+    harmonics): what a robot file can hold."""
+    items = problem.parameters.items[problem.parameters.arm]
+    held = [item.group == "offset" or item.name.startswith("link") for item in items]
+    return np.where(held, x[problem.parameters.arm], 0.0)
+
+
+class _Fitted:
+    """The least-squares fit of nominal geometry to the mean arm, over the region: `names` of the offsets,
+    `offsets` (k,) rad or mm, their `std` (k,)."""
+
+    def __init__(self, solution: Solution, left_out: Collection[str] = ()) -> None:
+        problem = self.problem = solution.problem
+        parameters = problem.parameters
+        block = parameters.block("offset")
+        places = [
+            i
+            for i in range(block.start, block.stop)
+            if known(solution.status[i]) and parameters.names[i] not in left_out
+        ]
+        self.names = [parameters.names[i] for i in places]
+        x = solution.fit.x.copy()
+        out = [i for i in range(block.start, block.stop) if i not in places]
+        x[out] = parameters.prior_mean[out]
+        std = np.sqrt(np.diag(arm_covariance(problem, solution.fit.covariance)))
+        self.offsets, self.std = x[places], std[places]
+        # That of joint 1 is a choice of frame: it moves nothing.
+        fitted = [k for k, i in enumerate(places) if i > block.start]
+        if problem.geometry and fitted:
+            self._fit(solution, x, [places[k] for k in fitted], fitted, out)
+
+    def _fit(self, solution: Solution, x: Matrix, places: list[int], at: list[int], out: list[int]) -> None:
+        problem = self.problem
+        joints = _front(problem)[:_FITTED]
+        tcp = tcp_of(solution)
+        beside = [tcp + _BESIDE * np.array(axis) for axis in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))]
+        points = np.repeat([np.zeros(3), tcp, *beside], len(joints), axis=0)
+        joints = np.tile(joints, (2 + len(beside), 1))
+        position, by_arm = tool_point(problem, x, points, joints)
+        arm = np.zeros(problem.parameters.arm.stop)
+        arm[places] = x[places]
+        inverse, columns = np.zeros(0), np.zeros(0)
+        for _ in range(_STEPS):
+            entered_at, jacobian = problem.functions.kernel("placed")(joints, arm, points)
+            columns = jacobian[:, :, places].reshape(-1, len(places))
+            inverse = np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True)
+            arm[places] += inverse @ (columns.T @ (position - entered_at).reshape(-1))
+        self.offsets[at] = arm[places]
+        by_arm = by_arm.reshape(-1, len(arm)).copy()
+        by_arm[:, out] = 0.0
+        by_mean = inverse @ (columns.T @ by_arm)
+        # What moves no point stays as estimated, and as uncertain.
+        by_mean[:, places] += np.eye(len(places)) - inverse @ (columns.T @ columns)
+        covariance = arm_covariance(problem, solution.fit.covariance)
+        self.std[at] = np.sqrt(np.einsum("ka,ab,kb->k", by_mean, covariance, by_mean))
+
+    def shown(self, values: Matrix) -> dict[str, float]:
+        """deg (mm) by name."""
+        items = self.problem.parameters.items
+        index = self.problem.parameters.index
+        return {
+            name: float(value) * items[index(name)].display
+            for name, value in zip(self.names, values, strict=True)
+        }
+
+
+class TcpSpread:
+    """The TCP of the arm as the posterior has it, over the region: `position` (P, 3) mm at the mean, and
+    `jacobian` (P, 3, a) by the arm's parameters, at `joints` (P, n)."""
 
     def __init__(self, solution: Solution) -> None:
-        self.solution, problem = solution, solution.problem
-        self.problem: Problem = problem
-        offsets = problem.parameters.block("offset")
-        self.estimated = [i for i in range(offsets.start + 1, offsets.stop) if known(solution.status[i])]
-        points = [np.zeros(3), problem.tool.point]
-        joints = _front(problem)
-        self.joints, self.points = np.tile(joints, (2, 1)), np.repeat(points, len(joints), axis=0)
-        placed = [tool_point(problem, solution.fit.x, point, joints) for point in points]
-        self.position = np.concatenate([position for position, _ in placed])
-        self.jacobian = np.concatenate([jacobian for _, jacobian in placed])
+        self.solution, self.problem = solution, solution.problem
+        self.joints, self.point = _front(self.problem), tcp_of(solution)
+        self.position, self.jacobian = tool_point(self.problem, solution.fit.x, self.point, self.joints)
 
     @property
     def undetermined(self) -> bool:
-        """Whether an offset that the measurements do not determine moves a point."""
-        parameters = self.problem.parameters
-        offsets = parameters.block("offset")
-        left = [i for i in range(offsets.start + 1, offsets.stop) if i not in self.estimated]
-        moved = np.abs(self.jacobian[:, :, left]) * parameters.prior_std[left]
-        return bool((moved > NO_EFFECT).any())
+        """Whether an offset that the measurements do not determine moves the TCP."""
+        moving = moving_offsets(self.problem, self.jacobian)
+        return bool((moving & undetermined_offsets(self.problem, self.solution.status)).any())
 
-    def nominal(self, offsets: Matrix) -> tuple[Matrix, Matrix]:
-        """(R, 3) mm with these offsets (n,) entered and nominal geometry, and (R, 3, n) by them."""
-        arm = np.zeros(self.problem.parameters.arm.stop)
-        arm[: len(offsets)] = offsets
-        position, jacobian = self.problem.functions.kernel("placed")(self.joints, arm, self.points)
-        return position, jacobian[:, :, : len(offsets)]
-
-    def fitted(self) -> Matrix:
-        """(n,) the offsets that bring nominal geometry nearest to the mean arm; 0 where not estimated."""
-        n = self.problem.robot.n
-        values = np.zeros(n)
-        values[self.estimated] = self.solution.fit.x[self.estimated]
-        for _ in range(_STEPS):
-            position, jacobian = self.nominal(values)
-            by = jacobian[:, :, self.estimated].reshape(-1, len(self.estimated))
-            left = (self.position - position).reshape(-1)
-            values[self.estimated] += np.linalg.lstsq(by, left, rcond=None)[0]
-        return values
+    def placed(self, arm: Matrix) -> Matrix:
+        """(P, 3) mm where a controller with `arm` (a,) in its model has the TCP."""
+        arm = arm.copy()
+        arm[0] = 0.0
+        (position,) = self.problem.functions.kernel("place")(self.joints, arm, self.point)
+        return np.asarray(position)
 
     @cached_property
     def spread(self) -> Matrix:
-        """(3, draws, R) mm by which the points of arms at random from the posterior are off those of the mean
+        """(3, draws, P) mm by which the TCPs of arms at random from the posterior are off that of the mean
         arm."""
-        problem, fit = self.problem, self.solution.fit
+        problem, solution = self.problem, self.solution
         rng = np.random.default_rng(2014)
-        drawn = drawn_by_covariance(arm_covariance(problem, fit.covariance), _DRAWS, rng)
-        if problem.noise.estimated and self.solution.dof:
-            drawn *= np.sqrt(self.solution.dof / rng.chisquare(self.solution.dof, size=(_DRAWS, 1)))
+        drawn = drawn_by_covariance(arm_covariance(problem, solution.fit.covariance), _DRAWS, rng)
+        if problem.noise.estimated and solution.dof:
+            drawn *= np.sqrt(solution.dof / rng.chisquare(solution.dof, size=(_DRAWS, 1)))
         return np.array([drawn @ self.jacobian[:, k].T for k in range(3)])
 
-    def errors(self, offsets: Matrix) -> Matrix:
-        """(draws, R) mm: of those arms, with these offsets (n,) entered."""
-        apart = self.position - self.nominal(offsets)[0]
+    def errors(self, arm: Matrix) -> Matrix:
+        """(draws, P) mm: of those arms, with a controller that has `arm` (a,) in its model."""
+        apart = self.position - self.placed(arm)
         # Axis by axis: a norm over the first of three axes takes several times as long.
         squares = np.zeros(self.spread.shape[1:])
         for spread, off in zip(self.spread, apart.T, strict=True):
             along = spread + off
             squares += along * along
         return np.asarray(np.sqrt(squares))
+
+
+def tcp_of(solution: Solution) -> Matrix:
+    """(3,) mm in the flange frame: the tool's stated point, or as `default_point` says."""
+    last = solution.problem.parameters.block("offset").stop - 1
+    return default_point(solution.problem, solution.status[last] in ("unidentifiable", "held"))[0]
+
+
+def _whole_values(solution: Solution) -> tuple[dict[str, float], dict[str, float]] | None:
+    """Estimates and standard uncertainties of what is determined and a robot can hold; None of an exact
+    arm."""
+    if not solution.problem.geometry:
+        return None
+    rows = [
+        row
+        for row in solution.parameters
+        if known(row.status) and (row.group == "offset" or row.name.startswith("link"))
+    ]
+    return {row.name: row.estimate or 0.0 for row in rows}, {row.name: row.std or 0.0 for row in rows}
 
 
 def _front(problem: Problem) -> Matrix:

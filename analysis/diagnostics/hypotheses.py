@@ -1,81 +1,78 @@
-"""Hypotheses on what is wrong with a recording or a robot file, and what a fit of each leaves.
+"""Hypotheses on what is wrong with a recording, a robot file or a cell, and what a fit of each leaves.
 
-Columns exchanged, signs, zeros, units and coupled joints are changes of what was recorded: data sets of one
-problem, which one batch of fits tries; of many measurements a part is tried first. A twist of the robot file
-with the wrong sign becomes one too, for a robot with one more joint in every twisted link, about the common
-normal of the two axes: it is at 0 where the file is right, and at minus twice the twist where its sign is
-wrong. All else is as it is in each fit, at the stated noise."""
+There are two sorts. What changes everything (columns exchanged, signs, zeros, units, another arm) is screened
+with nominal geometry, all at once (`screening`); what changes little is screened by its evidence at the mode
+as recorded, linearised (`suspects`). The best few of both are fitted with all else as it is, at the stated
+noise. Nothing is applied.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
-from typing import Literal, NamedTuple
+from itertools import combinations
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Index, Matrix
-from ...model.kinematics.robot import Joint, Robot
-from ...model.likelihood.constraint import ShotFunctions
+from ...model.kinematics.robot import Robot
+from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
-from ...model.likelihood.geometry import NOMINAL
-from ...model.likelihood.parameters import Parameter, Parameters
+from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ..displacement import displacement
-from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at
+from ..estimation.fit import CONTRADICTED, modes
 from ..observability.geometry import with_links
 from ..placements import placements
+from .cause import Cause
+from .robot_variants import Variant, file_variants, other_arms
+from .screening import screened
+from .suspects import Linear, Suspect, suspects
 
-Cause = Literal[
-    "swapped_joints",
-    "sign",
-    "zero",
-    "units",
-    "coupling",
-    "twist",
-    "placement",
-    "measurements",
-    "moved_target",
-    "geometry",
-]
-
-_PARALLEL = 1e-6  # sine of a twist below which it has no sign
 _TWO_TURNS = 4 * np.pi  # rad: further no arm goes, and no angle is recorded
 _QUARTERS = (90.0, -90.0, 180.0)
-_Z = np.array([0.0, 0.0, 1.0])
 SIGNIFICANCE = 1e-3  # p-value of residuals by noise and of a gain by chance; likelihood ratio to a rival
 HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
 REDUCED = 0.75  # the same of link geometry: beyond it arms deflect, by as much again
 _FAR = 4.0  # prior stds beyond which an estimate contradicts its prior
 _FEW_STEPS = 60  # of a first try
+_REFITS = 2  # of a suspect: its effect is linearised at each
 _ROUNDS = 10  # of leaving outliers out
-_EXACT = 60  # measurements up to which each is left out in turn, and every change point is tried
-_CHANGE_POINTS = 5  # that the linearised test proposes, of more measurements
+_EXACT = 60  # measurements up to which outliers are tried one by one
+_SCREENED = 60  # measurements on which recordings and robots are screened, where there are more
+_CONFIRMED = 4  # recordings and robots that go on to a whole fit
+_SUSPECTS = 10  # the same of what changes little
+_WORTH = 8.0  # of log evidence: a suspect so much below the best is not fitted
+_OFF_MM = 1.0  # a measurement that is wrong is off by no less
 _LARGEST = 1e300
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One thing that may be wrong, and the positions (N, n) that would have been recorded without it.
+    """One thing that may be wrong, and the positions `recorded` (N, n) or the `robot` that would be there
+    without it (None: as they are).
 
     `joints` are numbered from 1: those concerned; of a twist the joints before and behind the link, or the
     last one for the link that ends in the flange. `amount` is what is added to a zero (deg), the factor of
-    units, or how many times joint 2 is added to joint 3. `freed` counts the parameters chosen to suit the
-    data, and `volume` is the logarithm of the factor by which positions shrink.
+    units, or how many times joint 2 is added to joint 3. `of` names the arm or the convention, `gone` the
+    places of measurements that are left out. `volume` is the
+    logarithm of the factor by which positions shrink, `occam` the price of what is chosen to suit the data.
     """
 
     cause: Cause
-    joints: tuple[int, ...]
-    recorded: Matrix
+    joints: tuple[int, ...] = ()
+    recorded: Matrix | None = None
     amount: float = 0.0
-    freed: int = 0
+    of: str = ""
+    robot: Robot | None = None
+    gone: tuple[int, ...] = ()
+    targets: tuple[str, ...] = ()
     volume: float = 0.0
+    occam: float = 0.0
 
 
 def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
-    """All changes of the recorded positions worth trying; `x` (p,) is where the fit as recorded ended."""
+    """All changes worth trying, but for arms of other makers; `x` (p,) is where the fit as recorded ended."""
     robot, recorded = problem.robot, problem.joints
     kinds = [joint.kind for joint in robot.joints]
     revolute = [i for i, kind in enumerate(kinds) if kind == "revolute"]
@@ -96,6 +93,25 @@ def changes(problem: Problem, x: Matrix) -> Iterator[Change]:
     if robot.n > 2 and kinds[1:3] == ["revolute"] * 2:
         for times in (1.0, -1.0):
             yield Change("coupling", (2, 3), _added(recorded, 2, times * recorded[:, 1]), times)
+    order = np.argsort(problem.shot_numbers, kind="stable")
+    for steps in (1, -1):
+        neighbours = recorded.copy()
+        neighbours[order] = np.roll(recorded[order], steps, axis=0)
+        yield Change("rows", (), neighbours, float(steps))
+    if problem.shots <= _EXACT:
+        for i in range(problem.shots):
+            yield Change("measurements", gone=(i,), targets=(problem.targets[problem.target_index[i]],))
+    every = placements(problem)
+    for placement in every if len(every) > 1 else ():
+        yield Change("placement", gone=tuple(placement.rows.tolist()), targets=placement.targets)
+    yield from map(_of_variant, file_variants(robot))
+    yield from map(_of_variant, other_arms(robot, siblings=True))
+
+
+def _of_variant(variant: Variant) -> Change:
+    return Change(
+        variant.cause, variant.joints, of=variant.of, robot=variant.robot, occam=variant.log_choices
+    )
 
 
 def _added(recorded: Matrix, joint: int, what: Matrix | float) -> Matrix:
@@ -114,7 +130,9 @@ def _far_zeros(problem: Problem, x: Matrix, revolute: list[int]) -> Iterator[Cha
         near = quarter != 0 and abs(off[i] - quarter) <= 4 * std[i]
         if parameters.free[block][i] and abs(off[i]) > 4 * std[i] and not near:
             degrees = float(np.degrees(off[i]))
-            yield Change("zero", (i + 1,), _added(problem.joints, i, float(off[i])), degrees, freed=1)
+            recorded = _added(problem.joints, i, float(off[i]))
+            occam = float(np.log(2 * np.pi / std[i]))
+            yield Change("zero", (i + 1,), recorded, degrees, occam=occam)
 
 
 def _units(recorded: Matrix, revolute: list[int]) -> Iterator[Change]:
@@ -128,126 +146,16 @@ def _units(recorded: Matrix, revolute: list[int]) -> Iterator[Change]:
             yield Change("units", everywhere, scaled, float(factor), volume=-float(np.log(factor)))
 
 
-# Twists
-
-
-@dataclass(frozen=True, eq=False)
-class Widened:
-    """A problem whose robot has one more joint, held, for each twist.
-
-    `robot_joints` (n,) are the indices of the robot's joints, `twists` the link (by the number of its first
-    joint), the index and the twist (rad) of the others.
-    """
-
-    problem: Problem
-    robot_joints: Index
-    twists: tuple[tuple[int, int, float], ...]
-
-    def of(self, recorded: Matrix) -> Matrix:
-        """(N, m) positions of all joints from the recorded ones (N, n), each twist as in the file."""
-        result = np.zeros((len(recorded), self.problem.robot.n))
-        result[:, self.robot_joints] = recorded
-        return result
-
-    def changes(self, recorded: Matrix) -> Iterator[Change]:
-        """Each twist with its sign reversed."""
-        n = len(self.robot_joints)
-        for link, joint, twist in self.twists:
-            positions = self.of(recorded)
-            positions[:, joint] = -2 * twist
-            yield Change("twist", (link, link + 1) if link < n else (link,), positions)
-
-
-def widened(problem: Problem) -> Widened | None:
-    """The problem with its twists as joints; None where the robot has none, or its geometry is no chain of
-    revolute and prismatic joints with a sign to reverse. Links are nominal there."""
-    robot = problem.robot
-    if problem.geometry:
-        problem = problem.with_geometry(NOMINAL)
-    joints: list[Joint] = []
-    robot_joints: list[int] = []
-    twists: list[tuple[int, int, float]] = []
-    ends = [*((joint.fixed, joint.axis) for joint in robot.joints[1:]), (robot.flange, _Z)]
-    pending = robot.joints[0].fixed
-    for link, (joint, (fixed, axis)) in enumerate(zip(robot.joints, ends, strict=True), start=1):
-        robot_joints.append(len(joints))
-        joints.append(replace(joint, fixed=pending))
-        pending = fixed
-        split = _at_twist(joint.axis, fixed, axis)
-        if split is not None:
-            before, twist = split
-            twists.append((link, len(joints), twist))
-            joints.append(
-                Joint(f"twist{link}", "revolute", before, np.array([1.0, 0.0, 0.0]), -2 * np.pi, 2 * np.pi)
-            )
-            pending = np.linalg.inv(before) @ fixed
-    if not twists:
-        return None
-    wide = Robot(robot.name, tuple(joints), pending)
-    noise = np.zeros(len(joints))
-    noise[robot_joints] = problem.noise.joint
-    every = np.zeros((problem.shots, len(joints)))
-    every[:, robot_joints] = problem.joints
-    return Widened(
-        replace(
-            problem,
-            robot=wide,
-            noise=replace(problem.noise, joint=noise),
-            parameters=_with_held(problem.parameters, [joint for _, joint, _ in twists]),
-            functions=ShotFunctions(wide, problem.tool),
-            joints=every,
-        ),
-        np.array(robot_joints),
-        tuple(twists),
-    )
-
-
-def _at_twist(axis: Matrix, fixed: Matrix, next_axis: Matrix) -> tuple[Matrix, float] | None:
-    """A frame (4, 4) on the next axis whose x is the common normal of both axes, and the twist (rad) about
-    it; None where the axes are parallel. `fixed` leads from the frame of one joint to that of the next."""
-    along = fixed[:3, :3] @ next_axis
-    normal = np.cross(axis, along)
-    sine, cosine = float(np.linalg.norm(normal)), float(axis @ along)
-    if sine < _PARALLEL:
-        return None
-    normal = normal / sine
-    # The point of the next axis that is nearest to the axis: p + s along, with (p + s along) across both.
-    point = fixed[:3, 3]
-    foot = point - along * float(np.cross(axis, normal) @ point) / float(np.cross(axis, normal) @ along)
-    frame = np.eye(4)
-    frame[:3, :3] = np.column_stack([normal, np.cross(along, normal), along])
-    frame[:3, 3] = foot
-    return frame, float(np.arctan2(sine, cosine))
-
-
-def _with_held(parameters: Parameters, joints: list[int]) -> Parameters:
-    """The parameters with a held offset more at each of these places among the joints, in rising order."""
-    items = list(parameters.items)
-    for joint in joints:
-        name = f"twist{joint}"
-        items.insert(joint, Parameter(name, "offset", name, "offset", "deg", 0.0, 1.0, 1.0, True, "header"))
-    return Parameters(tuple(items))
-
-
-class _Effort(NamedTuple):
-    """`first` measurements on which the hypotheses are tried first, where there are more; the best
-    `confirmed` of those that explain them go on to all."""
-
-    first: int
-    confirmed: int
-
-
-_COLUMNS = _Effort(150, 6)
-_TWISTS = _Effort(60, 2)  # the functions of a robot with twists as joints are not compiled
+# Fits
 
 
 @dataclass(frozen=True)
 class HypothesisFit:
-    """What a hypothesis leaves: `chi2` of the residuals at the stated noise, with `dof`; `cost` the same with
-    the squares of the estimates in prior stds; `numbers` counts the residuals, and `farthest` is the largest
-    distance of an estimate from its prior mean in prior stds. `freed` parameters are chosen to suit the data
-    (their effective number, where tolerances bound them), out of exp(`log_choices`) ways to do so, and
-    `volume` is that of a `Change`."""
+    """What a hypothesis leaves: `chi2` of the residuals at the stated noise and of what has a tolerance, with
+    `dof`; `cost` the squares of residuals and of all estimates in prior stds; `numbers` counts the residuals,
+    and `farthest` is the largest distance of an estimate from its prior mean in prior stds. `log_det` is that
+    of the information. `freed` parameters are chosen to suit the data (their effective number), at the price
+    `occam`; the hypothesis is one of exp(`log_choices`), and `volume` is that of a `Change`."""
 
     cause: Cause | None
     chi2: float
@@ -255,11 +163,14 @@ class HypothesisFit:
     numbers: int
     dof: int
     farthest: float
+    log_det: float = 0.0
     joints: tuple[int, ...] = ()
     targets: tuple[str, ...] = ()
     measurements: tuple[int, ...] = ()
+    of: str = ""
     amount: float = 0.0
     freed: float = 0
+    occam: float = 0.0
     log_choices: float = 0.0
     volume: float = 0.0
 
@@ -285,13 +196,18 @@ class HypothesisFit:
             return self.agrees(slack) or self.factor <= REDUCED * base.factor
         return self.agrees(slack) or self.factor <= HALVED * base.factor
 
+    def log_evidence(self, base: HypothesisFit, free_scale: bool) -> float:
+        """Logarithm of the ratio of marginal likelihoods to the model as recorded, by Laplace's formula, less
+        the price of the choice; with `free_scale` the noise is up to a common factor."""
+        drop = base.cost - self.cost
+        if free_scale:
+            drop = base.numbers * float(np.log(max(base.cost, 1.0) / max(self.cost, 1.0)))
+        gain = (drop - self.log_det + base.log_det) / 2
+        return gain - self.occam - self.log_choices - base.numbers * self.volume
+
 
 def fits_from(
-    density: Density,
-    start: Matrix,
-    of: Index | None = None,
-    *,
-    most_steps: int = 200,
+    density: Density, start: Matrix, of: Index | None = None, *, most_steps: int = 200
 ) -> tuple[Matrix, list[HypothesisFit]]:
     """The modes x (W, p) from each start, and what is left there, of no cause yet."""
     x = modes(density, start, of, most_steps=most_steps).x
@@ -300,17 +216,18 @@ def fits_from(
 
 def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[HypothesisFit]:
     """What is left at each x (W, p), of no cause yet."""
-    problem = density.problem
+    parameters = density.problem.parameters
     slopes = density.slopes(x, of)
     z = density.scaled(x)
-    distances = len(problem.distances)
-    numbers = np.broadcast_to(density.numbers(of), len(x)) + distances
-    information = slopes.information - np.eye(density.size)
-    finite = np.isfinite(information).all(axis=(1, 2))
-    rank = np.zeros(len(x), dtype=int)
-    rank[finite] = (np.linalg.eigvalsh(information[finite]) >= 1.0).sum(axis=1)
+    numbers = np.broadcast_to(density.numbers(of), len(x)) + len(density.problem.distances)
+    finite = np.isfinite(slopes.information).all(axis=(1, 2))
+    information = np.where(finite[:, None, None], slopes.information, np.eye(density.size))
+    wide = ~parameters.tolerated[parameters.free]
+    by_wide = information[:, wide][:, :, wide] - np.eye(int(wide.sum()))
+    rank = (np.linalg.eigvalsh(by_wide) >= 1.0).sum(axis=1)
+    log_det = np.linalg.slogdet(information)[1]
     cost = np.nan_to_num(-2 * slopes.value, nan=_LARGEST, posinf=_LARGEST)
-    squares = (z**2).sum(axis=1)
+    squares = (z[:, wide] ** 2).sum(axis=1)
     return [
         HypothesisFit(
             cause=None,
@@ -319,70 +236,88 @@ def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[Hypoth
             numbers=int(numbers[w]),
             dof=max(int(numbers[w] - rank[w]), 0),
             farthest=float(np.abs(z[w]).max(initial=0.0)),
+            log_det=float(log_det[w]),
         )
         for w in range(len(x))
     ]
 
 
 def hypothesis_fits(
-    problem: Problem, x: Matrix, base: HypothesisFit, fit: LikelihoodFit, slack: float
+    problem: Problem, x: Matrix, base: HypothesisFit, slack: float
 ) -> Iterator[HypothesisFit]:
-    """What every hypothesis leaves of a problem at known noise. The fit as recorded ended at x (p,) and
-    leaves `base`; `fit` is the same at the noise as the header has it, `slack` that of
-    `HypothesisFit.agrees`."""
-    yield from _of_changes(problem, list(changes(problem, x)), base, slack, _COLUMNS)
-    wide = widened(problem)
-    if wide is not None:
-        yield from _of_changes(wide.problem, list(wide.changes(problem.joints)), base, slack, _TWISTS)
-    yield from _without_a_placement(problem, x, base)
-    yield from _without_measurements(problem, x, base, slack)
-    yield from _with_a_moved_target(problem, base, fit)
+    """What the best hypotheses leave of a problem at known noise. The fit as recorded ended at x (p,) and
+    leaves `base`; `slack` is that of `HypothesisFit.agrees`."""
+    every = list(changes(problem, x))
+    fits = [*_of_changes(problem, every, len(every)), *_of_suspects(problem, x)]
+    if not any(fit.agrees(slack) for fit in fits):
+        arms = list(map(_of_variant, other_arms(problem.robot, siblings=False)))
+        fits += _of_changes(problem, arms, len(every) + len(arms), most=1)
+    yield from fits
+
+
+# What changes everything
 
 
 def _of_changes(
-    problem: Problem, hypotheses: list[Change], base: HypothesisFit, slack: float, effort: _Effort
+    problem: Problem, every: Sequence[Change], tried: int, most: int = _CONFIRMED
 ) -> list[HypothesisFit]:
-    """With other recorded positions."""
-    rows = _thinned(problem, effort.first)
+    """The best of the changes by their fit with nominal geometry, fitted whole."""
+    rows = _thinned(problem, _SCREENED)
     few = problem.select(rows)
-    recorded = np.array([change.recorded for change in hypotheses])
-    x, left = _with_joints(few, recorded[:, rows], None)
-    if few.shots < problem.shots:
-        explains = [i for i, fit in enumerate(left) if fit.explains(base, slack)]
-        best = sorted(explains, key=lambda i: left[i].cost)[: effort.confirmed]
-        confirmed = _with_joints(problem, recorded[best], x[best])[1] if best else []
-        share = problem.data_size / few.data_size
-        left = [_scaled_up(fit, share, problem.data_size) for fit in left]
-        for i, fit in zip(best, confirmed, strict=True):
-            left[i] = fit
+    recorded = [few.joints, *(few.joints if own.recorded is None else own.recorded[rows] for own in every)]
+    robots = [problem.robot, *(own.robot or problem.robot for own in every)]
+    weights = [few.weights, *(_weights(problem, own)[rows] for own in every)]
+    x, cost = screened(few, robots, np.array(recorded), np.array(weights))
+    criterion = cost[1:] + 2 * few.data_size * np.array([own.volume for own in every])
+    best = [int(i) for i in np.argsort(criterion, kind="stable")[:most] if criterion[i] < cost[0]]
+    nominal = problem.parameters.without("geometry")
     return [
-        replace(
-            fit,
-            cause=change.cause,
-            joints=change.joints,
-            amount=change.amount,
-            freed=change.freed,
-            volume=change.volume,
-        )
-        for change, fit in zip(hypotheses, left, strict=True)
+        left
+        for i in best
+        if (left := _of_change(problem, every[i], nominal, x[1 + i], float(np.log(tried)))).dof > 0
+        or not left.freed  # else nothing is left that could contradict it
     ]
 
 
-def _scaled_up(left: HypothesisFit, share: float, numbers: int) -> HypothesisFit:
-    """What a part of the measurements leaves, as if it were all; never taken for an agreement."""
-    chi2 = left.chi2 * share
-    return replace(left, chi2=chi2, cost=_LARGEST, numbers=numbers, dof=max(int(left.dof * share), 1))
+def _of_change(
+    problem: Problem, change: Change, nominal: Parameters, x: Matrix, log_tried: float
+) -> HypothesisFit:
+    """Fitted whole, from x of the nominal parameters."""
+    changed = _changed(problem, change)
+    start = changed.parameters.with_values(changed.parameters.prior_mean, nominal, x)
+    moved, (left,) = fits_from(Density(changed), start[None], most_steps=_FEW_STEPS)
+    if change.gone:
+        left = _left_without(problem, moved[0], left, np.array(change.gone))
+    return replace(
+        left,
+        cause=change.cause,
+        joints=change.joints,
+        targets=change.targets,
+        amount=change.amount,
+        of=change.of,
+        measurements=left.measurements if change.cause == "measurements" else (),
+        occam=left.occam + change.occam,
+        volume=change.volume,
+        log_choices=log_tried,
+    )
 
 
-def _with_joints(
-    problem: Problem, recorded: Matrix, start: Matrix | None
-) -> tuple[Matrix, list[HypothesisFit]]:
-    """What is left with other recorded positions (W, N, n), each from zero offsets or from `start` (W, p)."""
-    density, rows = Density(problem, recorded), np.arange(len(recorded))
-    first = start is None
-    if start is None:
-        start = start_at(problem, np.zeros((len(recorded), density.size)), recorded)
-    return fits_from(density, start, rows, most_steps=_FEW_STEPS if first else 200)
+def _weights(problem: Problem, change: Change) -> Matrix:
+    weights = problem.weights.copy()
+    weights[list(change.gone)] = 0.0
+    return weights
+
+
+def _changed(problem: Problem, change: Change) -> Problem:
+    """The problem without what may be wrong."""
+    if change.robot is not None:
+        geometry = problem.geometry.of_robot(change.robot)
+        functions = shot_functions(change.robot, problem.tool, geometry=geometry)
+        parameters = problem.parameters.with_geometry(geometry, change.robot, problem.tool)
+        problem = replace(problem, robot=change.robot, parameters=parameters, functions=functions)
+    if change.gone:
+        problem = replace(problem, weights=_weights(problem, change))
+    return problem if change.recorded is None else problem.moved(change.recorded)
 
 
 def _thinned(problem: Problem, most: int) -> Index:
@@ -399,59 +334,79 @@ def _thinned(problem: Problem, most: int) -> Index:
     return np.sort(np.concatenate(chosen))
 
 
-def _without(problem: Problem, x: Matrix, weights: Matrix, base: HypothesisFit) -> list[HypothesisFit]:
-    """What is left with weights (W, N) of the measurements, from x (p,) and from zero offsets."""
-    density = Density(problem).weighted(weights)
-    count = len(weights)
-    plain = start_at(problem, np.zeros((1, density.size)))
-    of = np.tile(np.arange(count), 2)
-    start = np.concatenate([np.tile(x, (count, 1)), np.tile(plain, (count, 1))])
-    _, left = fits_from(density, start, of, most_steps=_FEW_STEPS)
-    better = [min(left[w], left[w + count], key=lambda fit: fit.cost) for w in range(count)]
-    return [replace(fit, freed=max(base.dof - fit.dof, 1)) for fit in better]
+# What changes little
 
 
-def _without_a_placement(problem: Problem, x: Matrix, base: HypothesisFit) -> list[HypothesisFit]:
-    """Without the measurements of one placement, where there are two placements or more."""
-    every = placements(problem)
-    if len(every) < 2:
-        return []
-    weights = np.ones((len(every), problem.shots))
-    for w, placement in enumerate(every):
-        weights[w, placement.rows] = 0.0
-    return [
-        replace(fit, cause="placement", targets=placement.targets)
-        for placement, fit in zip(every, _without(problem, x, weights, base), strict=True)
-        if fit.dof > 0
+def _of_suspects(problem: Problem, x: Matrix) -> Iterator[HypothesisFit]:
+    """The best suspects by their evidence at the mode x (p,), each fitted whole."""
+    problem, x = _with_held_links(problem, x)
+    linear = Linear(problem, x)
+    every = suspects(linear)
+    least = every[0].evidence - _WORTH
+    chosen = [suspect for suspect in every[:_SUSPECTS] if suspect.evidence > max(least, 0.0)]
+    for suspect in chosen:
+        left = suspect_fit(linear, suspect)
+        if left.dof > 0 or not left.freed:  # else nothing is left that could contradict it
+            yield left
+    if problem.shots > _EXACT:
+        yield from _without_outlying(problem, x)
+
+
+def _with_held_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
+    """The problem with the links of an exact arm as parameters that are held, and x (p,) there."""
+    if problem.geometry:
+        return problem, x
+    whole, start = with_links(problem, x)
+    items = [
+        replace(item, held=True) if item.group == "geometry" else item for item in whole.parameters.items
     ]
+    return replace(whole, parameters=Parameters(tuple(items))), start
 
 
-def _without_measurements(
-    problem: Problem, x: Matrix, base: HypothesisFit, slack: float
-) -> list[HypothesisFit]:
-    """Without one measurement, and without a few: each more is the one whose loss leaves least."""
-    count = problem.shots
-    if count > _EXACT:
-        return _without_outlying(problem, x, base)
-    gone: list[int] = []
-    fits: list[HypothesisFit] = []
-    for _ in range(min(3, max(1, count // 6))):
-        rest = [i for i in range(count) if i not in gone]
-        weights = np.ones((len(rest), count))
-        weights[:, gone] = 0.0
-        weights[np.arange(len(rest)), rest] = 0.0
-        left = _without(problem, x, weights, base)
-        best = int(np.argmin([fit.cost for fit in left]))
-        gone.append(rest[best])
-        if left[best].dof == 0:
+def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
+    """What is left with what a suspect frees at its mode, from the model as recorded."""
+    values, occam = np.zeros(0), 0.0
+    for _ in range(_REFITS):
+        columns = suspect.columns(linear)
+        step = np.zeros(columns.shape[1])
+        if len(step):
+            values = np.zeros_like(step) if not len(values) else values
+            y, gram = linear.normal(columns)
+            whole = gram + np.eye(len(step)) / suspect.size**2
+            step = -np.linalg.solve(whole, y + values / suspect.size**2)
+            values = values + step
+            occam = (
+                float(np.linalg.slogdet(suspect.size**2 * whole)[1] + (values @ values) / suspect.size**2) / 2
+            )
+        corrected = suspect.corrected(linear, step)
+        moved, (fit,) = fits_from(Density(corrected), linear.x[None], most_steps=_FEW_STEPS)
+        linear = Linear(corrected, moved[0])
+        if not len(step):
             break
-        fits.append(_as_measurements(problem, left[best], gone))
-        if left[best].agrees(slack):
-            break
-    return fits
+    freed = suspect.freed
+    if len(values):
+        freed = float(len(values) - np.trace(np.linalg.inv(suspect.size**2 * whole)))
+    amount = suspect.fixed_amount
+    if amount is None:
+        amount = float(values[0] if len(values) == 1 else np.linalg.norm(values)) * suspect.unit
+    if suspect.cause == "noise":  # at the noise as stated
+        occam += fit.numbers * float(np.log(amount))
+    return replace(
+        fit,
+        cause=suspect.cause,
+        joints=suspect.joints,
+        targets=suspect.targets,
+        measurements=suspect.measurements,
+        of=suspect.of,
+        amount=amount,
+        freed=freed,
+        dof=max(fit.dof - round(freed), 0) if len(values) else fit.dof,
+        occam=occam,
+        log_choices=suspect.log_choices,
+    )
 
 
-def _without_outlying(problem: Problem, x: Matrix, base: HypothesisFit) -> list[HypothesisFit]:
+def _without_outlying(problem: Problem, x: Matrix) -> Iterator[HypothesisFit]:
     """Of many measurements: without the outliers, again and again until there are no more."""
     density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
     d, left = problem.tool.residual_size, None
@@ -463,113 +418,27 @@ def _without_outlying(problem: Problem, x: Matrix, base: HypothesisFit) -> list[
         if not (off & ~gone).any() or (off | gone).sum() > max(3, problem.shots // 10):
             break
         gone |= off
-        moved, (fit,) = fits_from(density.weighted(1.0 - gone[None]), x[None])
-        x, left = moved[0], replace(fit, freed=max(base.dof - fit.dof, 1))
-    return [] if left is None else [_as_measurements(problem, left, np.flatnonzero(gone).tolist())]
+        moved, (left,) = fits_from(density.weighted(1.0 - gone[None]), x[None])
+        x = moved[0]
+    if left is not None:
+        n, m = problem.shots, int(gone.sum())
+        gamma = scipy.special.gammaln
+        ways = float(gamma(n + 1) - gamma(m + 1) - gamma(n - m + 1))
+        numbers = _left_without(problem, x, left, np.flatnonzero(gone))
+        names = tuple(dict.fromkeys(problem.targets[k] for k in problem.target_index[gone]))
+        yield replace(numbers, cause="measurements", targets=names, log_choices=ways)
 
 
-def _as_measurements(problem: Problem, left: HypothesisFit, gone: list[int]) -> HypothesisFit:
-    numbers = tuple(sorted(problem.shot_numbers[i] for i in gone))
-    names = tuple(dict.fromkeys(problem.targets[problem.target_index[i]] for i in sorted(gone)))
-    n, m = problem.shots, len(gone)
-    ways = float(
-        scipy.special.gammaln(n + 1) - scipy.special.gammaln(m + 1) - scipy.special.gammaln(n - m + 1)
-    )
-    return replace(left, cause="measurements", targets=names, measurements=numbers, log_choices=ways)
-
-
-def _with_a_moved_target(problem: Problem, base: HypothesisFit, fit: LikelihoodFit) -> list[HypothesisFit]:
-    """With a target at two places, before and after a measurement: of many measurements where the linearised
-    test finds it likeliest."""
-    order = np.argsort(problem.shot_numbers, kind="stable")
-    likely = None
-    if problem.shots > _EXACT:
-        moved = displacement(fit) if fit.converged else None
-        likely = [] if moved is None else [moved.at, *moved.elsewhere[: _CHANGE_POINTS - 1]]
-    fits = []
-    for k, name in enumerate(problem.targets):
-        rows = order[problem.target_index[order] == k]
-        numbers = [problem.shot_numbers[i] for i in rows]
-        after = [
-            at
-            for at, pair in enumerate(pairwise(numbers), start=1)
-            if likely is None or (name, *pair) in likely
-        ]
-        if not after:
-            continue
-        twice = _at_two_places(problem, k, rows)
-        weights = np.ones((len(after), problem.shots + len(rows)))
-        for w, at in enumerate(after):
-            weights[w, rows[at:]] = 0.0
-            weights[w, problem.shots : problem.shots + at] = 0.0
-        density = Density(twice).weighted(weights)
-        start = start_at(twice, np.zeros((len(after), density.size)))
-        _, left = fits_from(density, start, np.arange(len(after)), most_steps=_FEW_STEPS)
-        fits += [
-            replace(
-                own_left,
-                cause="moved_target",
-                targets=(name,),
-                measurements=(numbers[at - 1], numbers[at]),
-                freed=max(base.dof - own_left.dof, 1),
-            )
-            for at, own_left in zip(after, left, strict=True)
-            if own_left.dof > 0
-        ]
-    return fits
-
-
-def _at_two_places(problem: Problem, target: int, rows: Index) -> Problem:
-    """The problem with its measurements `own` of a target once more behind all others, there at a further
-    target."""
-    parameters = problem.parameters
-    items, end = list(parameters.items), parameters.block("target").stop
-    name = f"{problem.targets[target]} moved"
-    for item in reversed(items[parameters.block("target", target)]):
-        items.insert(end, replace(item, name=f"{name}.{item.axis}", of=name))
-    again = problem.select(np.concatenate([np.arange(problem.shots), rows]))
-    index = again.target_index.copy()
-    index[problem.shots :] = len(problem.targets)
-    return replace(
-        again,
-        parameters=Parameters(tuple(items)),
-        targets=(*problem.targets, name),
-        target_index=index,
-        guessed=np.append(problem.guessed, problem.guessed[target]),
-    )
-
-
-def with_links_freed(problem: Problem, x: Matrix) -> HypothesisFit | None:
-    """What is left with the links free within typical tolerances; the fit with nominal geometry ended at
-    x (p,), at known noise. None where the problem has geometry parameters already.
-
-    The deviations of the links count as residuals, by their tolerances: with geometry marginalised both
-    together have the degrees of freedom that the residuals have with nominal geometry. As the tolerances are
-    priors, not each of the parameters counts as one that was chosen to suit the data: the effective number is
-    the trace of the reduction, the sum of l / (1 + l) over the eigenvalues l of the information that the
-    measurements have on the links, in units of their tolerances, when all else is estimated.
-    """
-    if problem.geometry:
-        return None
-    whole, start = with_links(problem, x)
-    density = Density(whole)
-    ended, (left,) = fits_from(density, start[None], most_steps=_FEW_STEPS)
-    estimated = whole.parameters.free & whole.parameters.group("geometry")
-    links = whole.parameters.among_free[estimated]
-    squares = float((density.scaled(ended)[0, links] ** 2).sum())
-    information = density.slopes(ended).information[0]
-    if not np.isfinite(information).all():
-        return None
-    # Of the links, with all else estimated: the inverse of their block of the covariance.
-    marginal = np.linalg.inv(np.linalg.inv(information)[np.ix_(links, links)])
-    freed = float(len(links) - np.trace(np.linalg.inv(marginal)))
-    # Directions of the links that the measurements determine better than the tolerances do.
-    own_rank = int((np.linalg.eigvalsh(marginal - np.eye(len(links))) >= 1.0).sum())
-    rank = left.numbers - left.dof - own_rank
+def _left_without(problem: Problem, x: Matrix, left: HypothesisFit, gone: Index) -> HypothesisFit:
+    """The same with the price of leaving measurements out: each is off by a normal amount, as wide as all of
+    them are off."""
+    whitened = problem.whiten(x)
+    off = whitened.residual_mm[gone]
+    size = max(float(np.sqrt((off**2).mean())), _OFF_MM)
+    factors = np.diagonal(whitened.factor[gone], axis1=1, axis2=2)
     return replace(
         left,
-        cause="geometry",
-        chi2=left.chi2 + squares,
-        dof=max(left.numbers - max(rank, 0), 0),
-        freed=max(freed, 1e-3),
+        measurements=tuple(sorted(problem.shot_numbers[i] for i in gone)),
+        freed=float(off.size),
+        occam=float(np.log(size / factors).sum() + (off**2).sum() / size**2 / 2),
     )

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from ...model.arrays import Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..status import LACK_OF_FIT
@@ -24,6 +24,11 @@ from ..status import LACK_OF_FIT
 WrongModel = Literal["tool", "jump", "backlash", "noise"]
 
 NOTICED = 0.8  # power from which on a wrong model counts as noticed
+HARMLESS = (
+    1.0  # error of an offset, in its standard uncertainty, below which a wrong model need not be noticed
+)
+_SPLITS = 8  # random halves that exchanges begin with
+_MORE = 1e-9  # relative: less is no improvement
 TOOL_MM, JUMP_DEG, BACKLASH_DEG, NOISE_TIMES = 1.0, 0.2, 0.03, 3.0
 
 
@@ -44,6 +49,16 @@ class DetectionPower:
     off_u: float
     joint: int | None = None
 
+    @property
+    def noticed(self) -> bool:
+        """Whether a run notices it with a probability that is enough."""
+        return self.probability >= NOTICED
+
+    @property
+    def dangerous(self) -> bool:
+        """Whether a run may pass with offsets that it makes wrong."""
+        return not self.noticed and self.off_u >= HARMLESS
+
 
 def powers(problem: Problem, x: Matrix, rank: int) -> tuple[DetectionPower, ...]:
     """Of measurements that hit, at x (p,); `rank` numbers are taken up by the fit.
@@ -54,6 +69,41 @@ def powers(problem: Problem, x: Matrix, rank: int) -> tuple[DetectionPower, ...]
     if not problem.noise.known or dof <= 0:
         return ()
     return tuple(_powers(_Biases(problem, x), dof))
+
+
+def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:
+    """The measurements in two halves: a jump of a joint's zero between them is noticed most, of the joint of
+    which it is noticed least."""
+    second = np.arange(problem.shots) >= problem.shots // 2
+    revolute = _revolute(problem)
+    if problem.shots < 3 or not revolute:
+        return np.flatnonzero(~second), np.flatnonzero(second)
+    biases = _Biases(problem, x)
+    jumps = biases.by_joints[:, :, revolute]
+    u = np.einsum("nda,ndj->jna", biases.roots, jumps)
+    form = u @ biases.taken @ u.transpose(0, 2, 1)  # (n, N, N): noncentrality of biases, by measurements
+    each = np.arange(problem.shots)
+    form[:, each, each] += (jumps**2).sum(axis=1).T
+    rng, ends = np.random.default_rng(0), []
+    for _ in range(_SPLITS):
+        second = rng.permutation(second)
+        ends.append(_exchanged(form, second))
+    return max(ends, key=lambda end: end[0])[1]
+
+
+def _exchanged(form: Matrix, second: Mask) -> tuple[float, tuple[Index, Index]]:
+    """The halves, two measurements exchanged as long as that raises the least of the sums over the second."""
+    while True:
+        first, chosen = np.flatnonzero(~second), np.flatnonzero(second)
+        rows = form[:, :, chosen].sum(axis=2)
+        total, alone = rows[:, chosen].sum(axis=1), np.diagonal(form, axis1=1, axis2=2)
+        gain = (alone + 2 * rows)[:, first, None] + (alone - 2 * rows)[:, None, chosen]
+        after = (total[:, None, None] + gain - 2 * form[:, first[:, None], chosen]).min(axis=0)
+        enter, leave = np.unravel_index(int(np.argmax(after)), after.shape)
+        if after[enter, leave] <= total.min() * (1 + _MORE):
+            return float(total.min()), (first, chosen)
+        second = second.copy()
+        second[first[enter]], second[chosen[leave]] = True, False
 
 
 class _Biases:
@@ -89,6 +139,10 @@ class _Biases:
         return np.asarray(np.abs(self.into @ u).max(axis=0, initial=0.0))
 
 
+def _revolute(problem: Problem) -> list[int]:
+    return [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
+
+
 def _shifts(item: Parameter) -> bool:
     return item.group == "tool" and item.tolerated and item.unit == "mm" and not item.held
 
@@ -97,10 +151,10 @@ def _powers(biases: _Biases, dof: int) -> Iterator[DetectionPower]:
     limit = float(scipy.special.chdtri(dof, LACK_OF_FIT))
     if biases.by_tool.shape[1]:
         yield _of_tool(biases, dof, limit)
-    problem = biases.problem
-    revolute = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
-    yield _of_jump(biases, revolute, dof, limit)
-    yield _of_backlash(biases, revolute, dof, limit)
+    revolute = _revolute(biases.problem)
+    if revolute:
+        yield _of_jump(biases, revolute, dof, limit)
+        yield _of_backlash(biases, revolute, dof, limit)
     yield _of_noise(biases, dof, limit)
 
 
@@ -115,7 +169,7 @@ def _of_tool(biases: _Biases, dof: int, limit: float) -> DetectionPower:
         DetectionPower("tool", TOOL_MM, "mm", _of_square(limit, dof, square), error)
         for square, error in zip(squares.tolist(), off.tolist(), strict=True)
     ]
-    unnoticed = [case for case in cases if case.probability < NOTICED]
+    unnoticed = [case for case in cases if not case.noticed]
     return max(unnoticed, key=lambda case: case.off_u) if unnoticed else cases[0]
 
 
@@ -134,7 +188,7 @@ def _of_backlash(biases: _Biases, revolute: list[int], dof: int, limit: float) -
     each = biases.by_joints[:, :, revolute] * np.radians(BACKLASH_DEG)
     us = np.einsum("nda,ndj->naj", biases.roots, each)
     apart = np.einsum("ndi,ndj->nij", each, each)
-    through = np.einsum("nai,ab,nbj->nij", us, biases.taken, us)
+    through = us.transpose(0, 2, 1) @ (biases.taken @ us)
     spread = biases.taken @ np.einsum("nai,nbi->ab", us, us)
     mean = float(np.trace(apart + through, axis1=1, axis2=2).sum())
     square = float((apart * (apart + 2 * through)).sum() + np.trace(spread @ spread))
@@ -146,12 +200,15 @@ def _of_backlash(biases: _Biases, revolute: list[int], dof: int, limit: float) -
 def _of_noise(biases: _Biases, dof: int, limit: float) -> DetectionPower:
     problem = biases.problem
     gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
-    readings = problem.shots * problem.tool.residual_size
-    scattered = min(readings + float((gram * biases.taken).sum()), float(dof))
+    readings, through = problem.shots * problem.tool.residual_size, gram @ biases.taken
+    # The form of the readings' errors has these sums of its eigenvalues and of their squares.
+    first = readings + float(np.trace(through))
+    second = readings + float(2 * np.trace(through) + (through * through.T).sum())
     variances = np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0)
     worst = float(np.sqrt((NOISE_TIMES**2 - 1) * variances).max(initial=0.0))
-    mean = dof + (NOISE_TIMES**2 - 1) * scattered
-    probability = _of_moments(limit, mean, 2 * (dof + (NOISE_TIMES**4 - 1) * scattered))
+    more = NOISE_TIMES**2 - 1
+    variance = 2 * (dof + 2 * more * first + more**2 * second)
+    probability = _of_moments(limit, dof + more * first, variance)
     return DetectionPower("noise", NOISE_TIMES, "1", probability, worst)
 
 

@@ -28,14 +28,17 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import scipy
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import NORMAL_95, Index, Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from ..estimation.fit import LikelihoodFit
 
 _NOTHING = 1e-18  # a correlation below rounding
 SIGNIFICANCE = 0.01  # p-value below which a correlation is used
 _FEWEST = 4  # measurements of a recording with a correlation of its own
-_GRID = np.array([-0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
+_GRID = np.array(
+    [-0.98, -0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98]
+)
+_WIDEST = 0.5  # half a 95 % interval of a correlation, from which on it is not determined
 LARGE = 600  # residuals of a recording whose covariance is no longer written out
 _LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
 _HALVINGS = 60  # of an interval, to the last digit
@@ -218,8 +221,9 @@ class RecordingCorrelation:
     """The correlation of the residuals that follow each other in a recording.
 
     `first_shot` and `last_shot` are its measurements' numbers. `rho` is without the bias that the fit's
-    residuals have, `kappa` what it makes of the number of measurements, `p_value` the probability of a
-    correlation as large if there is none (one-sided). None where a recording is too short.
+    residuals have, `kappa` what it makes of the number of measurements; None where they do not determine it
+    (to half a unit, or within -0.98 to 0.98). `p_value` is the probability of a correlation as large if there
+    is none (one-sided), None where a recording is too short.
     """
 
     target: str
@@ -235,7 +239,7 @@ class RecordingCorrelation:
 class Effective:
     """The effective number of measurements: `shots` / `divisor`.
 
-    `rho`, `kappa` and `p_value` of all recordings together, None where none is long enough. `divisor` is what
+    `rho`, `kappa` and `p_value` are those of all recordings together, None as of one. `divisor` is what
     the information of the measurements is to be divided by: above 1 where there is clear evidence of a
     positive correlation.
     """
@@ -279,7 +283,7 @@ def effective(fit: LikelihoodFit, rival: Matrix | None = None) -> Effective:
     else:
         rho, p_value = correlation(equalised(list(lags_of.values())))
     divisor = _divisor(fit, every, lags_of, rival) if p_value < SIGNIFICANCE else 1.0
-    return Effective(tuple(rows), shots, rho, _kappa(rho), p_value, divisor)
+    return Effective(tuple(rows), shots, rho, None if rho is None else _kappa(rho), p_value, divisor)
 
 
 def _kappa(rho: _Rho) -> _Rho:
@@ -397,23 +401,33 @@ def _louder(lags: Sequence[RecordingLag]) -> Matrix:
     return np.maximum(mean_square / max(float(np.median(mean_square)), 1e-300), 1.0)
 
 
-def correlation(lags: Sequence[RecordingLag]) -> tuple[float, float]:
-    """The lag-1 correlation of some recordings together and the one-sided p-value of one as large without
-    any.
+def correlation(lags: Sequence[RecordingLag]) -> tuple[float | None, float]:
+    """The lag-1 correlation of some recordings together, None where they do not determine it, and the
+    one-sided p-value of one as large without any.
 
     The correlation is the one for which the ratio of the expected sums is the ratio that was found: so the
-    bias of residuals of a fit (about -1 / n for a mean alone) is out. The p-value is that of a ratio of
+    bias of residuals of a fit (about -1 / n for a mean alone) is out. Its 95 % interval is that of the ratio
+    of independent errors. The p-value is that of a ratio of
     quadratic forms of normal errors, by the saddle point (Kuonen, Biometrika 86, 1999, eq. 3), and does not
     depend on the size of the noise.
     """
     ratio = _ratio(lags)
-    return rho_of(lags), _above_zero(np.concatenate([_values(lag, ratio) for lag in lags]))
+    weights = np.concatenate([_values(lag, ratio) for lag in lags])
+    half = NORMAL_95 * float(np.sqrt(2 * (weights**2).sum())) / sum(lag.left for lag in lags)
+    low, rho, high = np.interp(ratio + half * np.array([-1, 0, 1]), _expected(lags), _GRID).tolist()
+    # An interval that reaches the end of the grid is as wide as the part of it that is seen, or wider.
+    determined = high - low < 2 * _WIDEST and _GRID[0] < rho < _GRID[-1]
+    return (rho if determined else None), _above_zero(weights)
 
 
 def rho_of(lags: Sequence[RecordingLag]) -> float:
-    """`correlation` without its p-value."""
-    expected = sum(lag.products for lag in lags) / sum(lag.squares for lag in lags)
-    return float(np.interp(_ratio(lags), expected, _GRID))
+    """`correlation` without its p-value, at the end of the grid where it is beyond."""
+    return float(np.interp(_ratio(lags), _expected(lags), _GRID))
+
+
+def _expected(lags: Sequence[RecordingLag]) -> Matrix:
+    """(grid,) the ratio of the expected sums."""
+    return np.asarray(sum(lag.products for lag in lags) / sum(lag.squares for lag in lags))
 
 
 def _ratio(lags: Sequence[RecordingLag]) -> float:

@@ -18,6 +18,7 @@ import numpy as np
 from ...model.arrays import Index, Mask, Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
+from ..status import LACK_OF_FIT
 from .recordings import (
     LARGE,
     SIGNIFICANCE,
@@ -71,10 +72,11 @@ class RecordingStep:
     factor: float
 
     @property
-    def stands_out(self) -> bool:
-        """Beyond what else scatters in the recording: errors of an arm that change slowly along a row of
-        postures are significant steps of the size of that scatter."""
-        return self.factor > _STANDS_OUT
+    def contradicts(self) -> bool:
+        """Whether it speaks against the model: at the level of every test of a fit, and beyond what else
+        scatters in the recording. Errors of an arm that change slowly along a row of postures are steps of
+        the size of that scatter."""
+        return self.p_value < LACK_OF_FIT and self.factor > _STANDS_OUT
 
 
 @dataclass(frozen=True)
@@ -239,5 +241,7 @@ def _gumbel(value: float, simulated: Matrix) -> float:
     """The p-value of a largest value, by Gumbel's distribution of the moments of the simulated ones: the
     tail of -log(1 - share) is exponential (of a beta distribution), and simulations do not reach it."""
     scale = float(simulated.std(ddof=1)) * np.sqrt(6) / np.pi
+    if scale == 0.0:  # a shift explains whatever there is
+        return 1.0
     location = float(simulated.mean()) - _EULER * scale
     return float(-np.expm1(-np.exp(-(value - location) / scale)))

@@ -1,19 +1,22 @@
 """The identifiable offsets of a run, judged as by `analyse`, and the corrected arm: what may be applied.
 
-A robot holds links; a controller's correction holds offsets alone; the deflection under gravity and the
-harmonics depend on the posture and are in neither. What a file cannot hold is stated in it, with what that
-leaves of the run's residuals.
+A controller with nominal geometry gets the values of `values_to_enter`. A robot file holds links: it gets
+the whole estimated arm, but for the deflection under gravity and the harmonics, which depend on the posture.
+A program that is corrected posture by posture gets these too. What a file cannot hold is stated in it, with
+what that leaves of the run's residuals.
 """
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ...analysis.covariance import Covariance
+from ...analysis.diagnostics.enter import values_to_enter
 from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
@@ -43,9 +46,9 @@ STATUS_WORDS: dict[Status, str] = {
 class Correction:
     """One parameter of an export: its `row` of the answer, without a number where nothing is known.
 
-    `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate,
-    or 0 where it is held, not determined by the data, `left_out`, or unvalidated and not exported
-    `despite_misfit`.
+    `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate
+    (of an offset that goes into nominal geometry the value to enter), or 0 where it is held, not determined
+    by the data, `left_out`, or unvalidated and not exported `despite_misfit`.
     """
 
     row: ParameterResult
@@ -72,15 +75,37 @@ class Correction:
     @property
     def internal(self) -> float:
         """`applied` in rad or mm."""
-        return float(np.radians(self.applied)) if self.row.unit == "deg" else self.applied
+        return self._in_rad(self.applied)
+
+    @property
+    def of_arm(self) -> float:
+        """The estimate where it is exported, rad or mm."""
+        return self._in_rad((self.row.estimate or 0.0) if self.exported else 0.0)
+
+    def _in_rad(self, value: float) -> float:
+        return float(np.radians(value)) if self.row.unit == "deg" else value
 
     @property
     def reason(self) -> str | None:
         return None if self.row.cause is None else reason(self.row.cause)
 
 
+@dataclass(frozen=True, kw_only=True)
 class GeometryValue(Correction):
-    """One geometry parameter."""
+    """One geometry parameter; `mean` is its value in the estimate of all parameters together, rad or mm."""
+
+    mean: float
+
+    @property
+    def internal(self) -> float:
+        """What a file of the whole geometry holds, rad or mm. A parameter that the data do not determine by
+        itself is part of the estimate of all together: at nominal it would spoil the others."""
+        return 0.0 if self.gone or self.status == "held" else self.mean
+
+    @property
+    def gone(self) -> bool:
+        """Whether it is not to be exported, and stays nominal."""
+        return self.left_out or (self.status == "unvalidated" and not self.despite_misfit)
 
     @property
     def of_link(self) -> bool:
@@ -93,8 +118,10 @@ class GeometryValue(Correction):
         row = self.row
         if row.estimate is None or row.std is None:
             why = "" if self.reason is None else f": {self.reason}"
-            kind = "HELD" if self.status == "held" else "UNIDENTIFIABLE"
-            return f"{self.name}: {kind}, nominal{why}"
+            words = "UNIDENTIFIABLE by itself, as in the estimate of all together"
+            if self.status == "held" or self.left_out:
+                words = f"{'HELD' if self.status == 'held' else 'EXCLUDED on request'}, nominal"
+            return f"{self.name}: {words}{why}"
         words = STATUS_WORDS[self.status]
         words += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
         return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {words}"
@@ -103,27 +130,34 @@ class GeometryValue(Correction):
 def corrected_robot(
     problem: Problem, offsets: Sequence[Correction], geometry: Sequence[GeometryValue]
 ) -> Robot:
-    """The robot with its links as estimated, and the offsets in the transforms before its joints: at recorded
-    positions it is where the arm was, but for what depends on the posture."""
+    """The robot with its links as estimated, and the estimated offsets in the transforms before its joints:
+    at recorded positions it is where the arm was, but for what depends on the posture."""
     values = np.array([value.internal for value in geometry])
     moved = problem.geometry.applied(problem.robot, values)
-    return moved.with_offsets(np.array([offset.internal for offset in offsets]))
+    return moved.with_offsets(np.array([offset.of_arm for offset in offsets]))
+
+
+def posture_offsets(problem: Problem, geometry: Sequence[GeometryValue], joints: Matrix) -> Matrix:
+    """(n,) what gravity and harmonics add to the offsets at recorded `joints` (n,), rad."""
+    return problem.geometry.added(problem.robot, np.array([value.internal for value in geometry]), joints)
 
 
 def left_out_of(geometry: Sequence[GeometryValue], holds: Holds) -> tuple[GeometryValue, ...]:
     """The parameters that are not in a file of that kind, whether it has no room for them or they are not to
     be exported; held ones have no value to lose."""
+    if holds == "all":
+        return ()
     return tuple(
         value
         for value in geometry
         if value.status != "held"
-        and holds != "all"
-        and (holds == "offsets" or not value.of_link or not value.exported)
+        and (holds == "offsets" or (holds == "links" and not value.of_link) or value.gone)
     )
 
 
-def rms_without(solution: Solution, names: Collection[str]) -> float:
-    """Root mean square, mm, of the residuals with these parameters at their prior means.
+def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Correction] = ()) -> float:
+    """Root mean square, mm, of the residuals with these parameters at their prior means and `offsets` as they
+    are applied.
 
     Each target is where it then fits best (one linear step).
     """
@@ -131,6 +165,10 @@ def rms_without(solution: Solution, names: Collection[str]) -> float:
     parameters = problem.parameters
     gone = np.array([name in names for name in parameters.names])
     x[gone] = parameters.prior_mean[gone]
+    for offset in offsets:
+        if offset.exported:
+            x[parameters.index(offset.name)] = offset.internal
+            gone[parameters.index(offset.name)] = True
     residual, jacobian = problem.linearise(x)
     by_target = jacobian[:, :, parameters.in_shot("target")]
     return rms_length(_refitted(problem, residual, by_target) if gone.any() else residual)
@@ -149,6 +187,11 @@ def _refitted(problem: Problem, residual: Matrix, by_target: Matrix) -> Matrix:
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"
+ENTERED = (
+    "To enter: what serves a controller with nominal geometry best. It makes up for links and bending too, as"
+    " far as offsets can, and is no offset of the arm."
+)
+_ROUNDED = 5e-7  # deg, mm: six decimals are written
 
 
 class NotValidated(BadInput):
@@ -159,10 +202,18 @@ class NotValidated(BadInput):
 
 @dataclass(frozen=True, kw_only=True)
 class JointOffset(Correction):
-    """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character."""
+    """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character;
+    `to_enter` what a controller with nominal geometry takes, None where the file holds the links too."""
 
     joint: str
     kind: JointKind
+    to_enter: float | None = None
+
+    @property
+    def applied(self) -> float:
+        if self.exported and self.to_enter is not None:
+            return self.to_enter
+        return super().applied
 
     @property
     def sentence(self) -> str:
@@ -177,6 +228,8 @@ class JointOffset(Correction):
             words += STATUS_WORDS[self.status]
             words += "" if self.exported or self.left_out else ", not applied"
             words += ", EXCLUDED on request" if self.left_out else ""
+            if self.exported and abs(self.applied - row.estimate) > _ROUNDED:
+                words += f"; to enter: {self.applied:+.6f} {row.unit}"
         return one_line(f"{self.name} ({self.joint}): {words}")
 
 
@@ -184,8 +237,9 @@ class JointOffset(Correction):
 class RobotCalibration:
     """All offsets of a robot in the order of its joints, and what they were made from.
 
-    `geometry` has the geometry parameters, none where the header states none; `corrected` is the robot with
-    all that a robot can hold of these, `left_out` those that the file does not hold, with the residuals'
+    `geometry` has the geometry parameters, none of an exact arm; `corrected` is the robot with all that a
+    robot can hold of these, `posture_offsets` what gravity and harmonics add at recorded joints (n,), rad;
+    `left_out` those that the file does not hold, with the residuals'
     `rms_mm` (root mean square) as estimated and as the file has it. `parameters` and `covariance` are the
     whole answer.
     """
@@ -193,6 +247,7 @@ class RobotCalibration:
     offsets: tuple[JointOffset, ...]
     geometry: tuple[GeometryValue, ...]
     corrected: Robot
+    posture_offsets: Callable[[Matrix], Matrix]
     holds: Holds
     left_out: tuple[GeometryValue, ...]
     rms_mm: tuple[float, float]
@@ -215,11 +270,19 @@ class RobotCalibration:
             f"sha256 of the run: {self.sha256}",
             "applied by, on: ______________________",
             f"{MEANING}. An offset that is held or excluded counts as 0.",
+            *([ENTERED] if self.enters else []),
             *(offset.sentence for offset in self.offsets),
             *map(one_line, self._on_geometry),
             *(one_line(f"note: {sentence}") for sentence in self.warnings),
         ]
         return [row for line in lines for row in textwrap.wrap(line, 100, subsequent_indent="    ")]
+
+    @property
+    def enters(self) -> bool:
+        """Whether what is applied makes up for the geometry."""
+        return any(offset.exported and offset.to_enter is not None for offset in self.offsets) and bool(
+            self.geometry
+        )
 
     @property
     def _on_geometry(self) -> Iterator[str]:
@@ -264,6 +327,8 @@ def calibration(
         despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
+        takes_nominal = holds in ("offsets", "all") and (solution.misfit is None or despite)
+        to_enter = values_to_enter(solution, without) if takes_nominal else {}
         offsets = [
             JointOffset(
                 row=row,
@@ -271,12 +336,18 @@ def calibration(
                 despite_misfit=despite,
                 joint=joint.name,
                 kind=joint.kind,
+                to_enter=to_enter.get(row.name),
             )
             for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
         ]
         _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
         geometry = tuple(
-            GeometryValue(row=row, left_out=row.name in without, despite_misfit=despite)
+            GeometryValue(
+                row=row,
+                left_out=row.name in without,
+                despite_misfit=despite,
+                mean=float(solution.fit.x[solution.problem.parameters.index(row.name)]),
+            )
             for row in rows
             if row.group == "geometry"
         )
@@ -286,9 +357,10 @@ def calibration(
             tuple(offsets),
             geometry,
             corrected_robot(solution.problem, offsets, geometry),
+            partial(posture_offsets, solution.problem, geometry),
             holds,
             left_out,
-            (rms_without(solution, ()), rms_without(solution, gone)),
+            (rms_without(solution, ()), rms_without(solution, gone, offsets)),
             solution.parameters,
             solution.covariance,
             run.path.name,

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from ...model.kinematics.robot import Robot
     from .recordings import Imported
 
-# What a kind of file has room for: the offsets, these and the links, or every parameter.
-Holds = Literal["offsets", "links", "all"]
+# What a kind of file has room for: values for nominal geometry, the offsets and links of the arm, these and
+# what depends on the posture, or every parameter as data.
+Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
 _OTHER_MODELS = (
     r"panda|franka|fr3|kinova|gen ?[23]|jaco|motoman|yaskawa|gp ?\d+\w*|staubli|tx2?|tx2? ?\d+\w*"

@@ -112,6 +112,7 @@ def corrected_program(
         up_to_flange(calibration.corrected, nominal),
         np.array([offset.internal for offset in calibration.offsets]),
         language.up,
+        calibration.posture_offsets,
     )
     corrections = correct_targets(parsed, arms, facts.near)
     _claim_all(language, source, parsed)

@@ -19,12 +19,14 @@ from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...words import numbers
-from ...words.result_json import check_json
+from ...words.observability import no_plan_sentence, power_sentences
+from ...words.result_json import check_json, power_json
 from .candidates import candidates
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
 from .patterns import pattern
 
+_USUAL, _USUAL_UNCERTAIN = 7, 20  # measurements: of a pattern or an exact arm, of an uncertain arm
 _LOOSE = 0.8  # a certified efficiency below this needs a word
 _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves
 
@@ -33,14 +35,15 @@ _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controll
 class PlanRequest:
     """Request for a plan: degrees and millimetres, as people state them.
 
-    From `facing` on the constraints of an optimal plan, which are kept in it; a pattern has none.
+    `shots` None: as many as usual. From `facing` on the constraints of an optimal plan, which are kept in it;
+    a pattern has none.
     """
 
     kind: Literal["x", "y", "optimal"]
     header: Header
     header_folder: Path
     target: tuple[float, ...]
-    shots: int
+    shots: int | None
     candidates: int
     criterion: Criterion
     tolerance: float | None
@@ -51,6 +54,13 @@ class PlanRequest:
     margin_deg: float
     obstacles: Obstacles
     seed: int
+
+    @property
+    def measurements(self) -> int:
+        """How many the plan has: of an uncertain arm so many more that its run notices as much."""
+        if self.shots is not None:
+            return self.shots
+        return _USUAL_UNCERTAIN if self.kind == "optimal" and self.header.arm is not None else _USUAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +86,9 @@ class MadePlan:
         if self.checked is None and fewest is not None:
             most, worst = fewest.curve[-1]
             return [
-                f"No plan of up to {fewest.most} measurements brings every standard uncertainty within"
-                f" {numbers.exact(fewest.tolerance)}; with {most} measurements the largest is"
-                f" {numbers.spread(worst)}. The limit is {fewest.limit}."
+                f"No plan of up to {fewest.most} measurements is enough. With {most} measurements the largest"
+                f" standard uncertainty is {numbers.spread(worst)}, the tolerance"
+                f" {numbers.exact(fewest.tolerance)}. The limit is {fewest.limit}."
             ]
         if made is None or self.checked is None:
             return []
@@ -93,7 +103,8 @@ class MadePlan:
                 f"The bound divides {count} measurements among {made.support} postures, which whole ones"
                 " cannot: the best choice may be no better than this."
             )
-        return lines
+        never = no_plan_sentence(made.unnoticed)
+        return [*lines, *power_sentences(made.power), *([] if never is None else [never])]
 
     def as_json(self) -> dict[str, object]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
@@ -109,6 +120,7 @@ class MadePlan:
             "predicted_std": {row.name: row.std for row in offsets},
             "units": {row.name: row.unit for row in offsets},
             **{name: None if made is None else getattr(made, name) for name in figures},
+            "power": [] if made is None else power_json(made.power),
             "removed": self.removed,
             "tolerance": None if fewest is None else fewest.tolerance,
             "max_shots": None if fewest is None else fewest.most,
@@ -145,7 +157,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
             progress=lambda share: tell("candidates", share),
         )
         removed = pool.in_words()
-        least = request.shots if request.tolerance is None else 2
+        least = request.measurements if request.tolerance is None else 2
         if len(pool.postures) < least:
             raise BadInput(
                 f"there are too few postures to choose {least} measurements from",
@@ -155,7 +167,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
         tell("choice", 0.0)
         planner = Planner(header, robot, target, pool, name=name)
         if request.tolerance is None:
-            proposal = planner.optimal(request.shots, request.criterion, seed=request.seed)
+            proposal = planner.optimal(request.measurements, request.criterion, seed=request.seed)
         else:
             most = min(request.max_shots, len(pool.postures))
             fewest = planner.fewest(request.tolerance, most, request.criterion, seed=request.seed)
@@ -164,7 +176,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
             return MadePlan(request.kind, None, None, None, None, fewest, removed)
         postures = proposal.postures
     else:
-        postures = pattern(header, robot, target, request.kind, request.shots, name=name)
+        postures = pattern(header, robot, target, request.kind, request.measurements, name=name)
     rows, targets = np.round(postures * robot.display, _DECIMALS), [name] * len(postures)
     kept = _constraints(request) if request.kind == "optimal" else UNCONSTRAINED
     if file is None:

@@ -11,18 +11,21 @@ import numpy as np
 from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.observability.identifiability import identify
+from ...analysis.observability.power import DetectionPower, halves, powers
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from ...words.observability import power_limit
 from ..processes import on_cluster
 from .candidates import CandidatePostures
 
 _UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
 _EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
 _LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
-_FEW_STARTS = 4  # show which numbers of measurements cannot do
+_SEVERAL = 300  # candidates: what these together do not notice, no plan of them does
 _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 
 
@@ -31,7 +34,8 @@ class Proposal:
     """An optimal plan. `postures` (k, n) rad or mm in travel order; `std` of each offset that is not
     held, by name, in degrees (mm), the prior included: one that is near its prior is not determined by the
     measurements; `travel_s` from the first posture to the last at full joint speed, None where the robot file
-    states no speeds; `candidates` how many there were to choose from."""
+    states no speeds; `candidates` how many there were to choose from; `power` that of a run against wrong
+    models, `unnoticed` those of them that no plan of these candidates notices."""
 
     postures: Matrix
     criterion: Criterion
@@ -42,16 +46,25 @@ class Proposal:
     support: int
     travel_s: float | None
     candidates: int
+    power: tuple[DetectionPower, ...]
+    unnoticed: tuple[DetectionPower, ...]
 
     @property
     def worst(self) -> float:
         return max(self.std.values())
 
+    @property
+    def lacking(self) -> tuple[DetectionPower, ...]:
+        """The wrong models that a run may not notice although other plans would, and that do harm."""
+        hopeless = {each.wrong for each in self.unnoticed}
+        return tuple(each for each in self.power if each.dangerous and each.wrong not in hopeless)
+
 
 @dataclass(frozen=True, eq=False)
 class Fewest:
     """The answer to "how many measurements?". `proposal` is None where no number up to `most` is enough;
-    `curve` lists (measurements, worst predicted std), `limit` names the limit in words."""
+    `curve` lists (measurements, worst predicted std) of the numbers that were tried, up to that of the
+    answer, `limit` names the limit in words."""
 
     tolerance: float
     most: int
@@ -93,6 +106,8 @@ class Planner:
             )
         self._all_determined = bool(determined[self._columns].all())
         self.candidates = Candidates(roots, offsets)
+        several = self._power(np.arange(min(len(pool.postures), _SEVERAL)))
+        self._unnoticed = tuple(each for each in several if not each.noticed)
 
     def optimal(
         self, shots: int, criterion: Criterion = "A", *, seed: int = 0, starts: int = STARTS
@@ -113,7 +128,8 @@ class Planner:
             return design(self.candidates, shots, criterion, seed, starts, on_cluster)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
-        """The fewest measurements whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""
+        """The fewest measurements, up to `most`, whose worst predicted std (deg; mm) is within `tolerance`,
+        and that notice every wrong model that some plan notices and that does harm."""
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)
         unknowns = self._problem.parameters.without_tolerance
@@ -124,22 +140,27 @@ class Planner:
                 found=most,
                 allowed=f"{least} measurements or more",
             )
-        curve: list[tuple[int, float]] = []
-        best = np.inf
+        designs: dict[int, Design] = {}
+        made: dict[int, Proposal] = {}
+
+        def enough(shots: int) -> bool:
+            designs[shots] = self._design(shots, criterion, seed, STARTS)
+            made[shots] = proposal = self._proposal(designs[shots])
+            return proposal.worst <= tolerance and not proposal.lacking
+
+        low, high = least, most
         # An unidentifiable offset keeps every number from the tolerance: one is enough to show it.
-        for shots in range(least if self._all_determined else most, most + 1):
-            chosen = self._design(shots, criterion, seed, _FEW_STARTS)
-            proposal = self._proposal(chosen)
-            if tolerance < proposal.worst <= tolerance / 0.9:
-                chosen = self._design(shots, criterion, seed, STARTS)
-                proposal = self._proposal(chosen)
-            # The criterion is not the worst std, which may rise a little from one number to the next;
-            # the plan of one measurement less with any measurement more is no worse than it was.
-            best = min(best, proposal.worst)
-            curve.append((shots, best))
-            if proposal.worst <= tolerance:
-                return Fewest(tolerance, most, proposal, tuple(curve), None)
-        return Fewest(tolerance, most, None, tuple(curve), self._limit(chosen, tolerance))
+        reached = enough(most) and self._all_determined
+        while reached and low < high:
+            middle = (low + high) // 2
+            low, high = (low, middle) if enough(middle) else (middle + 1, high)
+        proposal = made[high]
+        curve = tuple((shots, made[shots].worst) for shots in sorted(made) if shots <= high)
+        if reached:
+            return Fewest(tolerance, most, proposal, curve, None)
+        short = proposal.worst > tolerance or not proposal.lacking
+        limit = self._limit(designs[most], tolerance) if short else power_limit(proposal.lacking)
+        return Fewest(tolerance, most, None, curve, limit)
 
     def _limit(self, chosen: Design, tolerance: float) -> str:
         """The limit of the worst offset's std in words: a gauge, spot noise or joint noise."""
@@ -181,10 +202,10 @@ class Planner:
     def _proposal(self, chosen: Design) -> Proposal:
         inverse = np.linalg.inv(self.candidates.information(chosen.rows))
         scaled = np.sqrt(np.diag(inverse)[self._columns])
-        order, travel = travel_order(self._robot, self._postures[chosen.rows])
+        order, travel = self._order(chosen.rows)
         unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
         return Proposal(
-            postures=self._postures[chosen.rows][order],
+            postures=self._postures[order],
             criterion=chosen.criterion,
             std={
                 item.name: float(std) * item.prior_std * item.display
@@ -196,7 +217,25 @@ class Planner:
             support=chosen.support,
             travel_s=travel if all(j.speed is not None for j in self._robot.joints) else None,
             candidates=len(self._postures),
+            power=self._power(order),
+            unnoticed=self._unnoticed,
         )
+
+    def _power(self, rows: Index) -> tuple[DetectionPower, ...]:
+        measurements = self._problem.select(rows)
+        return powers(measurements, self._x, identify(measurements, self._x).facts.rank)
+
+    def _order(self, rows: Index) -> tuple[Index, float]:
+        """Two halves between which a jump of a joint's zero is noticed, each in an order that makes the way
+        short; and the time of the way, s."""
+        first, second = (
+            rows[half][travel_order(self._robot, self._postures[rows[half]])[0]]
+            for half in halves(self._problem.select(rows), self._x)
+        )
+        ways = [np.concatenate([a, b]) for a in (first, first[::-1]) for b in (second, second[::-1])]
+        times = [travel_time(self._robot, self._postures[way]) for way in ways]
+        shortest = int(np.argmin(times))
+        return ways[shortest], times[shortest]
 
 
 def travel_order(robot: Robot, postures: Matrix) -> tuple[list[int], float]:
@@ -205,11 +244,19 @@ def travel_order(robot: Robot, postures: Matrix) -> tuple[list[int], float]:
     The slowest joint sets the time of a move. Exact for few postures (dynamic programming, Held & Karp
     1962), else nearest neighbour from the best start, improved by reversing stretches (2-opt).
     """
-    unit = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in robot.joints])
-    speed = np.array([joint.speed or _SPEED * u for joint, u in zip(robot.joints, unit, strict=True)])
-    time = (np.abs(postures[:, None] - postures[None]) / speed).max(axis=2)
+    time = (np.abs(postures[:, None] - postures[None]) / _speed(robot)).max(axis=2)
     order = _shortest(time) if len(time) <= _EXACT_ORDER else _two_opt(time)
     return order, float(sum(time[a, b] for a, b in pairwise(order)))
+
+
+def travel_time(robot: Robot, postures: Matrix) -> float:
+    """Time of the way from the first of the postures (k, n) to the last, s, at full joint speeds."""
+    return float((np.abs(np.diff(postures, axis=0)) / _speed(robot)).max(axis=1).sum())
+
+
+def _speed(robot: Robot) -> Matrix:
+    unit = [1.0 if joint.kind == "revolute" else 1000.0 for joint in robot.joints]
+    return np.array([joint.speed or _SPEED * u for joint, u in zip(robot.joints, unit, strict=True)])
 
 
 def _shortest(time: Matrix) -> list[int]:

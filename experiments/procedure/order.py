@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import scipy
 
 from ...analysis.design.continuous_design import Candidates
 from ...analysis.design.exact_design import design
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.solution import Solution
-from ...model.arrays import Matrix
+from ...model.arrays import NORMAL_95, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED
@@ -127,9 +126,11 @@ class Adaptive:
         """The largest std; where the noise is estimated from few numbers, possibly too small, widened as
         Student's t widens an interval."""
         assert state.worst is not None
-        if self._problem.noise.known:
-            return state.worst
-        return state.worst * float(scipy.special.stdtrit(state.dof, 0.975) / scipy.special.ndtri(0.975))
+        return (
+            state.worst
+            * float(np.nanmax(state.quantiles[state.problem.parameters.group("offset")]))
+            / NORMAL_95
+        )
 
     def _best(self, left: list[int], made: list[int], x: Matrix) -> int:
         """Of the postures `left` the one after which the largest std is the smallest."""

@@ -306,20 +306,19 @@ def _considered_std(solution: Solution, whole: Problem) -> Matrix:
     return np.where([known(status) for status in solution.status], std, np.nan)
 
 
-def _errors(data: DataSets, problem: Problem, *weighs: Weigh) -> list[ArmErrors]:
-    """By the fits of `problem`, with the stds of each of `weighs`."""
+def _errors(data: DataSets, problem: Problem, weigh: Weigh) -> ArmErrors:
+    """By the fits of `problem`, with the stds that `weigh` has of them."""
     fits = fit_each(problem, data.joints, data.spots)
     at = np.flatnonzero(problem.parameters.group("offset") & problem.parameters.free)
-    std = np.full((len(weighs), len(fits.x), len(at)), np.nan)
+    std = np.full((len(fits.x), len(at)), np.nan)
     misfit = np.zeros(len(fits.x), dtype=bool)
     for row, (joints, spots) in enumerate(zip(data.joints, data.spots, strict=True)):
         solution = judge(single(problem.moved(joints, spots), fits, row))
         misfit[row] = solution.misfit is not None
-        for k, weigh in enumerate(weighs):
-            std[k, row] = weigh(solution, data.problem.moved(joints, spots))[at]
+        std[row] = weigh(solution, data.problem.moved(joints, spots))[at]
     display = _display(problem)[at]
     error = (fits.x[:, at] - data.truths[:, at]) * display  # offsets come first, whatever the geometry
-    return [ArmErrors(np.where(np.isnan(u), np.nan, error), u * display, fits.converged, misfit) for u in std]
+    return ArmErrors(np.where(np.isnan(std), np.nan, error), std * display, fits.converged, misfit)
 
 
 def _display(problem: Problem) -> Matrix:
@@ -388,12 +387,11 @@ def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
     checks = _checks(plan)
     data = arms(problem, count, _OFFSET_DEG, np.random.default_rng([seed, *plan.name.encode()]))
     closer = problem.with_geometry(problem.geometry.scaled(1 / _UNDERSTATED, 1 / _UNDERSTATED))
-    noise_only, with_tolerances = _errors(data, problem.with_geometry(NOMINAL), _stated_std, _considered_std)
-    errors: dict[EstimatorName, ArmErrors] = {
-        "freed": _errors(data, problem, _stated_std)[0],
-        "considered": with_tolerances,
-        "nominal": noise_only,
-        "tolerances understated by 3": _errors(data, closer, _stated_std)[0],
+    models: dict[EstimatorName, tuple[Problem, Weigh]] = {
+        "freed": (problem, _stated_std),
+        "considered": (problem.with_geometry(NOMINAL), _considered_std),
+        "nominal": (Problem.from_plan(_exact(plan.plan)), _stated_std),
+        "tolerances understated by 3": (closer, _stated_std),
     }
     return GeometryPlan(
         name=plan.name,
@@ -407,17 +405,22 @@ def answer_of(plan: GeometryPlanStudied, count: int, seed: int) -> GeometryPlan:
         failed=data.failed,
         efficiency=None if plan.proposal is None else plan.proposal.efficiency,
         checked=checks,
-        estimators=tuple(_estimator(name, of_arms, problem, checks) for name, of_arms in errors.items()),
+        estimators=tuple(
+            _estimator(name, _errors(data, model, weigh), model, checks)
+            for name, (model, weigh) in models.items()
+        ),
     )
 
 
+def _exact(plan: Plan) -> Plan:
+    """The plan of an arm and a calibrated tool that are as stated."""
+    postures = plan.postures * plan.robot.display
+    return Plan.of_postures(with_tolerance(plan.header, None), plan.robot, postures, plan.targets, "study")
+
+
 def _checks(plan: GeometryPlanStudied) -> tuple[CheckedOffset, ...]:
-    """The prediction of `check` for the plan, with the key `geometry` and without."""
-    uncertain = plan.plan
-    postures = uncertain.postures * uncertain.robot.display
-    nominal_header = with_tolerance(uncertain.header, None)
-    without = Plan.of_postures(nominal_header, uncertain.robot, postures, uncertain.targets, "study")
-    return tuple(_checked(check(uncertain), check(without)))
+    """The prediction of `check` for the plan, of an uncertain arm and of an exact one."""
+    return tuple(_checked(check(plan.plan), check(_exact(plan.plan))))
 
 
 def _checked(with_key: Check, without: Check) -> Iterator[CheckedOffset]:
@@ -430,9 +433,8 @@ def _checked(with_key: Check, without: Check) -> Iterator[CheckedOffset]:
 
 
 def _estimator(
-    name: EstimatorName, errors: ArmErrors, problem: Problem, checks: Sequence[CheckedOffset]
+    name: EstimatorName, errors: ArmErrors, solved: Problem, checks: Sequence[CheckedOffset]
 ) -> GeometryEstimator:
-    solved = problem.with_geometry(NOMINAL) if name in ("considered", "nominal") else problem
     status = identify(solved, solved.nominal()).status
     free = np.flatnonzero(solved.parameters.free & solved.parameters.group("offset"))
     control = name in _CONTROLS

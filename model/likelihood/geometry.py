@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 LinkAxis = Literal["a", "b", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
 
+_SHIFTS: tuple[LinkAxis, ...] = ("a", "b", "d")  # along x, y, z
 # Of the last link: all but what is the offset of its joint.
 _WHOLE: dict[JointKind, tuple[LinkAxis, ...]] = {
     "revolute": ("a", "b", "d", "alpha", "beta"),
@@ -62,8 +63,8 @@ class Link:
         """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
         by_axis = dict(zip(self.axes, values, strict=True))
         shift = ca.SX.eye(4)
-        for row, axis in enumerate(("a", "b", "d")):
-            shift[row, 3] = by_axis.get(axis, 0)
+        for row, axis in enumerate(_SHIFTS):
+            shift[row, 3] = by_axis.get(axis, ca.SX(0))
         parts = [ca.SX(self.before), shift]
         for axis, angle in (
             ("z", by_axis.get("theta")),
@@ -140,6 +141,14 @@ class Geometry:
         """This geometry without its gravity, or without its harmonics."""
         return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())
 
+    def of_robot(self, robot: Robot) -> Geometry:
+        """The same tolerances of another robot with as many joints of the same kinds."""
+        links = tuple(_links(robot)) if self.links else ()
+        gravity = self.gravity
+        if gravity is not None:
+            gravity = _bending(robot, tuple(gravity.masses.tolist()), tuple(gravity.up.tolist()))
+        return replace(self, links=links, gravity=gravity)
+
     def scaled(self, length: float, angle: float) -> Geometry:
         """This geometry with the tolerances of links multiplied: lengths by one factor, angles by another."""
         return replace(self, length=self.length * length, angle=self.angle * angle)
@@ -209,11 +218,15 @@ class Geometry:
     def bent(self, robot: Robot, arm: ca.SX, recorded: ca.SX) -> ca.SX:
         """(n, 1) offsets that hold at one posture: those of `arm` (n + g,) and what its gravity and harmonics
         add, with what was `recorded` of the posture (see `recorded`)."""
-        delta, values = arm[: robot.n], arm[robot.n :]
+        delta: ca.SX = arm[: robot.n]
         if self.gravity is None and not self.harmonics:
             return delta
+        added: ca.SX = ca.vertcat(*self._added(robot, arm[robot.n :], recorded, ca.SX(0)))
+        return delta + added
+
+    def _added(self, robot: Robot, values: Any, recorded: Any, zero: Any) -> list[Any]:
         start = sum(len(link.axes) for link in self.links)
-        added = [ca.SX(0)] * robot.n
+        added = [zero] * robot.n
         if self.gravity is not None:
             for i in self.gravity.joints:
                 added[i] += values[start] * recorded[2 * robot.n + i]
@@ -221,7 +234,12 @@ class Geometry:
         for i in self.harmonics:
             added[i] += values[start] * recorded[2 * i] + values[start + 1] * recorded[2 * i + 1]
             start += 2
-        return delta + ca.vertcat(*added)
+        return added
+
+    def added(self, robot: Robot, values: Matrix, joints: Matrix) -> Matrix:
+        """(n,) in numbers what gravity and harmonics at `values` (g,) add to the offsets at recorded `joints`
+        (n,), rad or mm."""
+        return np.array(self._added(robot, values, self.recorded(robot, joints), 0.0))
 
     def recorded(self, robot: Robot, joints: Matrix) -> Matrix:
         """(…, 2n or 3n): cosines, sines as `Robot.recorded_turns`; the torques too where gravity counts."""
@@ -294,6 +312,12 @@ def _gravity(robot: Robot, geometry: StatedGeometry) -> Gravity | None:
     up = np.array(geometry.up, dtype=float)
     up /= np.abs(up).max()  # first, that nothing underflows
     up /= np.linalg.norm(up)
+    return _bending(robot, tuple(masses.tolist()), tuple(up.tolist()))
+
+
+@lru_cache(maxsize=8)  # every plan and every prediction of a run asks for it
+def _bending(robot: Robot, masses_kg: tuple[float, ...], upwards: tuple[float, ...]) -> Gravity | None:
+    masses, up = np.array(masses_kg), np.array(upwards)
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
     largest = np.abs(_torques(robot, masses, up, rows)).max(axis=0)
     largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding

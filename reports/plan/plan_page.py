@@ -28,7 +28,7 @@ from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
 from ...words.wording import clipped, counted, label, listed, person, sentence, shown
 from ..output.html import Turnable, html
 from ..run.parameters import legend, reasons, worth_column
-from ..run.unobservable import beside_tolerances, direction_words, tolerance_only
+from ..run.unobservable import direction_words, tolerance_only
 from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 from ..scenes.turnable import MOST_DRAWN, turnable
 from ..style.blocks import (
@@ -148,10 +148,8 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
     header = plan.header.model_dump(mode="json", include={"tolerance"})
-    tolerated = {row.name for row in check.parameters if row.tolerated}
     others = [row for row in check.parameters if not row.tolerated]
-    directions = beside_tolerances(facts.null_space, tolerated)
-    undetermined = [_undetermined(check, directions), tolerance_only(check.parameters)]
+    undetermined = [_undetermined(check, facts.null_space), tolerance_only(check.parameters)]
     versions = ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items())
     return Page(
         title=f"Plan {clipped(inputs.plan, 60)}",
@@ -169,7 +167,7 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
             section_of(
                 "What is not observable",
                 Paragraph(" ".join(text for text in undetermined if text)),
-                Directions([direction_words(direction) for direction in directions]),
+                Directions([direction_words(direction) for direction in facts.null_space]),
                 Facts(rank_facts(facts)),
             ),
             section_of(

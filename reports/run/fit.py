@@ -4,14 +4,19 @@ held-out targets, the intervals by three methods.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ...analysis.answer.result import LikelihoodSummary, MidpointSummary, Result
 from ...analysis.diagnostics.outliers import Robust
+from ...analysis.observability.power import DetectionPower
 from ...analysis.posterior.intervals import Intervals
 from ...words import numbers
 from ...words.findings import likelihood_message
 from ...words.fit import goodness_of_fit, hold_out_sentences, robust_sentence
-from ...words.misfit import CAUSES, changed, diagnosis_said
+from ...words.misfit import diagnosis_said
+from ...words.misfit_causes import CAUSES, changed
 from ...words.numbers import times, unit_of
+from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import noise_factors, other_tables
@@ -40,6 +45,7 @@ def fit_section(result: Result) -> Section:
         *map(Paragraph, sentences),
         table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
         _both_estimates(result) if result.misfit is None else None,
+        _power(result.power),
         _distances(result),
         *(other_tables(result.parameters, result.coverage_factor) if result.misfit is None else ()),
     )
@@ -91,6 +97,20 @@ def _both_estimates(result: Result) -> Table | None:
         and row.std is not None
     ]
     return table_of("Offsets by both costs", columns, rows) if rows else None
+
+
+def _power(rows: Sequence[DetectionPower]) -> Table | None:
+    """What the test of the residuals would have detected."""
+    columns = ["wrong model", "probability of detection", "error of an offset, in u"]
+    shown_rows = [
+        row_of(
+            sentence(wrong_words(row)),
+            f"{100 * row.probability:.0f} %",
+            f"up to {numbers.significant(row.off_u, 2)}",
+        )
+        for row in rows
+    ]
+    return table_of("Wrong models that such a run would detect", columns, shown_rows) if rows else None
 
 
 def _distances(result: Result) -> Table | None:

@@ -14,9 +14,12 @@ def next_steps_section(result: Result) -> Section | None:
     advice = next_steps(result, message(result))
     blocks: list[Block] = []
     if advice.enter:
-        columns = ["joint", "add to the recorded position", "U"]
-        rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
-        caption = "Values to enter: true position = recorded position + value"
+        columns = ["joint", "to enter", "U", "offset of the arm"]
+        rows = [
+            row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u, row.estimate or "")
+            for row in advice.enter
+        ]
+        caption = "Values to enter: corrected reading = recorded position + value"
         blocks.append(table_of(caption, columns, rows))
     for step in advice.steps[1:]:
         blocks.append(Paragraph(step.text))

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
-OFFSETS = "Joint offsets, to be added to the recorded joint positions"
+OFFSETS = "Joint offsets of the arm: true position = recorded position + offset"
 NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = (
     "Joint offsets, unvalidated: the model does not describe the measurements; not to be applied"

@@ -139,9 +139,10 @@ def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
 
 
 def _effective_sentence(effective: Effective, result: Result) -> str:
-    if effective.rho is None or effective.kappa is None or effective.p_value is None:
+    if effective.p_value is None:
         return ""
-    measure = f"lag-1 correlation {numbers.fixed(effective.rho, 2)}, p {numbers.p_value(effective.p_value)}"
+    size = "undetermined" if effective.rho is None else numbers.fixed(effective.rho, 2)
+    measure = f"lag-1 correlation {size}, p {numbers.p_value(effective.p_value)}"
     if effective.divisor == 1:
         return f"Successive residuals of a recording are not correlated beyond chance ({measure})."
     used = "their information is divided by κ"
@@ -151,13 +152,12 @@ def _effective_sentence(effective: Effective, result: Result) -> str:
         f"Successive residuals of a recording are correlated ({measure}):"
         f" {counted(effective.shots, 'measurement')} say as much as"
         f" {numbers.significant(effective.number, 2)} independent ones"
-        f" (κ = {numbers.significant(effective.kappa, 2)}); {used}."
+        f" (κ = {numbers.significant(effective.divisor, 2)}); {used}."
     )
 
 
 def _step_text(step: RecordingStep) -> str:
-    small = "" if step.stands_out else " That is about what scatters besides, and no evidence of a slip."
-    return f"{step_sentence(step)}.{small}"
+    return f"{step_sentence(step)}."
 
 
 def placements_picture(result: Result) -> Picture | None:

@@ -18,19 +18,13 @@ def unobservable_section(parameters: Sequence[ParameterRow], facts: Identifiabil
     """The section of a report."""
     tolerated = [row for row in parameters if row.tolerated]
     others = [row for row in parameters if not row.tolerated]
-    shown = beside_tolerances(facts.null_space, {row.name for row in tolerated})
-    sentences = [_sentence(others, shown, "other parameter" if tolerated else "parameter")]
+    sentences = [_sentence(others, facts.null_space, "other parameter" if tolerated else "parameter")]
     if (only := tolerance_only(parameters)) is not None:
         sentences.append(f"{only} They are listed under {geometry_title(tolerated)}.")
-    items = [direction_words(direction) for direction in shown]
+    items = [direction_words(direction) for direction in facts.null_space]
     return section_of(
         "What cannot be determined", *map(Paragraph, sentences), Directions(items), Facts(rank_facts(facts))
     )
-
-
-def beside_tolerances(directions: Sequence[NullDirection], tolerated: set[str]) -> list[NullDirection]:
-    """Null-space directions without those of tolerated parameters alone: their tolerances are knowledge."""
-    return [direction for direction in directions if not tolerated.issuperset(direction.combination)]
 
 
 def tolerance_only(parameters: Sequence[ParameterRow]) -> str | None:

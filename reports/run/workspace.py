@@ -1,4 +1,4 @@
-"""The section on accuracy: how far the TCP is off, without the offsets and with them; maps of it."""
+"""The section on accuracy: how far the TCP is off, with nothing entered and with the values; maps of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Grid, Level, Map, Region, TcpAccuracy
+from ...analysis.diagnostics.enter import TcpError
 from ...words import numbers
+from ...words.enter import enter_sentence, error_words
 from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
@@ -33,21 +35,29 @@ def workspace_section(result: Result) -> Section:
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
     return section_of(
         TITLE,
-        Paragraph(_summary(workspace)),
+        Paragraph(_summary(workspace) if _expected(result) is None else enter_sentence(result) or ""),
         *map(Paragraph, _doubts(result)),
         FigureBlock(NAME),
-        _table(workspace, near),
+        _table(result, workspace, near),
         Paragraph(f"{_where(accuracy)} {_postures(workspace, near)}"),
     )
+
+
+def _expected(result: Result) -> tuple[TcpError, TcpError] | None:
+    """The TCP's error before and after the values are entered; None where there are none."""
+    entered = result.entered
+    if entered is None or entered.tcp_before is None or entered.tcp_after is None:
+        return None
+    return entered.tcp_before, entered.tcp_after
 
 
 def _summary(region: Region) -> str:
     before, after = region.before_mm, region.after95_mm
     median, worst = (numbers.significant(value, 2, "mm") for value in (before.median, before.worst))
     return (
-        f"Without the offsets the TCP is off by {median} in the median posture and by {worst} in the"
-        f" worst. With them 95 % of the error is within {_spread(after.median)} in the median posture and"
-        f" {_spread(after.worst)} in the worst."
+        f"With nothing entered the TCP is off by {median} in the median posture and by {worst} in the"
+        f" worst. With the values entered 95 % of the error is within {_spread(after.median)} in the median"
+        f" posture and {_spread(after.worst)} in the worst."
     )
 
 
@@ -75,13 +85,16 @@ def _where(accuracy: TcpAccuracy) -> str:
 def _postures(workspace: Region, near: Region) -> str:
     return (
         f"Workspace: {workspace.postures} postures evenly over the joints’ limits, without regard to"
-        f" obstacles. Near the measurements: {near.postures} over the ranges of their joints; beyond them"
-        " the numbers rest on the nominal geometry. Deviations from it, the arm’s repeatability and"
-        " its load are not in them."
+        f" obstacles. Near the measurements: {near.postures} over the ranges of their joints. Links, gravity"
+        " and harmonics count as far as the header lets the arm deviate; repeatability and load do not."
+        " Median and 95 % are of the postures in front of the arm (joint 1 within 90° of its middle)."
     )
 
 
-def _table(workspace: Region, near: Region) -> Table:
+def _table(result: Result, workspace: Region, near: Region) -> Table:
+    expected = _expected(result)
+    if expected is not None:
+        return _table_of_entered(result, expected, workspace, near)
     columns = ["TCP", "workspace, median", "worst", "near the measurements, median", "worst"]
     regions = (workspace, near)
     stds = [
@@ -91,12 +104,33 @@ def _table(workspace: Region, near: Region) -> Table:
     after = [level for region in regions for level in (region.after95_mm.median, region.after95_mm.worst)]
     rms = [level for region in regions for level in (region.after_rms_mm.median, region.after_rms_mm.worst)]
     rows = [
-        row_of("error without the offsets", *map(_rounded, errors, stds)),
+        row_of("error with nothing entered", *map(_rounded, errors, stds)),
         row_of("its standard uncertainty", *map(_spread, stds)),
-        row_of("with them, 95 % within", *map(_spread, after)),
-        row_of("with them, expected error (rms)", *map(_spread, rms)),
+        row_of("with the values entered, 95 % within", *map(_spread, after)),
+        row_of("with the values entered, expected error (rms)", *map(_spread, rms)),
     ]
     return table_of("Accuracy before and after", columns, rows)
+
+
+def _table_of_entered(
+    result: Result, expected: tuple[TcpError, TcpError], workspace: Region, near: Region
+) -> Table:
+    """Median and 95 % are of posture and posterior together: those of the first page. The worst posture is
+    that of `workspace` and of `near`."""
+    columns = ["TCP error", "median", "95 % below", "worst posture", "worst near the measurements"]
+    before, after = ([*error_words(error)] for error in expected)
+    rows = [
+        row_of("nothing entered", *before, *map(_size, (workspace.before_mm.worst, near.before_mm.worst))),
+        row_of("values entered", *after, *map(_size, (workspace.after95_mm.worst, near.after95_mm.worst))),
+    ]
+    whole = result.entered_geometry
+    if whole is not None and whole.tcp_after is not None:
+        rows.append(row_of("links entered too", *error_words(whole.tcp_after), "", ""))
+    return table_of("Accuracy before and after", columns, rows)
+
+
+def _size(value: float) -> str:
+    return numbers.significant(value, 2, "mm")
 
 
 def _rounded(value: float, std: float) -> str:
@@ -110,7 +144,7 @@ def _spread(value: float) -> str:
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
 # The groups of columns, and what of a cell's postures a column shows.
-_WHEN = ("without the offsets", "with them, 95 % within")
+_WHEN = ("nothing entered", "values entered, 95 % within")
 _LEVELS = ("median", "worst")
 # Inches: beside, below and between panels, above all of them.
 _LEFT, _BELOW, _BETWEEN, _APART, _RIGHT, _KEY, _HEAD = 0.62, 0.42, 0.12, 0.24, 0.12, 0.42, 0.4
@@ -311,6 +345,7 @@ def _alt(accuracy: TcpAccuracy) -> str:
         return f"{median} in the median posture, {worst} in the worst"
 
     return (
-        "Maps of the workspace, from the side and from above. Without the offsets the TCP is off"
-        f" by {levels(region.before_mm)}; with them 95 % of the error is within {levels(region.after95_mm)}."
+        "Maps of the workspace, from the side and from above. With nothing entered the TCP is off"
+        f" by {levels(region.before_mm)}; with the values entered 95 % of the error is within"
+        f" {levels(region.after95_mm)}."
     )

@@ -21,6 +21,7 @@ from .study_blocks import PlainRow
 from .sweeps import sweep_page
 from .table2_page import paper_rows, scatter_rows, table2_page, table2_pictures
 from .table2_page import plan_rows as table2_plan_rows
+from .wrong_models_page import model_rows, wrong_models_page, wrong_models_pictures
 
 Answer = TypeVar("Answer")
 
@@ -58,6 +59,7 @@ STUDIES: dict[str, Study[Any]] = {
         {"parameters.csv": geometry_parameter_rows, "plans.csv": geometry_plan_rows},
     ),
     "drift": Study(drift_page, drift_pictures, {"power.csv": power_rows}),
+    "wrong-models": Study(wrong_models_page, wrong_models_pictures, {"models.csv": model_rows}),
 }
 
 # Every study over settings, whatever its name: people write their own.

@@ -60,9 +60,9 @@ def print_result(console: Console, result: Result) -> None:
     if (rehearsal := rehearsal_section(result)) is not None:
         _print_section(console, rehearsal)
     if (steps := next_steps_section(result)) is not None:
-        _print_steps(console, steps)
+        _print_steps(console, steps, values=result.entered_geometry is not None)
     if not wrong:
-        print_directions(console, result.identifiability.null_space, result.parameters)
+        print_directions(console, result.identifiability.null_space)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
         console.print(Text(line))
@@ -211,14 +211,17 @@ def _print_section(console: Console, section: blocks.Section) -> None:
             console.print(Text("; ".join(f"{name} {text}" for name, text in block.rows), style="dim"))
 
 
-def _print_steps(console: Console, section: blocks.Section) -> None:
-    """What to do: a line a step, commands as they are to be typed; values are in the table of offsets."""
+def _print_steps(console: Console, section: blocks.Section, values: bool) -> None:
+    """What to do: a line a step, commands as they are to be typed; with `values` the table of what to enter,
+    which is else in that of the offsets."""
     console.print(Text(section.title, style="italic"))
     for block in section.all:
         if isinstance(block, blocks.Paragraph):
             console.print(Text(block.text))
         elif isinstance(block, blocks.Commands):
             print_commands(console, block.lines)
+        elif values and isinstance(block, blocks.Table):
+            _print_table(console, block)
 
 
 def _print_table(console: Console, table: blocks.Table) -> None:

@@ -19,8 +19,8 @@ from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ...words.wording import ended, label, person, sentence
-from ..run.parameters import ParameterRow, worth_column
-from ..run.unobservable import beside_tolerances, direction_words
+from ..run.parameters import worth_column
+from ..run.unobservable import direction_words
 from ..style.console import VERDICT_STYLE, marked, note
 
 
@@ -50,7 +50,7 @@ def print_check(console: Console, check: Check) -> None:
     console.print(table)
     for line in check_lines(check):
         console.print(Text(line))
-    print_directions(console, check.identifiability.null_space, check.parameters)
+    print_directions(console, check.identifiability.null_space)
     for line in outlook_lines(check):
         console.print(Text(line))
     off = max(posture.off_mm for posture in check.postures)
@@ -97,12 +97,9 @@ def print_notes(console: Console, notes: Iterable[str]) -> None:
         console.print(note(ended(text)))
 
 
-def print_directions(
-    console: Console, directions: Sequence[NullDirection], parameters: Iterable[ParameterRow]
-) -> None:
+def print_directions(console: Console, directions: Sequence[NullDirection]) -> None:
     """What cannot be determined, why, and what to do."""
-    tolerated = {row.name for row in parameters if row.tolerated}
-    for direction in beside_tolerances(directions, tolerated):
+    for direction in directions:
         words = direction_words(direction)
         console.print(
             Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")

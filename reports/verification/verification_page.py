@@ -117,7 +117,7 @@ def noticed_table(offsets: Sequence[EnteredOffset]) -> Table:
     rows = [
         row_of(
             label(offset.name),
-            numbers.estimate(offset.estimate, offset.std, offset.unit),
+            numbers.estimate(offset.entered, offset.std, offset.unit),
             f"{numbers.exact(offset.tolerance, offset.unit)}: {probability_words(offset.power)}",
             probability_words(offset.power_not_entered),
         )

@@ -48,6 +48,11 @@ def unconverged(good: zb.Analysed) -> zb.Analysed:
     return zb.analyse(run, ess=100)
 
 
+def test_values_to_enter_are_those_of_the_first_page(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
+    assert good.enter == good.to_json()["enter"]["values"]
+    assert x_pattern.enter == {}
+
+
 def test_it_is_a_solution_with_rows_by_name(good: zb.Analysed) -> None:
     assert isinstance(good, zb.Solution)
     row = good["delta2"]

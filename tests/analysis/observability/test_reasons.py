@@ -47,7 +47,7 @@ from zerobeam.analysis.observability.causes import (
 )
 from zerobeam.analysis.observability.check import aim_plan, check, without_posture
 from zerobeam.analysis.observability.identifiability import Identified, identify, unexplained
-from zerobeam.analysis.solution import judge, so_far, solve
+from zerobeam.analysis.solution import Solution, judge, so_far, solve
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
@@ -256,17 +256,28 @@ def test_one_position_of_a_probe() -> None:
 
 
 def test_two_optima_of_a_typical_arm() -> None:
-    """What differs between them has no number, and that is the reason; so with what is known of links."""
+    """What differs between them has no number, and that is the reason. If they differ in what has a
+    tolerance alone, that is no finding."""
     _, problem = simulated_problem(good_plan(12, geometry=None), TABLE_2, seed=2)
     fit = fit_likelihood(problem, starts=0)
-    names = np.array(problem.parameters.names)[problem.parameters.free]
-    away = np.where(np.isin(names, ["delta3", "link3.alpha"]), 5.0, 0.0)
-    told = judge(replace(fit, others=(Optimum(fit.z + away * fit.std, fit.std, 1.0),)))
+    alone = judge(replace(fit, others=()))
+    free = problem.parameters.free
+    names = np.array(problem.parameters.names)[free]
+    known = np.array([status in ("identified", "weak") for status in alone.status])[free]
+    link = names[known & problem.parameters.tolerated[free]][0]
+
+    def with_optimum(*differs: str) -> Solution:
+        away = np.where(np.isin(names, differs), 5.0, 0.0)
+        return judge(replace(fit, others=(Optimum(fit.z + away * fit.std, fit.std, 1.0),)))
+
+    told = with_optimum("delta3", link)
     assert (told["delta3"].status, told["delta3"].estimate) == ("unidentifiable", None)
     assert isinstance(told["delta3"].cause, LocalOptima)
-    assert told["link3.alpha"].status == "unidentifiable"
-    alone = judge(replace(fit, others=()))
-    assert alone["delta3"].status in ("weak", "identified")
+    assert told[link].status == "unidentifiable"
+    of_link = with_optimum(link)
+    assert (of_link[link].status, of_link[link].cause) == ("unidentifiable", ToleranceOnly())
+    assert of_link.null_space == alone.null_space
+    assert of_link["delta3"].status == alone["delta3"].status != "unidentifiable"
 
 
 def test_too_few_measurements_count_no_tolerance() -> None:

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import TABLE_2, placed_plan, simulated_problem
+from cells import TABLE_2, good_plan, placed_plan, simulated_problem
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.analysis.recordings.recordings import (
     SIGNIFICANCE,
+    Effective,
     RecordingLag,
     _above_zero,
     correlation,
@@ -125,6 +126,30 @@ def test_the_number_is_smaller_only_where_there_is_a_correlation(solution: Solut
         (40, 59, 20),
     ]
     assert all(row.rho is not None and row.p_value is not None for row in there.recordings)
+
+
+def in_one_recording(count: int, runs: int) -> list[Effective]:
+    """Runs of a laser that stays at one target, with independent errors."""
+    plan = good_plan(count, seed=2, geometry="exact")
+    fits = [fit_likelihood(simulated_problem(plan, TABLE_2, seed)[1], starts=0) for seed in range(runs)]
+    return [effective(fit, link_columns(fit.problem, fit.x)) for fit in fits]
+
+
+def test_a_few_measurements_do_not_determine_a_correlation_and_count_as_they_are() -> None:
+    """Not a correlation of -0.9 with a p-value of 0.8, the end of a grid."""
+    for found in in_one_recording(12, 20):
+        assert (found.rho, found.kappa, found.divisor) == (None, None, 1.0)
+        assert found.p_value is not None
+        assert 0 < found.p_value < 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("count", [12, 20])
+def test_independent_errors_do_not_lower_the_number(count: int) -> None:
+    """A correlation of which there is none reaches odds of 100 in one run of a hundred at most."""
+    runs = 400
+    acting = sum(found.divisor != 1 for found in in_one_recording(count, runs))
+    assert acting <= stats.binom.ppf(1 - LEVEL, runs, 0.01)
 
 
 def test_the_size_of_the_noise_does_not_matter(solution: Solution) -> None:

@@ -12,6 +12,7 @@ import pytest
 from export_runs import HOSTILE, arm_run, urdf_file
 from geometry_runs import geometry_run, on
 
+from zerobeam.analysis.diagnostics.enter import values_to_enter
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.makers.abb.rapid_program import rapid_text
 from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, calibration
@@ -130,14 +131,50 @@ def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
     np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, without), atol=1e-9)
 
 
-def test_what_is_unidentifiable_stays_nominal_and_is_named(answer: RobotCalibration) -> None:
-    unknown = [own for own in answer.geometry if own.status == "unidentifiable"]
+def test_what_is_unidentifiable_is_as_in_the_estimate_of_all_and_has_no_number(
+    run: Run, answer: RobotCalibration
+) -> None:
+    """At nominal it would spoil what it is confounded with: the arm is the estimate of all together."""
+    unknown = [row for row in answer.geometry if row.status == "unidentifiable"]
     assert unknown
-    for own in unknown:
-        assert (own.applied, own.exported, own.row.estimate) == (0.0, False, None)
+    for row in unknown:
+        assert (row.applied, row.exported, row.row.estimate) == (0.0, False, None)
     head = " ".join(answer.head)
-    assert all(f"{own.name}: UNIDENTIFIABLE, nominal" in head for own in unknown)
-    assert {own.name for own in answer.left_out} == {own.name for own in unknown}
+    assert all(f"{row.name}: UNIDENTIFIABLE by itself, as in the estimate" in head for row in unknown)
+    assert answer.left_out == ()
+    names = [row.name for row in unknown]
+    without = calibration(run, allow_weak=True, holds="links", without=names)
+    assert all(row.internal == 0.0 for row in without.geometry if row.name in names)
+    assert {row.name for row in without.left_out} == set(names)
+    assert without.rms_mm[1] > answer.rms_mm[1]
+
+
+def test_values_for_nominal_geometry_are_not_the_estimates(run: Run, answer: RobotCalibration) -> None:
+    """Whatever holds offsets alone gets one and the same, whatever holds links the estimates."""
+    values = values_to_enter(solve_run(Problem.from_run(run), run.header))
+    for holds in ("offsets", "all"):
+        rows = told(run, holds).offsets
+        assert {row.name: row.applied for row in rows if row.exported} == pytest.approx(values)
+    assert all(row.applied == (row.row.estimate or 0.0) for row in answer.offsets if row.exported)
+    assert max(abs(values[row.name] - row.applied) for row in answer.offsets if row.exported) > 0.01
+    head = " ".join(told(run, "offsets").head)
+    assert "To enter:" in head
+    assert f"to enter: {values['delta2']:+.6f} deg" in head
+    assert "To enter:" not in " ".join(answer.head)
+
+
+def test_a_program_gets_what_depends_on_the_posture_too(tmp_path: Path) -> None:
+    run = geometry_run(tmp_path, gravity=True, harmonics=True)
+    answer = told(run, "postures")
+    assert answer.left_out == ()
+    solution = solve_run(Problem.from_run(run), run.header)
+    problem, joints = solution.problem, postures(run.robot)[:5]
+    arm = solution.fit.x[problem.parameters.arm]
+    (place,) = problem.functions.kernel("place")(joints, arm, np.array([60.0, 20.0, 150.0]))
+    bent = np.array([row + answer.posture_offsets(row) for row in joints])
+    pose = answer.corrected.fk(bent, "rad")
+    np.testing.assert_allclose(pose[:, :3, :3] @ [60.0, 20.0, 150.0] + pose[:, :3, 3], place, atol=1e-6)
+    assert np.abs(bent - joints).max() > 1e-6
 
 
 def test_a_controller_s_file_says_what_it_leaves_out(run: Run) -> None:
@@ -178,7 +215,7 @@ def test_gravity_and_harmonics_are_in_no_robot_but_in_the_json(tmp_path: Path) -
 def test_nominal_geometry_says_nothing_of_links(tmp_path: Path) -> None:
     run = geometry_run(tmp_path, values={})
     nominal = Run(
-        run.header.model_copy(update={"geometry": None}), run.robot, run.shots, run.lines, run.header_line,
+        run.header.model_copy(update={"geometry": "exact"}), run.robot, run.shots, run.lines, run.header_line,
         run.path, run.sha256, run.warnings,
     )  # fmt: skip
     answer = told(nominal)

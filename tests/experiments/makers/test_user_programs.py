@@ -12,6 +12,7 @@ import pytest
 from user_programs import OFFSETS, STATED, UserProgram, flange_arm, judged, read, varied, written
 
 from zerobeam.experiments.makers.user_programs import corrected_program
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.orientation import orientation
 
@@ -93,6 +94,32 @@ def test_links_that_deviate_are_corrected_too(tmp_path: Path, name: str) -> None
     done = corrected_program(robot, own, path, tmp_path / f"out{path.suffix}", STATED.get(language))
     reached = true.fk(program.commanded(read(done)))
     assert np.linalg.norm((reached - robot.fk(program.rows))[:, :3, 3], axis=1).max() < 1e-3
+
+
+def test_joints_that_bend_are_corrected_too(tmp_path: Path) -> None:
+    """At commanded joints the arm is where a stiff one is at these and what gravity and harmonics add."""
+    robot, language = load_robot("kr6_r900"), ARMS["kr6_r900"]
+
+    def bending(joints: Matrix) -> Matrix:
+        return np.radians(0.1) * np.array([0, np.cos(joints[1]), np.sin(joints[1] + joints[2]), 0, 0.5, 0])
+
+    program = UserProgram(language, robot, varied(robot, 6))
+    path = written(tmp_path, program, program.text())
+    calibration = judged(robot)
+    true, meant = robot.with_offsets(np.radians(OFFSETS)), robot.fk(program.rows)[:, :3, 3]
+    off = []
+    for posture_offsets in (calibration.posture_offsets, bending):
+        calibration.posture_offsets = posture_offsets
+        done = corrected_program(
+            robot, calibration, path, tmp_path / f"out{path.suffix}", STATED.get(language)
+        )
+        commanded = program.commanded(read(done))
+        added = np.degrees([bending(row) for row in np.radians(commanded)])
+        reached = true.fk(commanded + added)[:, :3, 3]
+        off.append(np.linalg.norm(reached - meant, axis=1).max())
+    stiff, bent = off
+    assert bent < 1e-3
+    assert stiff > 0.5  # the control
 
 
 def test_linear_motions_follow_the_arm_where_no_configuration_is_stated(tmp_path: Path) -> None:

@@ -100,7 +100,7 @@ def case(request, arms, arm_name):
 
 def test_the_arms_cover_every_kind_of_parameter(arms):
     axes = {axis for name in DESIGNED for _, axis in arms(name).names}
-    assert axes == {"a", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"}
+    assert axes == {"a", "b", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"}
 
 
 def test_the_residual_against_plain_numpy(case):

@@ -16,18 +16,22 @@ from study_text import texts_of, words
 
 from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
+from zerobeam.analysis.diagnostics.enter import Entered, TcpError
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.run.workspace import class_edges, class_of, workspace_picture, workspace_section
 from zerobeam.reports.style.blocks import Paragraph
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
+from zerobeam.words.enter import enter_sentence
+from zerobeam.words.wording import sentence
 
 
 def answered(status: dict[int, Status] | None = None) -> Result:
     delta = radians([0, -1.2, -0.7, 0.1, 0.05, 0.02])
     covariance = diag(radians([0, 0.01, 0.01, 0.03, 0.02, 0.02]) ** 2)
-    return replace(good(), accuracy=accuracy(by_hand(irb1600(), PROBE, delta, covariance, status or {})))
+    by_offsets = accuracy(by_hand(irb1600(), PROBE, delta, covariance, status or {}))
+    return replace(good(), accuracy=by_offsets, entered=None, entered_geometry=None)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +48,7 @@ def test_the_figure_has_both_planes_units_and_the_base(result: Result) -> None:
     picture = workspace_picture(result)
     assert picture is not None
     shown = words(picture.svg)
-    for text in ("without the offsets", "with them, 95 % within", "error of the TCP, mm"):
+    for text in ("nothing entered", "values entered, 95 % within", "error of the TCP, mm"):
         assert shown.count(text) >= 1
     for text in ("distance from axis 1, mm", "height, mm", "x, mm", "y, mm"):
         assert text in shown
@@ -199,6 +203,27 @@ def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
     assert "(60, 20, 150\u00a0mm in the flange frame)" in said
     assert "does not fit" not in said
     assert "weakly" not in said
+
+
+def test_values_to_enter_bring_their_figures(result: Result) -> None:
+    """The error of the first page, and no other median beside it."""
+    before, after = TcpError(3.02, 5.5, (2.9, 3.1)), TcpError(0.61, 1.04, (0.4, 0.9))
+    whole = TcpError(0.3, 0.52, (0.2, 0.4))
+    entered = replace(
+        result,
+        entered=Entered("nominal", {}, {}, before, after),
+        entered_geometry=Entered("geometry", {}, {}, before, whole),
+    )
+    section = workspace_section(entered)
+    assert sentence(enter_sentence(entered) or "") in paragraphs(section)
+    rows = [[cell.replace("\u00a0", " ") for cell in row] for row in texts_of(table(section))]
+    assert [row[:3] for row in rows] == [
+        ["nothing entered", "3.0 mm", "5.5 mm"],
+        ["values entered", "0.61 mm", "1.0 mm"],
+        ["links entered too", "0.30 mm", "0.52 mm"],
+    ]
+    worst = level_of(result, "workspace", "after95_mm", "worst")
+    assert rows[1][3] == f"{worst:.2g} mm"
 
 
 def test_doubts_stand_before_the_maps(result: Result) -> None:

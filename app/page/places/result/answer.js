@@ -44,9 +44,9 @@ function steps({ next_steps: next, message }) {
   const said = [];
   if (next.enter.length) {
     said.push(make("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Values to enter" }, make("table", { id: "result-enter" },
-      make("caption", {}, "Values to enter: true position = recorded position + value"),
-      make("thead", {}, make("tr", {}, make("th", { scope: "col" }, "joint"), make("th", { scope: "col", class: "right" }, "add to the recorded position"), make("th", { scope: "col", class: "right" }, "U"))),
-      make("tbody", {}, ...next.enter.map((own) => make("tr", {}, make("th", { scope: "row" }, named(own.name)), make("td", { class: "right copy" }, own.value), make("td", { class: "right" }, own.expanded_u)))))));
+      make("caption", {}, "Values to enter: corrected reading = recorded position + value"),
+      make("thead", {}, make("tr", {}, make("th", { scope: "col" }, "joint"), make("th", { scope: "col", class: "right" }, "to enter"), make("th", { scope: "col", class: "right" }, "U"), make("th", { scope: "col", class: "right" }, "offset of the arm"))),
+      make("tbody", {}, ...next.enter.map((own) => make("tr", {}, make("th", { scope: "row" }, named(own.name)), make("td", { class: "right copy" }, own.value), make("td", { class: "right" }, own.expanded_u), make("td", { class: "right" }, own.estimate ?? "")))))));
   }
   for (const step of next.steps.slice(message ? 1 : 0)) {
     said.push(make("p", {}, named(step.text)));

@@ -146,7 +146,7 @@ def test_the_arms_deviate_by_their_tolerances_and_no_less() -> None:
 def test_a_header_gets_tolerances_and_loses_them() -> None:
     plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]()
     assert plan.tolerance == TYPICAL
-    assert with_tolerance(plan.plan.header, None).geometry is None
+    assert with_tolerance(plan.plan.header, None).geometry == "exact"
     close = with_tolerance(plan.plan.header, CLOSE).geometry
     assert (close.tolerance.length_mm, close.tolerance.angle_deg) == (0.1, 0.03)
     assert (close.gravity, close.harmonics) == (False, False)

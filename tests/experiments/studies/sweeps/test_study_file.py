@@ -18,6 +18,7 @@ from zerobeam.experiments.studies.sweeps.study_file import (
     setting_names,
 )
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files.header import StatedGeometry
 
 BASE = """\
 schema: zerobeam/study-file/1
@@ -98,6 +99,7 @@ def test_tolerances_of_the_geometry_may_be_stated_and_varied(tmp_path: Path) -> 
     assert [geometry.gravity for geometry in geometries if geometry is not None] == [False, False]
     plain = read(tmp_path, SHOTS).cases[0]
     assert plain.header.geometry is None
+    assert plain.header.arm == StatedGeometry()
     # A case without it is what it was before there was such a key, and has the same random numbers.
     assert "geometry" not in plain.settings.as_in_file()
 

@@ -47,6 +47,7 @@ base:
   robot: irb1600
   tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}
   noise: {joint_deg: 0.01, spot_mm: 0.05}
+  geometry: exact
   target: {xyz_mm: [900, 0, 0]}
   plan: {shots: 5}
 axes:
@@ -171,7 +172,7 @@ def test_an_open_tool_is_told_but_is_no_offset(tmp_path: Path) -> None:
 
 def test_arms_may_deviate_from_nominal_geometry(tmp_path: Path) -> None:
     text = STUDY.replace("{shots: 5}", "{kind: y, shots: 12}")
-    text = text.replace("  plan:", "  geometry: {gravity: false, harmonics: false}\n  plan:", 1)
+    text = text.replace("geometry: exact", "geometry: {gravity: false, harmonics: false}")
     axis = "key: geometry.tolerance.length_mm, unit: mm, values: [0.1, 0.3]"
     study = study_of_text(tmp_path, one_case(text, axis), 4)
     swept_answer = swept(study)

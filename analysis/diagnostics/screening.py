@@ -1,0 +1,147 @@
+"""Many recordings and robots at once, each fitted with nominal geometry: which of them are worth a whole fit.
+
+One symbolic function serves all robots with joints of the same kinds: their transforms are its inputs, so
+that nothing is built anew for another arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from ...model.arrays import Index, Matrix
+from ...model.kinematics.robot import Joint, JointKind, Robot
+from ...model.likelihood.geometry import NOMINAL
+from ...model.likelihood.problem import Problem
+from ...model.likelihood.tool import Tool
+from ..estimation.levenberg_marquardt import least_squares, levenberg_marquardt
+from .robot_variants import with_axes_along_z
+
+_STEPS = 12
+_TOLERANCE = 1e-4  # of the cost: a ranking needs no more
+_LARGEST = 1e150
+
+
+def screened(
+    problem: Problem, robots: Sequence[Robot], joints: Matrix, weights: Matrix
+) -> tuple[Matrix, Matrix]:
+    """The parameters (V, p) of the problem with nominal geometry, and the squares (V,) of residuals and of
+    scaled parameters there, of V robots with the recorded `joints` (V, N, n) and the `weights` (V, N)
+    of the measurements."""
+    problem = problem.with_geometry(NOMINAL)
+    screen = _Screen(problem, robots, joints, weights)
+    minima = levenberg_marquardt(
+        least_squares(screen.residuals),
+        np.zeros((len(robots), screen.size)),
+        max_iterations=_STEPS,
+        tolerance=_TOLERANCE,
+    )
+    cost = np.where(np.isfinite(minima.cost), 2 * minima.cost, _LARGEST)
+    return screen.parameters(minima.x), cost
+
+
+class _Screen:
+    def __init__(self, problem: Problem, robots: Sequence[Robot], joints: Matrix, weights: Matrix) -> None:
+        self.problem, self.joints, self.weights = problem, joints, weights
+        by_identity = {id(robot): _transforms(robot) for robot in robots}
+        self.transforms = np.array([by_identity[id(robot)] for robot in robots])
+        self.free = problem.parameters.free
+        self.size = int(self.free.sum())
+        kinds = tuple(joint.kind for joint in problem.robot.joints)
+        self.function = _function(kinds, _ToolKey(problem.tool))
+
+    def parameters(self, z: Matrix) -> Matrix:
+        """(W, p) from scaled free ones (W, f)."""
+        parameters = self.problem.parameters
+        x = np.tile(parameters.prior_mean, (len(z), 1))
+        x[:, self.free] += z * parameters.prior_std[self.free]
+        return x
+
+    def residuals(self, z: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
+        """(W, M + f) whitened residuals, distances and scaled parameters, and their Jacobian by these."""
+        problem, parameters = self.problem, self.problem.parameters
+        x, shots, d = self.parameters(z), problem.shots, problem.tool.residual_size
+        parts = problem.split(x)
+        joints = self.joints[rows]
+        of_shots = [
+            np.repeat(self.transforms[rows], shots, axis=0),
+            joints.reshape(-1, joints.shape[-1]),
+            np.tile(problem.spots, (len(z), 1)),
+            np.repeat(parts.arm, shots, axis=0),
+            parts.targets[:, problem.target_index].reshape(-1, 3),
+            np.repeat(parts.tool, shots, axis=0),
+        ]
+        mapped = self.function.map(len(z) * shots)(*(values.T for values in of_shots))
+        residual = mapped[0].full().T.reshape(len(z), shots, d)
+        jacobian = mapped[1].full().reshape(d, len(z), shots, -1).transpose(1, 2, 0, 3)
+        by_joints = jacobian[..., problem.parameters.in_shot("offset")]
+        variances = problem.noise.variances
+        covariance = (by_joints * variances[:-1]) @ by_joints.swapaxes(-1, -2) + variances[-1] * np.eye(d)
+        scaled = jacobian * parameters.prior_std[problem.columns][:, None, :]
+        stacked = np.concatenate([residual[..., None], scaled], axis=-1)
+        with np.errstate(all="ignore"):
+            stacked = np.linalg.solve(np.linalg.cholesky(covariance), stacked)
+        stacked *= np.sqrt(self.weights[rows])[:, :, None, None]
+        whole = np.zeros((len(z), shots * d, len(parameters)))
+        where = np.broadcast_to(
+            np.repeat(problem.columns, d, axis=0), (len(z), shots * d, stacked.shape[-1] - 1)
+        )
+        np.put_along_axis(whole, where, stacked[..., 1:].reshape(where.shape), axis=2)
+        distance, by_distance = problem.distance_rows(x)
+        by_distance = by_distance * parameters.prior_std
+        every = np.concatenate([whole, by_distance], axis=1)[:, :, self.free]
+        values = np.concatenate([stacked[..., 0].reshape(len(z), -1), distance, z], axis=1)
+        identity = np.broadcast_to(np.eye(self.size), (len(z), self.size, self.size))
+        return values, np.concatenate([every, identity], axis=1)
+
+
+def _transforms(robot: Robot) -> Matrix:
+    """(12 (n + 1),) the upper three rows of each transform, column by column."""
+    robot = with_axes_along_z(robot)
+    fixed = [*(joint.fixed for joint in robot.joints), robot.flange]
+    return np.concatenate([at[:3].ravel(order="F") for at in fixed])
+
+
+class _ToolKey:
+    """A tool, equal to all that are the same."""
+
+    def __init__(self, tool: Tool) -> None:
+        self.tool = tool
+        direction = () if tool.direction is None else tuple(tool.direction.tolist())
+        self.key = (tool.kind, tool.exact, tuple(tool.point.tolist()), direction)
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ToolKey) and self.key == other.key
+
+
+@lru_cache(maxsize=8)
+def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
+    """(transforms, q, spot, delta, target, tool) -> residual (d,), its Jacobian by the last three."""
+    tool, n = key.tool, len(kinds)
+    transforms = ca.SX.sym("transforms", 12 * (n + 1))
+    fixed = [
+        ca.vertcat(ca.reshape(transforms[12 * i : 12 * i + 12], 3, 4), ca.SX([[0, 0, 0, 1]]))
+        for i in range(n + 1)
+    ]
+    along = np.array([0.0, 0.0, 1.0])
+    joints = tuple(Joint("", kind, at, along, 0.0, 0.0) for kind, at in zip(kinds, fixed, strict=False))
+    robot = Robot("", joints, fixed[-1])
+    q, delta, target = ca.SX.sym("q", n), ca.SX.sym("delta", n), ca.SX.sym("target", 3)
+    spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.free_axes))
+    turns = robot.turns(q + delta)
+    seen, stations = robot.in_flange(turns, target)
+    if tool.kind == "laser":
+        point, _, across = tool.beam(unknown)
+    else:
+        point, across = tool.tip(unknown), ca.SX.eye(3)
+    residual = across.T @ (seen - point) - spot
+    by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
+    jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(residual, unknown))
+    inputs = [transforms, q, spot, delta, target, unknown]
+    return ca.Function("screen", inputs, ca.cse([ca.densify(residual), ca.densify(jacobian)]))

@@ -1,0 +1,586 @@
+"""What may be wrong by a small amount: each suspect adds columns to the residuals, with a normal prior.
+
+At the mode of the model as recorded the whitened residuals are r, their Jacobian by the scaled parameters is
+A, and C = (A'A + I)^-1. A suspect that adds B b to the residuals, b normal with the standard deviation s, has
+the evidence (log ratio of marginal likelihoods, of a linear model)
+
+    y' (G + I / s^2)^-1 y / 2 - log det(I + s^2 G) / 2,    y = B'r,  G = B'B - B'A C A'B
+
+since (I - A C A') r0 = r for the residuals r0 at the prior means. Nothing is fitted to know it. How large the
+error may be is not known to a factor: the best of a few sizes s counts, at the price of a choice among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...model.arrays import Index, Matrix
+from ...model.likelihood.geometry import ANGLES
+from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.problem import Problem
+from ..recordings.recordings import by_targets
+from .cause import Cause
+
+# Standard deviations that are tried, from a little more than what is typical upwards.
+_ANGLES = (0.05, 0.5, 5.0)  # deg, of a jump, a drift
+_MM = (1.0, 10.0, 100.0)
+_BACKLASH = (0.03, 0.1, 0.3)  # deg
+_SHARES = (1e-4, 1e-3, 1e-2, 1e-1)  # of a motion, of a gain
+_TILTS = (0.3, 3.0)  # deg
+_TIMES = (2.0, 3.0, 5.0, 10.0)  # the tolerances
+_NOISE_TIMES = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
+_FEWEST = 2  # measurements before and after a change
+_MOST_OUTLIERS = 3
+
+_TURNED: dict[str, list[list[int]]] = {
+    "exchanged": [[0, 1], [1, 0]],
+    "rotated by 90°": [[0, -1], [1, 0]],
+    "rotated by −90°": [[0, 1], [-1, 0]],
+    "negated": [[-1, 0], [0, -1]],
+    "first negated": [[-1, 0], [0, 1]],
+    "second negated": [[1, 0], [0, -1]],
+    "exchanged and negated": [[0, -1], [-1, 0]],
+}
+
+Columns = Callable[["Linear"], Matrix]
+Corrected = Callable[["Linear", Matrix], Problem]
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """One suspect: `columns` (M, k) of whitened residuals by what it frees, at a linearised fit, and the
+    problem `corrected` by values (k,) of that. `size` is the prior std of these, `evidence` the log ratio to
+    the model as recorded, less `log_choices` among its kind. `unit` is what an amount is shown in: so many
+    internal units."""
+
+    cause: Cause
+    columns: Columns
+    corrected: Corrected
+    size: float
+    evidence: float
+    log_choices: float
+    joints: tuple[int, ...] = ()
+    targets: tuple[str, ...] = ()
+    measurements: tuple[int, ...] = ()
+    of: str = ""
+    unit: float = 1.0
+    fixed_amount: float | None = None
+    freed: float = 0.0  # where it has no columns
+
+
+class Linear:
+    """A fit at known noise, linearised at its mode x (p,), the measurements in their order in time."""
+
+    def __init__(self, problem: Problem, x: Matrix) -> None:
+        self.problem, self.x = problem, x
+        whitened = problem.whiten(x)
+        self.residual, self.jacobian = whitened.residual, whitened.jacobian
+        self.factor = whitened.factor
+        self.free = self.jacobian[:, problem.parameters.free]
+        information = self.free.T @ self.free
+        self.information = information + np.eye(len(information))
+        self.covariance = np.linalg.inv(self.information)
+        parameters = problem.parameters
+        z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+        # Of a point that is not quite the mode: the residuals there, by one step of Gauss and Newton's.
+        self.residual = self.residual - self.free @ (self.covariance @ (self.free.T @ self.residual + z))
+        self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
+        self.size = problem.tool.residual_size
+        _, shot_jacobians = problem.linearise(x)
+        roots = np.sqrt(problem.weights)[:, None, None]
+        self.by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians)) * roots
+        self.by_place = by_targets(problem, whitened)
+        self.by_spot = (
+            -np.linalg.solve(whitened.factor, np.broadcast_to(np.eye(self.size), whitened.factor.shape))
+            * roots
+        )
+
+    @cached_property
+    def shots_residual(self) -> Matrix:
+        """(N, d) whitened."""
+        return self.residual[: self.problem.shots * self.size].reshape(-1, self.size)
+
+    @cached_property
+    def roots(self) -> Matrix:
+        """(N, d, f)."""
+        return self.free[: self.problem.shots * self.size].reshape(self.problem.shots, self.size, -1)
+
+    @cached_property
+    def at_prior_means(self) -> Matrix:
+        """(M,) r0, the residuals at the prior means: r = (I - A C A') r0."""
+        return np.asarray(self.residual + self.free @ (self.free.T @ self.residual))
+
+    def rows(self, of_shots: Matrix) -> Matrix:
+        """(M, k) whitened columns of all residuals, from those of the measurements (N, d, k)."""
+        result = np.zeros((len(self.residual), of_shots.shape[-1]))
+        result[: self.problem.shots * self.size] = of_shots.reshape(-1, of_shots.shape[-1])
+        return result
+
+    def normal(self, columns: Matrix) -> tuple[Matrix, Matrix]:
+        """y (k,) and G (k, k) of whitened columns (M, k)."""
+        through = self.free.T @ columns
+        return columns.T @ self.residual, columns.T @ columns - through.T @ self.covariance @ through
+
+    def passed(self) -> Matrix:
+        """(N,) from 0 at the first measurement to 1 at the last."""
+        result = np.zeros(self.problem.shots)
+        result[self.order] = np.linspace(0.0, 1.0, self.problem.shots)
+        return result
+
+    def motions(self) -> Matrix:
+        """(N, n) of each measurement from the one before; 0 of the first."""
+        result = np.zeros_like(self.problem.joints)
+        result[self.order[1:]] = np.diff(self.problem.joints[self.order], axis=0)
+        return result
+
+
+def suspects(linear: Linear) -> list[Suspect]:
+    """The best of each kind, not yet fitted, the one with the largest evidence first."""
+    every = [
+        *_jumps(linear),
+        *_moved_targets(linear),
+        *_outliers(linear),
+        *_of_motion(linear),
+        *_drifts(linear),
+        *_of_parameters(linear),
+        *_tolerances(linear),
+        *_noise(linear),
+        *_spots(linear),
+    ]
+    return sorted(every, key=lambda suspect: -suspect.evidence)
+
+
+# Evidence
+
+
+def _best(y: Matrix, gram: Matrix, sizes: Sequence[float]) -> list[tuple[float, int, float]]:
+    """Evidence, place and size of the best two of H suspects with y (H, k) and G (H, k, k)."""
+    rows = []
+    for size in sizes:
+        values = log_evidence(y, gram, size)
+        rows += [(float(values[i]), int(i), size) for i in np.argsort(-values)[:2]]
+    best: dict[int, tuple[float, int, float]] = {}
+    for row in sorted(rows, reverse=True):
+        best.setdefault(row[1], row)
+    return list(best.values())[:2]
+
+
+def log_evidence(y: Matrix, gram: Matrix, size: float) -> Matrix:
+    """(H,) of suspects with y (H, k), G (H, k, k) and the prior std `size`."""
+    k = gram.shape[-1]
+    whole = np.eye(k) + size**2 * gram
+    gain = size**2 * (y * np.linalg.solve(whole, y[..., None])[..., 0]).sum(axis=-1)
+    return np.asarray((gain - np.linalg.slogdet(whole)[1]) / 2)
+
+
+def _suspects(
+    y: Matrix, gram: Matrix, sizes: Sequence[float], made: Callable[[int], Suspect], unit: float = 1.0
+) -> Iterator[Suspect]:
+    """The best two of a kind, each made by its place; sizes in units of `unit`."""
+    if not len(y):
+        return
+    price = float(np.log(len(y) * len(sizes)))
+    for evidence, place, size in _best(y, gram, [size * unit for size in sizes]):
+        yield replace(made(place), size=size, evidence=evidence - price, log_choices=price, unit=1 / unit)
+
+
+def _made(cause: Cause, columns: Columns, corrected: Corrected, **more: object) -> Suspect:
+    return Suspect(cause, columns, corrected, 0.0, 0.0, 0.0, **more)  # type: ignore[arg-type]
+
+
+def _each(linear: Linear, columns: Matrix) -> tuple[Matrix, Matrix]:
+    """y (H, 1) and G (H, 1, 1) of H suspects with a column each, (M, H)."""
+    through = linear.free.T @ columns
+    gram = (columns**2).sum(axis=0) - (through * (linear.covariance @ through)).sum(axis=0)
+    return (columns.T @ linear.residual)[:, None], gram[:, None, None]
+
+
+# Changes between two measurements
+
+
+def _after(linear: Linear, parts: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
+    """y (C, k) and G (C, k, k) of a change at each place between `rows`, of columns (N, d, k)."""
+    of_rows = parts[rows]
+    squares = of_rows.transpose(0, 2, 1) @ of_rows
+    cross = linear.roots[rows].transpose(0, 2, 1) @ of_rows
+    slopes = np.einsum("ndk,nd->nk", of_rows, linear.shots_residual[rows])
+    first, last = _FEWEST, len(rows) - _FEWEST
+    square, through, slope = (
+        np.cumsum(part[::-1], axis=0)[::-1][first : last + 1] for part in (squares, cross, slopes)
+    )
+    gram = square - through.transpose(0, 2, 1) @ linear.covariance @ through
+    return slope, gram
+
+
+def _jumps(linear: Linear) -> Iterator[Suspect]:
+    """The zero of a joint at another place from some measurement on."""
+    problem, order = linear.problem, linear.order
+    changes = len(order) - 2 * _FEWEST + 1
+    for kind, unit in (("revolute", np.radians(1.0)), ("prismatic", 1.0)):
+        joints = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == kind]
+        if changes < 1 or not joints:
+            continue
+        parts = [_after(linear, linear.by_joints[:, :, [i]], order) for i in joints]
+        y, gram = (np.concatenate(part) for part in zip(*parts, strict=True))
+
+        def made(place: int, joints: list[int] = joints) -> Suspect:
+            joint, at = joints[place // changes], place % changes + _FEWEST
+            late = np.zeros(problem.shots)
+            late[order[at:]] = 1.0
+            return _of_joint("jump", joint, late[:, None], measurements=_around(problem, order, at))
+
+        yield from _suspects(y, gram, _ANGLES if kind == "revolute" else _MM, made, unit)
+
+
+def _around(problem: Problem, rows: Index, at: int) -> tuple[int, int]:
+    return problem.shot_numbers[rows[at - 1]], problem.shot_numbers[rows[at]]
+
+
+def _of_joint(cause: Cause, joint: int, course: Matrix, **more: object) -> Suspect:
+    """What adds b times `course` (N, 1) to the position of a joint (from 0)."""
+
+    def columns(linear: Linear) -> Matrix:
+        return linear.rows(linear.by_joints[:, :, [joint]] * course[:, :, None])
+
+    def corrected(linear: Linear, values: Matrix) -> Problem:
+        joints = linear.problem.joints.copy()
+        joints[:, joint] += course @ values
+        return linear.problem.moved(joints)
+
+    return _made(cause, columns, corrected, joints=(joint + 1,), **more)
+
+
+def _of_place(cause: Cause, course: Matrix, **more: object) -> Suspect:
+    """What adds b times `course` (N,) to the place of the targets: b in mm, base frame."""
+
+    def shifted(linear: Linear) -> Matrix:
+        return np.asarray(linear.by_place * course[:, None, None])
+
+    return _of_spots(cause, shifted, **more)
+
+
+def _of_spots(cause: Cause, parts: Callable[[Linear], Matrix], **more: object) -> Suspect:
+    """What moves the residuals by whitened columns (N, d, k), as the spots do."""
+
+    def columns(linear: Linear) -> Matrix:
+        return linear.rows(parts(linear))
+
+    def corrected(linear: Linear, values: Matrix) -> Problem:
+        problem = linear.problem
+        moved = (linear.factor @ (parts(linear) @ values)[..., None])[..., 0]
+        return replace(problem, spots=problem.spots - moved / np.sqrt(problem.weights)[:, None])
+
+    return _made(cause, columns, corrected, **more)
+
+
+def _moved_targets(linear: Linear) -> Iterator[Suspect]:
+    problem = linear.problem
+    for k, name in enumerate(problem.targets):
+        rows = linear.order[problem.target_index[linear.order] == k]
+        if len(rows) < 2 * _FEWEST:
+            continue
+        y, gram = _after(linear, linear.by_place, rows)
+
+        def made(place: int, rows: Index = rows, name: str = name) -> Suspect:
+            late = np.zeros(problem.shots)
+            late[rows[place + _FEWEST :]] = 1.0
+            around = _around(problem, rows, place + _FEWEST)
+            return _of_place("moved_target", late, targets=(name,), measurements=around)
+
+        for suspect in _suspects(y, gram, _MM, made):
+            yield replace(suspect, log_choices=suspect.log_choices + np.log(len(problem.targets)))
+
+
+# Measurements that are wrong
+
+
+def _outliers(linear: Linear) -> Iterator[Suspect]:
+    """One measurement off, and a few: each more is the one that explains most beside the others."""
+    gone: list[int] = []
+    count = linear.problem.shots
+    for _ in range(min(_MOST_OUTLIERS, max(1, count // 6))):
+        y, gram = _with_each(linear, gone)
+        price = float(sum(np.log((count - k) / (k + 1)) for k in range(len(gone) + 1)) + np.log(len(_MM)))
+        evidence, place, size = _best(y, gram, _MM)[0]
+        gone = [*gone, place]
+        yield replace(_without(linear, gone), size=size, evidence=evidence - price, log_choices=price)
+
+
+def _with_each(linear: Linear, gone: list[int]) -> tuple[Matrix, Matrix]:
+    """y (N, k) and G (N, k, k) of each measurement off together with those `gone`."""
+    parts, d, count = linear.by_spot, linear.size, linear.problem.shots
+    through = linear.roots.transpose(0, 2, 1) @ parts  # (N, f, d)
+    slopes = np.einsum("ndk,nd->nk", parts, linear.shots_residual)
+    k = d * (len(gone) + 1)
+    y, every = np.zeros((count, k)), np.zeros((count, linear.covariance.shape[0], k))
+    gram = np.zeros((count, k, k))
+    for place, i in enumerate([*gone, None]):
+        at = slice(d * place, d * place + d)
+        y[:, at] = slopes if i is None else slopes[i]
+        every[:, :, at] = through if i is None else through[i]
+        square = parts.transpose(0, 2, 1) @ parts
+        gram[:, at, at] = square if i is None else square[i]
+    gram -= every.transpose(0, 2, 1) @ linear.covariance @ every
+    if gone:  # one that is off already is not off again
+        y[gone], gram[gone] = 0.0, 0.0
+    return y, gram
+
+
+def _without(linear: Linear, gone: Sequence[int]) -> Suspect:
+    problem, d = linear.problem, linear.size
+    names = tuple(dict.fromkeys(problem.targets[problem.target_index[i]] for i in sorted(gone)))
+    numbers = tuple(sorted(problem.shot_numbers[i] for i in gone))
+
+    def parts(linear: Linear) -> Matrix:
+        result = np.zeros((problem.shots, d, d * len(gone)))
+        for place, i in enumerate(gone):
+            result[i, :, d * place : d * place + d] = linear.by_spot[i]
+        return result
+
+    return _of_spots("measurements", parts, targets=names, measurements=numbers)
+
+
+# Errors that follow the motion
+
+
+def _of_motion(linear: Linear) -> Iterator[Suspect]:
+    """A gain of a joint, a lag behind the motion, backlash: of one joint, and of all alike."""
+    problem = linear.problem
+    revolute = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
+    motions = linear.motions()
+    gains = np.stack(
+        [(linear.by_joints[:, :, i] * problem.joints[:, [i]]) for i in range(problem.robot.n)], axis=-1
+    )
+    y, gram = _each(linear, linear.rows(gains))
+    yield from _suspects(y, gram, _SHARES, lambda i: _of_joint("gain", i, problem.joints[:, [i]]))
+    lag = np.einsum("ndi,ni->nd", linear.by_joints, motions)[:, :, None]
+    y, gram = _each(linear, linear.rows(lag))
+    yield from _suspects(y, gram, _SHARES, lambda _: _of_all_joints("lag", motions[:, :, None]))
+    sides = np.sign(motions)
+    slack = linear.by_joints[:, :, revolute] * sides[:, None, revolute]
+    unit = float(np.radians(1.0))
+    y, gram = _each(linear, linear.rows(slack))
+    yield from _suspects(
+        y, gram, _BACKLASH, lambda k: _of_joint("backlash", revolute[k], sides[:, [revolute[k]]]), unit
+    )
+    y, gram = linear.normal(linear.rows(slack))
+    courses = np.zeros((problem.shots, problem.robot.n, len(revolute)))
+    for k, i in enumerate(revolute):
+        courses[:, i, k] = sides[:, i]
+    yield from _suspects(y[None], gram[None], _BACKLASH, lambda _: _of_all_joints("backlash", courses), unit)
+
+
+def _of_all_joints(cause: Cause, courses: Matrix) -> Suspect:
+    """What adds `courses` (N, n, k) b to the positions of all joints."""
+
+    def columns(linear: Linear) -> Matrix:
+        return linear.rows(linear.by_joints @ courses)
+
+    def corrected(linear: Linear, values: Matrix) -> Problem:
+        return linear.problem.moved(linear.problem.joints + courses @ values)
+
+    return _made(cause, columns, corrected)
+
+
+# Drift over the run
+
+
+def _drifts(linear: Linear) -> Iterator[Suspect]:
+    problem, passed = linear.problem, linear.passed()
+    for kind, unit in (("revolute", float(np.radians(1.0))), ("prismatic", 1.0)):
+        joints = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == kind]
+        if joints:
+            y, gram = _each(linear, linear.rows(linear.by_joints[:, :, joints] * passed[:, None, None]))
+            made = lambda k, joints=joints: _of_joint("drift", joints[k], passed[:, None])  # noqa: E731
+            yield from _suspects(y, gram, _ANGLES if kind == "revolute" else _MM, made, unit)
+    parts = []
+    for k in range(len(problem.targets)):
+        course = passed * (problem.target_index == k)
+        parts.append(linear.normal(linear.rows(linear.by_place * course[:, None, None])))
+    if parts:
+        y, gram = (np.array(part) for part in zip(*parts, strict=True))
+
+        def of_target(k: int) -> Suspect:
+            course = passed * (problem.target_index == k)
+            return _of_place("drift", course, targets=(problem.targets[k],))
+
+        yield from _suspects(y, gram, _MM, of_target)
+
+
+# Parameters beyond their tolerances
+
+
+def _of_parameters(linear: Linear) -> Iterator[Suspect]:
+    """The point of the tool, the direction of the beam, one length or angle of the links."""
+    parameters = linear.problem.parameters
+    items = list(enumerate(parameters.items))
+    unit = float(np.radians(1.0))
+    if linear.problem.tool.calibrated:
+        shifts = [i for i, item in items if item.group == "tool" and item.unit == "mm"]
+        tilts = [i for i, item in items if item.group == "tool" and item.unit == "deg"]
+        for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
+            if which:
+                y, gram = linear.normal(_by_parameters(linear, which))
+                yield from _suspects(
+                    y[None],
+                    gram[None],
+                    sizes,
+                    lambda _, which=which, of=of: _of_prior(parameters, which, "tool", of=of),
+                    scale,
+                )
+    for angle in (False, True):
+        which = [
+            i
+            for i, item in items
+            if item.group == "geometry"
+            and item.of.startswith("link")
+            and (item.axis in ANGLES) == angle
+            and item.held_by not in ("first link", "free tool")
+            # What the last link is off the tool may be off as well: it is called that.
+            and item.of != f"link{linear.problem.robot.n}"
+        ]
+        if which:
+            y, gram = _each(linear, _by_parameters(linear, which))
+
+            def made(k: int, which: list[int] = which) -> Suspect:
+                item = parameters.items[which[k]]
+                number = int(item.of.removeprefix("link"))
+                return _of_prior(parameters, [which[k]], "length", joints=(number,), of=item.name)
+
+            yield from _suspects(y, gram, _TILTS if angle else _MM, made, unit if angle else 1.0)
+
+
+def _by_parameters(linear: Linear, which: list[int]) -> Matrix:
+    """(M, k) whitened columns by some parameters, internal units."""
+    return np.asarray(linear.jacobian[:, which] / linear.problem.parameters.prior_std[which])
+
+
+def _of_prior(parameters: Parameters, which: list[int], cause: Cause, **more: object) -> Suspect:
+    """What moves the prior means of some parameters."""
+
+    def columns(linear: Linear) -> Matrix:
+        return _by_parameters(linear, which)
+
+    def corrected(linear: Linear, values: Matrix) -> Problem:
+        items = list(linear.problem.parameters.items)
+        for i, value in zip(which, values.tolist(), strict=True):
+            items[i] = replace(items[i], prior_mean=items[i].prior_mean + value)
+        return replace(linear.problem, parameters=Parameters(tuple(items)))
+
+    return _made(cause, columns, corrected, **more)
+
+
+def _tolerances(linear: Linear) -> Iterator[Suspect]:
+    """Links, gravity or harmonics by so many times their tolerances."""
+    parameters = linear.problem.parameters
+    kinds: tuple[tuple[Cause, frozenset[str]], ...] = (
+        ("gravity", frozenset({"gravity"})),
+        ("harmonics", frozenset({"cos", "sin"})),
+    )
+    held = [i for i, item in enumerate(parameters.items) if item.group == "geometry" and item.held_by is None]
+    if held and all(parameters.items[i].held for i in held):
+        yield from _links_freed(linear, held)
+    groups: list[tuple[Cause, list[int]]] = [
+        (cause, [i for i, item in _free_geometry(parameters) if item in axes]) for cause, axes in kinds
+    ]
+    others = [i for i, item in _free_geometry(parameters) if item not in {"gravity", "cos", "sin"}]
+    for cause, which in (("geometry", others), *groups):
+        if not which:
+            continue
+        y, gram = linear.normal(linear.jacobian[:, which])
+        rows = [
+            (float(log_evidence(y[None], gram[None], float(np.sqrt(times**2 - 1)))[0]), times)
+            for times in _TIMES
+        ]
+        evidence, times = max(rows)
+        price = float(np.log(len(_TIMES)))
+
+        def corrected(linear: Linear, _: Matrix, which: list[int] = which, times: float = times) -> Problem:
+            items = list(linear.problem.parameters.items)
+            for i in which:
+                items[i] = replace(items[i], prior_std=items[i].prior_std * times)
+            return replace(linear.problem, parameters=Parameters(tuple(items)))
+
+        suspect = _made(cause, _no_columns, corrected)
+        freed = _effective(gram, times**2 - 1)
+        yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times, freed=freed)
+
+
+def _effective(gram: Matrix, variance: float) -> float:
+    """The effective number of parameters with that prior variance: the trace of the reduction."""
+    return float(len(gram) - np.trace(np.linalg.inv(np.eye(len(gram)) + variance * gram)))
+
+
+def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
+    """Links of an exact arm within their typical tolerances."""
+    y, gram = linear.normal(linear.jacobian[:, which])
+    evidence = float(log_evidence(y[None], gram[None], 1.0)[0])
+
+    def corrected(linear: Linear, _: Matrix) -> Problem:
+        items = list(linear.problem.parameters.items)
+        for i in which:
+            items[i] = replace(items[i], held=False)
+        return replace(linear.problem, parameters=Parameters(tuple(items)))
+
+    suspect = _made("geometry", _no_columns, corrected)
+    yield replace(suspect, evidence=evidence, fixed_amount=1.0, freed=_effective(gram, 1.0))
+
+
+def _noise(linear: Linear) -> Iterator[Suspect]:
+    """All readings scatter so many times as much as stated: the marginal likelihood at that noise."""
+    at_means = linear.at_prior_means
+    values, vectors = np.linalg.eigh(linear.free.T @ linear.free)
+    values = np.maximum(values, 0.0)
+    along = (vectors.T @ (linear.free.T @ at_means)) ** 2
+
+    def log_marginal(times: float) -> float:
+        square = at_means @ at_means / times**2 - (along / (times**4 * (1 + values / times**2))).sum()
+        log_det = np.log1p(values / times**2).sum() + 2 * len(at_means) * np.log(times)
+        return float(-(square + log_det) / 2)
+
+    evidence, times = max((log_marginal(times) - log_marginal(1.0), times) for times in _NOISE_TIMES)
+    price = float(np.log(len(_NOISE_TIMES)))
+
+    def corrected(linear: Linear, _: Matrix) -> Problem:
+        noise = linear.problem.noise
+        return replace(
+            linear.problem, noise=replace(noise, joint=noise.joint * times, spot=noise.spot * times)
+        )
+
+    suspect = _made("noise", _no_columns, corrected)
+    yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times)
+
+
+def _spots(linear: Linear) -> Iterator[Suspect]:
+    """Other axes of the spots: exact, as residuals are linear in them."""
+    problem = linear.problem
+    if problem.tool.kind != "laser" or not problem.spots.any():
+        return
+    price = float(np.log(len(_TURNED)))
+    for name, axes in _TURNED.items():
+        spots = problem.spots @ np.array(axes, dtype=float)
+        columns = linear.rows(linear.by_spot * (spots - problem.spots)[:, None, :]).sum(axis=1)
+        y, gram = linear.normal(columns[:, None])
+
+        def corrected(linear: Linear, _: Matrix, spots: Matrix = spots) -> Problem:
+            return replace(linear.problem, spots=spots)
+
+        suspect = _made("spot", _no_columns, corrected, of=name)
+        evidence = -float(y[0] + gram[0, 0] / 2) - price
+        yield replace(suspect, evidence=evidence, log_choices=price, fixed_amount=0.0)
+
+
+def _no_columns(linear: Linear) -> Matrix:
+    return np.zeros((len(linear.residual), 0))
+
+
+def _free_geometry(parameters: Parameters) -> list[tuple[int, str]]:
+    return [
+        (i, item.axis)
+        for i, item in enumerate(parameters.items)
+        if item.group == "geometry" and not item.held
+    ]

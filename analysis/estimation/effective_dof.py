@@ -1,0 +1,93 @@
+"""The effective degrees of freedom of standard uncertainties that come from an estimated noise, by Welch and
+Satterthwaite (GUM, G.4), and what each reading does to each estimate.
+
+Near the mode the estimate moves by -C A_i' S_i^-1 with the residual of measurement i, C the inverse of
+Fisher's information. So C is a sum of parts: of the joints' noise, of the spot's, and of what is stated
+besides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from ...model.arrays import NORMAL_95, Matrix
+from .fit import LikelihoodFit
+
+
+class Gains(NamedTuple):
+    """`covariance` C (f, f) by Fisher's information, `besides` (f, f) the information of distances and
+    priors; (N, f, n) and (N, f, d) the estimates by one joint's and one spot reading of each measurement."""
+
+    covariance: Matrix
+    besides: Matrix
+    by_joint: Matrix
+    by_spot: Matrix
+
+
+def gains(fit: LikelihoodFit) -> Gains:
+    """Of a fit at its mode, by the scaled free parameters."""
+    problem, whitened = fit.problem, fit.whitened
+    rows = problem.shots * problem.tool.residual_size
+    jacobian = whitened.jacobian[:, problem.parameters.free]
+    by_residual, by_distance = jacobian[:rows], jacobian[rows:]
+    besides = by_distance.T @ by_distance + np.eye(jacobian.shape[1])
+    covariance = np.linalg.inv(fit.weight * by_residual.T @ by_residual + besides)
+    _, jacobian_mm = problem.linearise(fit.x)
+    blocks = problem.roots(whitened).transpose(0, 2, 1)
+    by_spot = fit.weight * (covariance @ blocks) @ np.linalg.inv(whitened.factor)
+    return Gains(covariance, besides, by_spot @ problem.by_joints(jacobian_mm), by_spot)
+
+
+def noise_dof(fit: LikelihoodFit) -> float:
+    """Of an estimated common noise scale, the logarithm of which has the variance 1 / (2 dof).
+
+    With the variances a_i + s^2 of independent combinations of the readings, of which the unknowns' priors
+    make a_i, it is the sum of (s^2 / (a_i + s^2))^2: 1 for each number that no unknown explains, 0 for each
+    that is taken up, and between for what tolerances may explain.
+    """
+    each = gains(fit)
+    taken = np.eye(len(each.besides)) - each.besides @ each.covariance
+    numbers = fit.problem.measured_size - len(fit.problem.distances)
+    return max(float(numbers - 2 * np.trace(taken) + (taken * taken.T).sum()), 1e-3)
+
+
+def log_scales(fit: LikelihoodFit) -> Matrix:
+    """(g, g) covariance of the logarithms of the noise scales: that of all, or the joints' and the spot's;
+    (0, 0) where the noise is known."""
+    noise = fit.problem.noise
+    if noise.estimated:
+        return np.array([[1 / (2 * noise_dof(fit))]])
+    parameters = fit.problem.parameters
+    chosen = np.flatnonzero(parameters.group("noise") & parameters.free)
+    at = parameters.among_free[chosen]
+    std = parameters.prior_std[chosen]
+    return np.asarray(fit.covariance[np.ix_(at, at)] * np.outer(std, std))
+
+
+def student_95(dof: Matrix) -> Matrix:
+    """Half widths of 95 % intervals, in standard uncertainties of so many degrees of freedom; a normal's of
+    infinitely many."""
+    finite = np.isfinite(dof)
+    return np.where(finite, scipy.special.stdtrit(np.where(finite, dof, 1.0), 0.975), NORMAL_95)
+
+
+def effective_dof(fit: LikelihoodFit) -> Matrix:
+    """(f,) u^4 over half the variance of u^2, u^2 being a sum of parts that each have a scale (G.2b); inf of
+    known noise."""
+    problem, variances = fit.problem, np.diag(fit.covariance)
+    if problem.noise.known:
+        return np.full(len(variances), np.inf)
+    each = gains(fit)
+    if problem.noise.estimated:
+        # All that was not stated has the one scale, curvature too.
+        stated = (each.covariance @ each.besides * each.covariance).sum(axis=1)
+        parts = (variances - stated)[:, None]
+    else:
+        of_noise = problem.variances(fit.x)
+        joints = ((each.by_joint**2).sum(axis=0) * of_noise[:-1]).sum(axis=1)
+        parts = np.stack([joints, (each.by_spot**2).sum(axis=(0, 2)) * of_noise[-1]], axis=1)
+    with np.errstate(divide="ignore"):
+        return np.asarray(variances**2 / (2 * ((parts @ log_scales(fit)) * parts).sum(axis=1)))

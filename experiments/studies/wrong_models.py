@@ -1,0 +1,277 @@
+"""What does an answer say when something is wrong? Many wrong models, each with random arms, analysed.
+
+Each arm has deviations of typical sizes and one thing that is wrong (`wrong_scenarios`); it is solved and
+judged as `analyse` does with a header that states nothing of the geometry. Counted are verdicts, errors of
+the offsets of those that pass, and whether the diagnosis of a misfit names the cause. The first scenario is
+the control.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...analysis.diagnostics.diagnosis import Explanation, diagnose
+from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.ladder import solve_run
+from ...analysis.solution import Solution
+from ...model.arrays import Matrix, Progress
+from ...model.files.header import Header
+from ...model.files.robot_file import load_robot
+from ...model.likelihood.problem import Problem
+from ...words.wording import listed
+from ..plans.candidates import candidates
+from ..plans.optimal import Planner
+from .answer import StudyAnswer
+from .case_store import each_piece, heading_of
+from .wrong_arms import Course, recorded, typical
+from .wrong_scenarios import Scenario, scenarios
+
+MEASUREMENTS = (7, 12, 30)
+LIMIT_U = 4.0
+MOST_BEYOND = 0.01  # of the arms of a scenario
+LEAST_NAMED = 0.9  # of the misfits that the measurements decide
+DECIDED = 20.0  # evidence ratio to the next best from which on they do
+_FEWEST_TO_NAME = 12
+_CANDIDATES = 400
+_JOINT_DEG, _SPOT_MM = 0.01, 0.05
+_TARGETS = {
+    "irb1600": (950.0, 150.0, 100.0),
+    "kr6_r900_2": (600.0, 100.0, 100.0),
+    "irb120": (420.0, 80.0, 80.0),
+}
+
+
+@dataclass(frozen=True)
+class WrongModelsSettings:
+    """How the study was carried out: `limit_u` is the error of an offset, in its standard uncertainty, that a
+    pass must not have, `decided` the evidence ratio from which on a cause counts as decided."""
+
+    arms: int
+    seed: int
+    measurements: tuple[int, ...]
+    limit_u: float
+    decided: float
+
+
+@dataclass(frozen=True)
+class WrongModel:
+    """One scenario with so many measurements: of `arms`, those that pass, are a misfit, or neither (`weak`).
+
+    Of those that pass: `z` the root mean square and `largest_u` the largest error of an offset in its
+    standard uncertainty, and how many have one `beyond` the limit. `nameable` says that there is a cause by
+    which it can be named; `named` counts the misfits that have it as their best explanation, `decided` those
+    whose best explanation the measurements decide, `decided_right` those where it is the right one.
+    `noticeable` is false where no measurement of this kind could show it.
+    """
+
+    scenario: str
+    measurements: int
+    arms: int
+    passes: int
+    misfits: int
+    weak: int
+    z: float | None
+    largest_u: float | None
+    beyond: int
+    nameable: bool
+    noticeable: bool
+    named: int
+    decided: int
+    decided_right: int
+
+    @property
+    def holds(self) -> bool:
+        """No pass has an offset beyond the limit, but for one arm in a hundred."""
+        return self.beyond <= MOST_BEYOND * self.arms
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongModelsStudy(StudyAnswer):
+    """The whole answer."""
+
+    settings: WrongModelsSettings
+    models: tuple[WrongModel, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A scenario by its name, with a plan."""
+
+    scenario: str
+    postures: Matrix
+    arms: int
+    seed: int
+
+
+def wrong_models_study(
+    arms: int,
+    seed: int,
+    progress: Progress,
+    *,
+    names: Sequence[str] | None = None,
+    measurements: Sequence[int] = MEASUREMENTS,
+    store: Path | None = None,
+    processes: int | None = None,
+) -> WrongModelsStudy:
+    """Carry the study out, of all scenarios or of those with these `names`. With a `store` the answer of each
+    scenario and number of measurements is kept in that file at once."""
+    began = time.monotonic()
+    chosen = [one for one in scenarios() if names is None or one.name in names]
+    progress("plans", 0.0)
+    plans = {
+        (robot, count): plan_of(robot, count, seed)
+        for robot in dict.fromkeys(one.measured for one in chosen)
+        for count in measurements
+    }
+    pieces = [
+        _Piece(one.name, plans[one.measured, count], arms, seed) for one in chosen for count in measurements
+    ]
+    heading = heading_of(
+        "wrong-models", seed, arms=arms, measurements=list(measurements), scenarios=len(chosen)
+    )
+    models = tuple(each_piece(store, heading, WrongModel, _model_of, pieces, progress, processes))
+    broken = list(dict.fromkeys(one.scenario for one in models if one.noticeable and not one.holds))
+    unnamed = _unnamed(models)
+    return WrongModelsStudy(
+        study="wrong-models",
+        title="What does an answer say when something is wrong?",
+        headline=_headline(models, broken, unnamed),
+        agrees=not broken and not unnamed,
+        seconds=time.monotonic() - began,
+        notes=(
+            "Each arm has links, gravity, harmonics and a tool that deviate by the default tolerances, a"
+            " backlash of 0.01° and offsets of 0.5°, by a simulator of the study's own. The header states no"
+            " geometry.",
+            "Where something changes during the run, the true offsets are those at its beginning.",
+        ),
+        settings=WrongModelsSettings(arms, seed, tuple(measurements), LIMIT_U, DECIDED),
+        models=models,
+    )
+
+
+def header_of(robot: str) -> Header:
+    """The header of a run of this arm with the laser and the PSD of the study: nothing of the geometry."""
+    return Header.model_validate(
+        {
+            "robot": robot,
+            "tool": {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+            "noise": {"joint_deg": _JOINT_DEG, "spot_mm": _SPOT_MM},
+            "targets": {"psd": {"guess_mm": list(_TARGETS[robot]), "sigma_mm": 30.0}},
+        }
+    )
+
+
+def plan_of(robot: str, count: int, seed: int) -> Matrix:
+    """(count, n) rad: the best of some random postures."""
+    header, arm, target = header_of(robot), load_robot(robot, Path()), np.array(_TARGETS[robot])
+    random_postures = candidates(header, arm, target, _CANDIDATES, seed=seed)
+    return Planner(header, arm, target, random_postures).optimal(count, seed=seed).postures
+
+
+def _model_of(piece: _Piece) -> WrongModel:
+    (scenario,) = (one for one in scenarios() if one.name == piece.scenario)
+    with one_blas_thread():
+        judged = [
+            (course, solution, diagnose(solution))
+            for course, solution in _solved(scenario, piece.postures, piece.arms, piece.seed)
+        ]
+    passes = [_errors(course, solution) for course, solution, _ in judged if solution.verdict == "pass"]
+    misfits = [explained for _, solution, explained in judged if solution.verdict == "misfit"]
+    decided = [explained for explained in misfits if _is_decided(explained)]
+    errors = np.concatenate(passes) if passes else np.zeros(0)
+
+    def right(explained: Sequence[Explanation]) -> bool:
+        return bool(explained) and scenario.is_named_by(explained[0])
+
+    return WrongModel(
+        scenario=scenario.name,
+        measurements=len(piece.postures),
+        arms=len(judged),
+        passes=len(passes),
+        misfits=len(misfits),
+        weak=len(judged) - len(passes) - len(misfits),
+        z=float(np.sqrt((errors**2).mean())) if len(errors) else None,
+        largest_u=float(np.abs(errors).max()) if len(errors) else None,
+        beyond=sum(bool((np.abs(own) > LIMIT_U).any()) for own in passes),
+        nameable=bool(scenario.named),
+        noticeable=scenario.noticeable,
+        named=sum(map(right, misfits)),
+        decided=len(decided),
+        decided_right=sum(map(right, decided)),
+    )
+
+
+def _is_decided(explained: Sequence[Explanation]) -> bool:
+    """Whether the best explanation leaves its rivals of other causes behind."""
+    if not explained:
+        return False
+    best = explained[0]
+    rivals = [one.odds for one in explained if (one.cause, one.joints) != (best.cause, best.joints)]
+    return max(rivals, default=0.0) * DECIDED < 1
+
+
+def _solved(scenario: Scenario, postures: Matrix, arms: int, seed: int) -> list[tuple[Course, Solution]]:
+    """So many arms of a scenario, measured and solved."""
+    name, count = scenario.measured, len(postures)
+    header, robot = header_of(name), load_robot(name, Path())
+    nominal = Problem.build(header, robot, postures, ["psd"] * count)
+    wrong, target = scenario.robot(robot), np.array(_TARGETS[name])
+    solved: list[tuple[Course, Solution]] = []
+    for tried in range(3 * arms):
+        rng = np.random.default_rng([seed, count, tried])
+        course = scenario.course(typical(robot, nominal.geometry, nominal.tool, target, count, rng))
+        readings = recorded(course, postures, nominal.noise.joint, nominal.noise.spot, nominal.tool, rng)
+        if readings is None:
+            continue
+        joints, spots = scenario.readings(*readings)
+        problem = Problem.build(header, wrong, joints, ["psd"] * count, spots)
+        solved.append((course, solve_run(problem, header)))
+        if len(solved) == arms:
+            break
+    return solved
+
+
+def _errors(course: Course, solution: Solution) -> Matrix:
+    """Errors of the offsets in their standard uncertainties."""
+    true = np.degrees(course.offsets[0])
+    return np.array(
+        [
+            (row.estimate - true[int(row.name.removeprefix("delta")) - 1]) / row.std
+            for row in solution.offsets
+            if row.estimate is not None and row.std is not None and not row.held
+        ]
+    )
+
+
+def _unnamed(models: Sequence[WrongModel]) -> list[str]:
+    """Scenarios whose cause is named wrong in more than one of ten decided misfits."""
+    return list(
+        dict.fromkeys(
+            one.scenario
+            for one in models
+            if one.nameable
+            and one.measurements >= _FEWEST_TO_NAME
+            and one.decided_right < LEAST_NAMED * one.decided
+        )
+    )
+
+
+def _headline(models: Sequence[WrongModel], broken: Sequence[str], unnamed: Sequence[str]) -> str:
+    named = [one for one in models if one.nameable and one.measurements >= _FEWEST_TO_NAME]
+    right, decided = (sum(getattr(one, key) for one in named) for key in ("decided_right", "decided"))
+    parts = [
+        f"{len({one.scenario for one in models})} scenarios: of {decided} misfits whose cause"
+        f" {_FEWEST_TO_NAME} measurements or more decide, {right} name the right one."
+    ]
+    if broken:
+        parts.append(f"Passes with an offset beyond {LIMIT_U:g} u: {listed(broken, 12)}.")
+    else:
+        parts.append(f"No scenario passes with an offset beyond {LIMIT_U:g} u in more than 1 % of its arms.")
+    if unnamed:
+        parts.append(f"Named wrong too often: {listed(unnamed, 8)}.")
+    return " ".join(parts)

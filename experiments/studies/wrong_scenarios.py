@@ -1,0 +1,370 @@
+"""The wrong models of the study: what is wrong with an arm, a cell, a recording or a robot file, and by which
+cause a diagnosis may name it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...analysis.diagnostics.diagnosis import Explanation
+from ...model.arrays import Matrix
+from ...model.files.robot_file import load_robot
+from ...model.kinematics.robot import DHRow, Robot, dh_chain
+from .wrong_arms import Course
+
+Readings = tuple[Matrix, Matrix]  # joints (N, n) rad and spots (N, 2) mm
+Named = tuple[str, tuple[int, ...]]  # cause, joints; of any joints where there are none
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """One thing that is wrong. `named` are the causes that name it; none where none can.
+
+    It is not `noticeable` where the residuals of every arm stay as they were. `course` changes the arm or its
+    cell, `readings` what is recorded, `robot` the arm that the analysis has.
+    """
+
+    name: str
+    named: tuple[Named, ...] = ()
+    course: Callable[[Course], Course] = lambda course: course
+    readings: Callable[[Matrix, Matrix], Readings] = lambda joints, spots: (joints, spots)
+    robot: Callable[[Robot], Robot] = lambda robot: robot
+    measured: str = "irb1600"
+    noticeable: bool = True
+
+    def is_named_by(self, explanation: Explanation) -> bool:
+        return any(
+            explanation.cause == cause and joints in ((), explanation.joints) for cause, joints in self.named
+        )
+
+
+def scenarios() -> tuple[Scenario, ...]:
+    """All of them; the first is the control, an arm as the model takes it."""
+    return (
+        Scenario("control: nothing is wrong"),
+        *_of_joints(),
+        *_of_robot_file(),
+        *_of_tool_and_target(),
+        *_of_the_run(),
+        *_of_size(),
+        *_of_spots(),
+    )
+
+
+# Joint columns
+
+
+def _of_joints() -> Iterator[Scenario]:
+    for i, j in ((1, 2), (2, 3), (4, 6), (5, 6)):
+        yield Scenario(
+            f"columns of J{i} and J{j} exchanged",
+            (("swapped_joints", (i, j)),),
+            readings=_columns(lambda q, i=i, j=j: _swapped(q, i - 1, j - 1)),
+        )
+    for i in (1, 3, 5):
+        yield Scenario(
+            f"sign of J{i} reversed",
+            (("sign", (i,)), *((("zero", (4,)),) if i == 5 else ())),
+            readings=_columns(lambda q, i=i: q * np.where(np.arange(q.shape[1]) == i - 1, -1.0, 1.0)),
+        )
+    for i, degrees in ((2, 90.0), (4, 180.0), (3, -30.0)):
+        yield Scenario(
+            f"zero of J{i} {degrees:g}° off",
+            (("zero", (i,)), *((("sign", (5,)),) if degrees == 180 else ())),
+            readings=_columns(lambda q, i=i, by=degrees: _added(q, i - 1, np.radians(by))),
+        )
+    yield Scenario(
+        "radians in place of degrees", (("units", ()),), readings=_columns(lambda q: np.radians(q))
+    )
+    yield Scenario(
+        "angles converted to degrees twice", (("units", ()),), readings=_columns(lambda q: np.degrees(q))
+    )
+    yield Scenario(
+        "J3 recorded against the horizontal",
+        (("coupling", (2, 3)),),
+        readings=_columns(lambda q: _added(q, 2, q[:, 1])),
+    )
+    yield Scenario(
+        "joints of the measurement before",
+        (("rows", ()),),
+        readings=lambda q, s: (np.roll(q, 1, axis=0), s),
+    )
+
+
+def _columns(change: Callable[[Matrix], Matrix]) -> Callable[[Matrix, Matrix], Readings]:
+    return lambda joints, spots: (change(joints), spots)
+
+
+def _swapped(q: Matrix, i: int, j: int) -> Matrix:
+    result = q.copy()
+    result[:, [i, j]] = q[:, [j, i]]
+    return result
+
+
+def _added(q: Matrix, joint: int, what: Matrix | float) -> Matrix:
+    result = q.copy()
+    result[:, joint] += what
+    return result
+
+
+# The robot file
+
+
+def _of_robot_file() -> Iterator[Scenario]:
+    for row, joints in ((1, (1, 2)), (4, (4, 5))):
+        yield Scenario(
+            f"robot file: sign of alpha in row {row}",
+            (("twist", joints),),
+            robot=lambda robot, row=row: rows_of(robot, lambda rows: _negated(rows, row - 1)),
+        )
+    yield Scenario(
+        "robot file: rows of standard DH read as modified",
+        (("convention", ()),),
+        robot=lambda robot: rows_of(robot, lambda rows: rows, "modified"),
+    )
+    for row in (2, 6):
+        yield Scenario(
+            f"robot file: theta missing in row {row}",
+            (("zero", (row,)),),
+            robot=lambda robot, row=row: rows_of(robot, lambda rows: _set(rows, row - 1, 3, 0.0)),
+        )
+    for measured, analysed in (
+        ("irb1600", "irb2600"),
+        ("irb1600", "irb1200_7_70"),
+        ("kr6_r900_2", "kr6_r900"),
+        ("irb120", "irb1200"),
+    ):
+        yield Scenario(
+            f"{measured} analysed as {analysed}",
+            (("arm", ()),),
+            robot=lambda robot, name=analysed: load_robot(name, Path()),
+            measured=measured,
+        )
+    for row, column, mm in ((2, 0, 1.0), (2, 0, 3.0), (2, 0, -3.0), (4, 2, 3.0), (1, 0, 3.0)):
+        letter = "ad"[column // 2]
+        yield Scenario(
+            f"robot file: {letter} of row {row} {mm:+g} mm",
+            (("length", (row,)),),
+            robot=lambda robot, row=row, column=column, mm=mm: rows_of(
+                robot, lambda rows: _set(rows, row - 1, column, rows[row - 1][column] + mm)
+            ),
+        )
+
+
+def _negated(rows: Matrix, row: int) -> Matrix:
+    return _set(rows, row, 1, -rows[row, 1])
+
+
+def _set(rows: Matrix, row: int, column: int, value: float) -> Matrix:
+    result = rows.copy()
+    result[row, column] = value
+    return result
+
+
+def rows_of(
+    robot: Robot,
+    change: Callable[[Matrix], Matrix],
+    convention: Literal["standard", "modified"] = "standard",
+) -> Robot:
+    """A robot of standard rows a, alpha, d, theta (n, 4), mm and rad, with other rows, or with its rows read
+    by another convention."""
+    ends = [*(joint.fixed for joint in robot.joints[1:]), robot.flange]
+    rows = change(np.array([_standard(end) for end in ends]))
+    fixed, flange = dh_chain([DHRow(*row.tolist()) for row in rows], convention)
+    fixed[0] = robot.joints[0].fixed @ fixed[0]
+    joints = tuple(replace(joint, fixed=at) for joint, at in zip(robot.joints, fixed, strict=True))
+    return replace(robot, joints=joints, flange=flange)
+
+
+def _standard(end: Matrix) -> Matrix:
+    """(4,) a, alpha, d, theta of Rz(theta) Tz(d) Tx(a) Rx(alpha)."""
+    theta = np.arctan2(end[1, 0], end[0, 0])
+    alpha = np.arctan2(end[2, 1], end[2, 2])
+    a = end[0, 3] * np.cos(theta) + end[1, 3] * np.sin(theta)
+    return np.array([a, alpha, end[2, 3], theta])
+
+
+# Tool and target
+
+
+def _of_tool_and_target() -> Iterator[Scenario]:
+    for mm in (1.0, 2.0, 5.0):
+        yield Scenario(
+            f"tool point {mm:g} mm off",
+            (("tool", ()),),
+            lambda course, mm=mm: replace(course, point=course.point + np.array([0.0, mm, 0.0])),
+        )
+    for degrees in (0.1, 0.3, 1.0):
+        yield Scenario(
+            f"beam tilted by {degrees:g}° across the axis of J6",
+            (("tool", ()),),
+            _tilted(0.0, degrees),
+        )
+        # The same as an offset of J6: only what is stated of the tool speaks against it.
+        yield Scenario(
+            f"beam rotated by {degrees:g}° about the axis of J6", (), _tilted(degrees, 0.0), noticeable=False
+        )
+    for mm in (1.0, 3.0):
+        yield Scenario(
+            f"PSD moved by {mm:g} mm in mid-run",
+            (("moved_target", ()),),
+            lambda course, mm=mm: replace(
+                course, target=course.target + _late(course)[:, None] * np.array([0.48, 0.64, -0.6]) * mm
+            ),
+        )
+
+
+def _tilted(about: float, across: float) -> Callable[[Course], Course]:
+    tilt = np.array([0.0, np.radians(about), np.radians(across)])
+    return lambda course: replace(course, direction=_normal(course.direction + tilt))
+
+
+def _normal(vectors: Matrix) -> Matrix:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
+
+
+def _late(course: Course) -> Matrix:
+    """(N,) 1 in the second half."""
+    return np.asarray((np.arange(course.measurements) >= course.measurements // 2) * 1.0)
+
+
+def _passed(course: Course) -> Matrix:
+    """(N,) 0 at the first measurement, 1 at the last."""
+    return np.linspace(0.0, 1.0, course.measurements)
+
+
+# What changes during a run
+
+
+def _of_the_run() -> Iterator[Scenario]:
+    for i in (2, 3, 5):
+        for degrees in (0.1, 0.2, 0.5):
+            yield Scenario(
+                f"zero of J{i} jumps by {degrees:g}°",
+                (("jump", (i,)),),
+                lambda course, i=i, by=degrees: replace(
+                    course, offsets=course.offsets + _late(course)[:, None] * _joint(course, i, by)
+                ),
+            )
+    yield Scenario(
+        "zero of J2 drifts by 0.1°",
+        (("drift", (2,)),),
+        lambda course: replace(
+            course, offsets=course.offsets + _passed(course)[:, None] * _joint(course, 2, 0.1)
+        ),
+    )
+    yield Scenario(
+        "PSD drifts by 2 mm",
+        (("drift", ()),),
+        lambda course: replace(
+            course, target=course.target + _passed(course)[:, None] * np.array([0.96, 1.28, -1.2])
+        ),
+    )
+    yield Scenario(
+        "link 2 grows by 0.5 mm",
+        (),
+        lambda course: replace(
+            course, links=course.links + _passed(course)[:, None] * _link(course, "link2", "a", 0.5)
+        ),
+    )
+    yield Scenario("joints read 0.1 % of the way early", (("lag", ()),), readings=_early(0.001))
+    for mm in (1.0, 5.0):
+        yield Scenario(
+            f"one spot {mm:g} mm off",
+            (("measurements", ()),),
+            readings=lambda q, s, mm=mm: (
+                q,
+                s + (np.arange(len(s)) == len(s) // 3)[:, None] * [0.8 * mm, 0.6 * mm],
+            ),
+        )
+    yield Scenario(
+        "one joint reading 0.5° off",
+        (("measurements", ()),),
+        readings=lambda q, s: (q + (np.arange(len(q)) == 2)[:, None] * _unit(q, 2, 0.5), s),
+    )
+
+
+def _early(share: float) -> Callable[[Matrix, Matrix], Readings]:
+    def readings(joints: Matrix, spots: Matrix) -> Readings:
+        return joints - share * np.diff(joints, axis=0, prepend=joints[:1]), spots
+
+    return readings
+
+
+def _unit(q: Matrix, joint: int, degrees: float) -> Matrix:
+    return np.asarray((np.arange(q.shape[1]) == joint - 1) * np.radians(degrees))
+
+
+def _joint(course: Course, joint: int, degrees: float) -> Matrix:
+    return _unit(course.offsets, joint, degrees)
+
+
+def _link(course: Course, of: str, axis: str, value: float) -> Matrix:
+    names = [item for item in course.geometry.names if item[0].startswith("link")]
+    return np.array([value if item == (of, axis) else 0.0 for item in names])
+
+
+# What is larger than stated
+
+
+def _of_size() -> Iterator[Scenario]:
+    for degrees in (0.03, 0.05, 0.1):
+        yield Scenario(
+            f"backlash {degrees:g}°",
+            (("backlash", ()),),
+            lambda course, by=degrees: replace(course, backlash=np.full(course.robot.n, np.radians(by))),
+        )
+    for times in (2.0, 3.0, 5.0):
+        yield Scenario(
+            f"noise {times:g} times the stated",
+            (("noise", ()),),
+            lambda course, times=times: replace(course, noise=times),
+        )
+    yield Scenario(
+        "gravity 3 times typical",
+        (("gravity", ()), ("geometry", ())),
+        lambda course: replace(course, gravity=3 * course.gravity),
+    )
+    yield Scenario(
+        "harmonics 3 times typical",
+        (("harmonics", ()), ("geometry", ())),
+        lambda course: replace(course, harmonics=3 * course.harmonics),
+    )
+    yield Scenario(
+        "links 3 times typical", (("geometry", ()),), lambda course: replace(course, links=3 * course.links)
+    )
+    yield Scenario(
+        "gain of J2 0.1 % off",
+        (("gain", (2,)),),
+        lambda course: replace(course, gain=course.gain + _unit(course.gain, 2, np.degrees(1e-3))),
+    )
+    yield Scenario(
+        "second harmonic of J2 0.02°",
+        (),
+        lambda course: replace(course, second=course.second + _joint(course, 2, 0.02)),
+    )
+    yield Scenario(
+        "arm tilted by 5° against gravity",
+        (),
+        lambda course: replace(course, up=np.array([np.sin(np.radians(5)), 0.0, np.cos(np.radians(5))])),
+    )
+
+
+# The axes of the spots
+
+
+def _of_spots() -> Iterator[Scenario]:
+    for name, matrix in (
+        ("spot axes exchanged", [[0, 1], [1, 0]]),
+        ("spot axes turned by 90°", [[0, -1], [1, 0]]),
+        ("spot in place of the target", [[-1, 0], [0, -1]]),
+        ("first spot axis reversed", [[-1, 0], [0, 1]]),
+    ):
+        yield Scenario(
+            name, (("spot", ()),), readings=lambda q, s, matrix=matrix: (q, s @ np.array(matrix).T)
+        )
+    yield Scenario("spots 10 % too large", (), readings=lambda q, s: (q, 1.1 * s))

@@ -1,0 +1,96 @@
+"""Sentences of values to enter and of conformity: what is claimed, and that nothing more is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Literal
+
+import pytest
+
+import zerobeam as zb
+from zerobeam.analysis.answer.result import Result
+from zerobeam.analysis.diagnostics.enter import Conformity, Entered, TcpError
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.words import numbers
+from zerobeam.words.enter import (
+    NO_REQUIREMENT,
+    NOT_CLAIMED,
+    conformity_sentence,
+    enter_sentence,
+    geometry_sentence,
+)
+from zerobeam.words.message import message
+from zerobeam.words.next_steps import next_steps, offered
+
+BEFORE, AFTER, LESS = (
+    TcpError(3.02, 5.5, (2.9, 3.1)),
+    TcpError(0.61, 1.04, (0.4, 0.9)),
+    TcpError(0.3, 0.52, (0.2, 0.4)),
+)
+NAMES = [f"delta{i}" for i in range(2, 7)]
+
+
+@cache
+def passed() -> Result:
+    return zb.analyse(zb.read_run(demo_runs()[0].path), ess=100).result
+
+
+def values(before: TcpError | None = BEFORE, after: TcpError | None = AFTER) -> Result:
+    u = dict.fromkeys(NAMES, 0.021)
+    entered = Entered("nominal", dict.fromkeys(NAMES, 0.5), u, before, after)
+    return replace(passed(), entered=entered, entered_geometry=None)
+
+
+def test_the_error_is_stated_with_what_it_was() -> None:
+    sentence = (enter_sentence(values()) or "").replace("\u00a0", " ")
+    assert "0.61 mm instead of 3.0 mm" in sentence
+    assert "1.0 mm instead of 5.5 mm" in sentence
+    assert enter_sentence(values(None, None)) == NOT_CLAIMED
+    assert enter_sentence(replace(passed(), entered=None)) is None
+
+
+def test_links_are_spoken_of_where_they_are_estimated() -> None:
+    assert geometry_sentence(values()) is None
+    result = replace(values(), entered_geometry=Entered("geometry", {}, {}, BEFORE, LESS))
+    assert "0.30" in (geometry_sentence(result) or "")
+
+
+def test_a_table_has_the_value_and_the_offset_of_the_arm() -> None:
+    row = next_steps(values(), message(values())).enter[0]
+    estimate = passed().parameters.named("delta2").estimate
+    assert estimate is not None
+    assert (row.name, row.value, row.expanded_u) == (
+        "delta2",
+        "0.500°",
+        numbers.spread(passed().coverage_factor * 0.021, "deg"),
+    )
+    assert row.estimate is not None
+    assert row.estimate.startswith(f"\u2212{abs(estimate):.2f}"[:4])
+    assert offered(replace(values(), entered=None)) is None
+
+
+@pytest.mark.parametrize(
+    ("decision", "words"),
+    [
+        ("conforms", "the robot conforms"),
+        ("does not conform", "the robot does not conform"),
+        ("undecided", "do not decide"),
+    ],
+)
+def test_conformity_is_said_with_its_rule(
+    decision: Literal["conforms", "does not conform", "undecided"], words: str
+) -> None:
+    result = replace(values(), conformity=Conformity(0.5, 0.62, 0.03, decision))
+    sentence = conformity_sentence(result).replace("\u00a0", " ")
+    assert words in sentence
+    assert "JCGM 106" in sentence
+    assert "3 %" in sentence
+
+
+def test_without_a_requirement_nothing_is_called_accurate_enough() -> None:
+    assert conformity_sentence(values()) == NO_REQUIREMENT
+    assert NO_REQUIREMENT in " ".join(step.text for step in next_steps(values(), message(values())).steps)
+    header = {**passed().inputs.header, "required": {"tcp_mm": 0.5}}
+    asked = replace(values(None, None), inputs=replace(passed().inputs, header=header))
+    assert "cannot be said" in conformity_sentence(asked)

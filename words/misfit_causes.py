@@ -1,0 +1,225 @@
+"""Causes of a misfit in words: what each is called, what is different under it, what mends it."""
+
+from __future__ import annotations
+
+from ..analysis.diagnostics.cause import Cause
+from ..analysis.diagnostics.diagnosis import Explanation
+from . import numbers
+from .numbers import times
+from .wording import clipped, listed
+
+MOST_MEASUREMENTS = 10
+
+CAUSES: dict[Cause, str] = {
+    "swapped_joints": "joint columns exchanged",
+    "sign": "sign of a joint",
+    "zero": "zero of a joint",
+    "units": "unit of the angles",
+    "coupling": "coupled joints",
+    "rows": "joints of another measurement",
+    "twist": "sign of a twist",
+    "convention": "Denavit-Hartenberg convention",
+    "arm": "another arm",
+    "length": "one link parameter",
+    "tool": "tool",
+    "spot": "axes of the spots",
+    "placement": "one placement",
+    "measurements": "single measurements",
+    "moved_target": "moved target",
+    "jump": "zero of a joint that jumped",
+    "drift": "drift during the run",
+    "lag": "joints read while the arm moved",
+    "backlash": "backlash",
+    "gain": "gear ratio or encoder scale of a joint",
+    "noise": "noise understated",
+    "geometry": "link geometry",
+    "gravity": "deflection under gravity",
+    "harmonics": "first harmonics of the joints",
+}
+_LARGER = {"geometry": "the links", "gravity": "gravity", "harmonics": "the first harmonics"}
+_SPOTS = {
+    "exchanged": "spot_mm with its two axes exchanged",
+    "rotated by 90°": "spot_mm rotated by 90°",
+    "rotated by −90°": "spot_mm rotated by −90°",
+    "negated": "spot_mm negated (it is the position of the spot, not of the target)",
+    "first negated": "the first axis of spot_mm negated",
+    "second negated": "the second axis of spot_mm negated",
+    "exchanged and negated": "spot_mm with its two axes exchanged and negated",
+}
+_AGAIN = "and analyse again"
+
+
+def changed(explanation: Explanation) -> str:
+    """What is different under this explanation."""
+    joints = [f"J{joint}" for joint in explanation.joints]
+    targets = [clipped(name) for name in explanation.targets]
+    amount, of = explanation.amount, explanation.of
+    match explanation.cause:
+        case "swapped_joints":
+            return f"with {listed(joints)} exchanged"
+        case "sign":
+            return f"with the sign of {joints[0]} reversed"
+        case "zero":
+            how = "added to" if amount > 0 else "subtracted from"
+            quarter = amount % 90 == 0
+            by = numbers.exact(abs(amount)) if quarter else numbers.significant(abs(amount))
+            return f"with {numbers.with_unit(by, 'deg')} {how} {joints[0]}"
+        case "units":
+            if amount > 1:
+                return "with the joint angles read as radians"
+            return "with the joint angles divided by 57.3 (converted from radians to degrees twice)"
+        case "coupling":
+            how = "added to" if amount > 0 else "subtracted from"
+            return f"with {joints[0]} {how} {joints[1]} (coupled joints)"
+        case "rows":
+            which = "before" if amount > 0 else "after"
+            return f"with the joints of each measurement taken from the one {which} it"
+        case "twist":
+            end = "the flange" if len(joints) == 1 else joints[1]
+            return f"with the sign of the twist from {joints[0]} to {end} reversed in the robot file"
+        case "convention":
+            return f"with the rows of the robot file read as {of} Denavit-Hartenberg parameters"
+        case "arm":
+            return f"with the arm {of}"
+        case "length":
+            return f"with {of} {_signed(amount, _unit(of))} in the robot file"
+        case "tool" if of == "point":
+            return f"with the point of the tool {_size(amount, 'mm')} elsewhere"
+        case "tool":
+            return f"with the direction of the beam rotated by {_size(amount, 'deg')}"
+        case "spot":
+            return f"with {_SPOTS[of]}"
+        case "placement":
+            return f"without the measurements at {listed(targets)}"
+        case "measurements":
+            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
+            return f"without {noun} {_numbers(explanation)}"
+        case "moved_target":
+            return f"with {targets[0]} moved {_between(explanation)}"
+        case "jump":
+            return f"with the zero of {joints[0]} {_signed(amount, 'deg')} {_between(explanation)}"
+        case "drift":
+            what = f"the zero of {joints[0]}" if joints else targets[0]
+            return f"with {what} drifting by {_size(amount, 'deg' if joints else 'mm')} over the run"
+        case "lag":
+            share = numbers.significant(100 * abs(amount), 2)
+            side = "behind" if amount > 0 else "ahead of"
+            return f"with the recorded joints {share} % of each motion {side} the arm"
+        case "backlash":
+            which = listed(joints) if joints else "all joints"
+            return f"with backlash in {which}"
+        case "gain":
+            return f"with {joints[0]} {_signed(100 * amount, '')} % longer than recorded".replace("  ", " ")
+        case "noise":
+            return f"with {times(amount)} times the stated noise"
+        case "geometry" if amount <= 1:
+            return "with link geometry estimated"
+        case "geometry" | "gravity" | "harmonics":
+            return f"with {_LARGER[explanation.cause]} {times(amount)} times the stated tolerance"
+
+
+def mend(explanation: Explanation) -> str:
+    """What to do about a cause, as sentences."""
+    joints, targets = [f"J{joint}" for joint in explanation.joints], list(map(clipped, explanation.targets))
+    of = explanation.of
+    match explanation.cause:
+        case "swapped_joints":
+            return f"Exchange the columns of {listed(joints)} in the recording, {_AGAIN}."
+        case "sign":
+            return (
+                f"Reverse the sign of {joints[0]} in the recording (zerobeam import csv --reversed), or its"
+                f" axis in the robot file, {_AGAIN}."
+            )
+        case "zero":
+            return f"Correct the zero of {joints[0]} in the recording, or theta_deg of its row, {_AGAIN}."
+        case "units":
+            return f"Import the recording again with the right --units, {_AGAIN}."
+        case "coupling":
+            return (
+                f"State in the robot file what joint {explanation.joints[-1]} is counted from (pendant,"
+                f" encoder), {_AGAIN}."
+            )
+        case "rows":
+            return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."
+        case "twist":
+            return f"Correct the sign of this twist in the robot file, {_AGAIN}."
+        case "convention":
+            return f"State convention: {of} in the robot file, {_AGAIN}."
+        case "arm":
+            return (
+                f"Check the type plate of the arm. If it agrees, state robot: {of} in the header, {_AGAIN}."
+            )
+        case "length":
+            return f"Measure or look up {of}, correct it in the robot file, {_AGAIN}."
+        case "tool":
+            key = "point_mm" if of == "point" else "direction"
+            return f"Calibrate the tool again and correct tool.{key}, or state calibrated: false, {_AGAIN}."
+        case "spot":
+            return f"Correct spot_mm in every measurement as this says, {_AGAIN}."
+        case "placement":
+            return (
+                f"Remove the measurements at {listed(targets)}, or record them again with the target fixed."
+            )
+        case "measurements":
+            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
+            return f"Remove {noun} {_numbers(explanation)} from the run, or repeat them."
+        case "moved_target":
+            return (
+                f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on,"
+                " or record the run again."
+            )
+        case "jump":
+            return (
+                f"Look for what slipped at {joints[0]} (belt, coupling, encoder) before measurement"
+                f" {explanation.measurements[1]}, and record the run again; the measurements on one side may"
+                " be analysed alone."
+            )
+        case "drift":
+            return "Let the arm warm up and fasten the target. Then record the run again."
+        case "lag":
+            return (
+                "Record the joints after the arm has come to rest (a longer dwell), and record the run again."
+            )
+        case "backlash":
+            return (
+                "Approach every posture from the same side, and record the run again; have the gears checked."
+            )
+        case "gain":
+            return (
+                f"Check the gear ratio (pulses per degree) of {joints[0]}, correct the recording, {_AGAIN}."
+            )
+        case "noise":
+            return f"State noise as measured (repeat one posture), or noise.scale: estimated, {_AGAIN}."
+        case "geometry" if explanation.amount <= 1:
+            return f"Remove geometry: exact from the header, so that the links are estimated, {_AGAIN}."
+        case "geometry":
+            return f"State the larger geometry.tolerance in the header if this arm is that far off, {_AGAIN}."
+        case "gravity":
+            return f"State a larger geometry.gravity_deg in the header if this arm bends so much, {_AGAIN}."
+        case "harmonics":
+            return (
+                f"State a larger geometry.harmonics_deg in the header if its gears are so far off, {_AGAIN}."
+            )
+
+
+def _unit(of: str) -> str:
+    return "mm" if of.rpartition(".")[2] in ("a", "b", "d") else "deg"
+
+
+def _size(amount: float, unit: str) -> str:
+    return numbers.significant(abs(amount), 2, unit)
+
+
+def _signed(amount: float, unit: str) -> str:
+    sign = "+" if amount >= 0 else numbers.MINUS
+    return (
+        f"{sign}{numbers.significant(abs(amount), 2, unit) if unit else numbers.significant(abs(amount), 2)}"
+    )
+
+
+def _between(explanation: Explanation) -> str:
+    return f"between measurements {explanation.measurements[0]} and {explanation.measurements[1]}"
+
+
+def _numbers(explanation: Explanation) -> str:
+    return listed([str(n) for n in explanation.measurements], MOST_MEASUREMENTS)
