@@ -33,6 +33,7 @@ WHOLE = {
     "figures/misses.svg",
     "figures/residual_map.svg",
     "figures/postures.svg",
+    "figures/residual_map.svg",
     "figures/tool_accuracy.svg",
 }
 
