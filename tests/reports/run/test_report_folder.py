@@ -33,7 +33,6 @@ WHOLE = {
     "figures/misses.svg",
     "figures/residual_map.svg",
     "figures/postures.svg",
-    "figures/residual_map.svg",
     "figures/tool_accuracy.svg",
 }
 
