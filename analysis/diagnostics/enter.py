@@ -184,7 +184,8 @@ class _Fitted:
         position, by_arm = tool_point(problem, x, points, joints)
         arm = np.zeros(problem.parameters.arm.stop)
         arm[places] = x[places]
-        inverse, columns = np.zeros(0), np.zeros(0)
+        inverse: Matrix = np.zeros((0, 0))
+        columns: Matrix = np.zeros((0, 0))
         for _ in range(_STEPS):
             entered_at, jacobian = problem.functions.kernel("placed")(joints, arm, points)
             columns = jacobian[:, :, places].reshape(-1, len(places))
