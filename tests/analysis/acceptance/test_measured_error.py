@@ -13,8 +13,6 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 
-OFFSETS = tuple(f"delta{j}" for j in range(2, 7))
-
 
 @cache
 def calibrated():
@@ -24,7 +22,7 @@ def calibrated():
 
 def entered():
     """The estimates, deg."""
-    return {name: calibrated()[1][name].estimate for name in OFFSETS}
+    return {row.name: row.estimate for row in calibrated()[1].offsets if not row.held}
 
 
 def nominal_rms(joints, spots):

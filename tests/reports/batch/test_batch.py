@@ -42,6 +42,7 @@ def with_runs(tmp_path):
     shutil.copy(X_PATTERN, tmp_path / "monday" / "pattern.jsonl")
     (tmp_path / "tuesday" / "torn.jsonl").write_text("{not json\n")
     text = GOOD.read_text().replace('"joint_deg":0.01', '"joint_deg":0.0002')
+    text = text.replace('"robot":', '"geometry":"exact","robot":', 1)
     (tmp_path / "tuesday" / "misfit.jsonl").write_text(text)
     return tmp_path
 

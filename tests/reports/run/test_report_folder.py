@@ -31,8 +31,8 @@ WHOLE = {
     "figures/offsets.svg",
     "figures/posterior.svg",
     "figures/misses.svg",
-    "figures/postures.svg",
     "figures/residual_map.svg",
+    "figures/postures.svg",
     "figures/tool_accuracy.svg",
 }
 
