@@ -43,11 +43,12 @@ from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
 from ..model.files.header import DEFAULT_TARGETS, Header
 from . import numbers
+from .enter import conformity_sentence
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
 from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
 from .misfit_causes import mend
-from .observability import reason, remedy
+from .observability import reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
 from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
@@ -197,6 +198,10 @@ def _warnings(result: Result) -> Iterator[str]:
     yield from map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
     if (unchecked := likelihood_message(result.likelihood)) is not None:
         yield f"{capital(unchecked)}."
+    if result.verdict == "pass" and (missed := unnoticed_sentence(result.power)) is not None:
+        yield missed
+    if "required" in result.inputs.header:
+        yield conformity_sentence(result)
     if not offsets:
         return
     worst = max(offsets, key=lambda row: row.std or 0.0)
@@ -211,16 +216,19 @@ def _message(case: _Case, name: Namer) -> Message:
     worst = case.worst
     return Message(
         verdict=f"{verdict_word(case.verdict, case.header)}. {_determined(case, name)}",
-        worst=worst
-        and WorstOffset(
-            name=worst.name,
-            value=None if worst.std is None else case.k * worst.std,
-            unit=worst.unit,
-            text=f"Least well determined: {name(worst.name)}, {_value(case, worst)}.",
-        ),
+        worst=None if worst is None else _worst(case, worst, name),
         cause=_cause(case, name),
         action=_action(case),
         cautions=tuple(ended(sentence(text)) for text in _cautions(case, name))[:_MOST_CAUTIONS],
+    )
+
+
+def _worst(case: _Case, row: ParameterResult, name: Namer) -> WorstOffset:
+    return WorstOffset(
+        name=row.name,
+        value=None if row.std is None else case.k * row.std,
+        unit=row.unit,
+        text=f"Least well determined: {name(row.name)}, {_value(case, row)}.",
     )
 
 
@@ -417,23 +425,30 @@ def run_argument(name: str) -> str:
 
 def _cautions(case: _Case, name: Namer) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
-    if case.misfit is not None:
-        first = None if case.diagnosis else _sharpest(case.misfit)
-        best = case.diagnosis[0] if case.diagnosis else None
-        moved = best.targets if best is not None and best.cause == "moved_target" else ()
-        for one in case.misfit.criteria:
-            displaced = isinstance(one, _DISPLACED) and _target(one) not in moved
-            if one is not first and (displaced or isinstance(one, PlacementsDisagree)):
-                yield criterion_sentence(one, name)
-        if best is None:
-            yield from (finding_sentence(one, name) for one in case.findings if isinstance(one, Outlying))
-    else:
-        first = case.doubt
-        yield from (
-            finding_sentence(one, name)
-            for one in case.findings
-            if not isinstance(one, NotConverged | FileWarning) and one is not first
-        )
-        yield from (_doubt_sentence(one, name) for one in case.off if one is not first)
-        yield from case.warnings
+    yield from _evidence(case, case.misfit, name) if case.misfit is not None else _reservations(case, name)
     yield from (one.text for one in case.findings if isinstance(one, FileWarning))
+
+
+def _evidence(case: _Case, misfit: Misfit, name: Namer) -> Iterator[str]:
+    """What else of the measurements speaks against the model; nothing that follows from it."""
+    best = case.diagnosis[0] if case.diagnosis else None
+    cause = _sharpest(misfit) if best is None else None
+    moved = best.targets if best is not None and best.cause == "moved_target" else ()
+    for one in misfit.criteria:
+        displaced = isinstance(one, _DISPLACED) and _target(one) not in moved
+        if one is not cause and (displaced or isinstance(one, PlacementsDisagree)):
+            yield criterion_sentence(one, name)
+    if best is None:
+        yield from (finding_sentence(one, name) for one in case.findings if isinstance(one, Outlying))
+
+
+def _reservations(case: _Case, name: Namer) -> Iterator[str]:
+    """What an answer is subject to."""
+    cause = case.doubt
+    for finding in case.findings:
+        if finding is not cause and not isinstance(finding, NotConverged | FileWarning):
+            yield finding_sentence(finding, name)
+    for placement in case.off:
+        if placement is not cause:
+            yield _doubt_sentence(placement, name)
+    yield from case.warnings

@@ -162,7 +162,8 @@ def mend(explanation: Explanation) -> str:
             )
         case "measurements":
             noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            return f"Remove {noun} {_numbers(explanation)} from the run, or repeat them."
+            again = "it" if len(explanation.measurements) == 1 else "them"
+            return f"Remove {noun} {_numbers(explanation)} from the run, or repeat {again}."
         case "moved_target":
             return (
                 f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on,"

@@ -124,8 +124,9 @@ def all_steps(fit: LikelihoodFit, rival: Matrix | None = None) -> tuple[list[Rec
     tested = [i for i in tested if i in lag]
     if not tested:
         return [], len(every)
-    pooled, p_value = correlation(equalised(list(lag.values())))
-    shared = pooled if p_value < SIGNIFICANCE else 0.0
+    together = equalised(list(lag.values()))
+    # The end of the grid where the residuals do not determine a significant correlation: the safe side.
+    shared = rho_of(together) if correlation(together)[1] < SIGNIFICANCE else 0.0
     by_rho: dict[float, Matrix] = {0.0: plain}
     clearest = []
     rng = np.random.default_rng(0)

@@ -73,7 +73,7 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
 def print_message(console: Console, verdict: Verdict, said: Message) -> None:
     """The message of an answer: what is read first."""
     console.print(Text(sentence(said.verdict), style=VERDICT_STYLE[verdict]))
-    for text in (said.cause, said.worst and said.worst.text):
+    for text in (said.cause, None if said.worst is None else said.worst.text):
         if text is not None:
             console.print(Text(sentence(text)))
     console.print(Text("To do: ", style="bold") + Text(sentence(said.action.text)))

@@ -12,7 +12,8 @@ from typing import cast
 
 import numpy as np
 import pytest
-from cells import good_plan, run_of
+import scipy
+from cells import TABLE_2, good_plan, run_of, simulated
 from rich.console import Console
 
 import zerobeam as zb
@@ -20,7 +21,6 @@ from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherB
 from zerobeam.analysis.displacement import Displacement
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
-from zerobeam.analysis.status import coverage_factor
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import NotValidated, calibration
 from zerobeam.experiments.simulate import Truth, simulated_shots
@@ -182,10 +182,13 @@ def test_a_run_under_way_has_a_message_too() -> None:
 
 
 def test_k_is_two_unless_few_degrees_of_freedom_estimate_the_noise() -> None:
-    assert coverage_factor(False, 3) == 2.0
-    assert coverage_factor(True, 6) == pytest.approx(2.447, abs=1e-3)
-    assert coverage_factor(True, 1000) == 2.0
-    assert coverage_factor(True, 0) == 2.0
+    for count, k in ((7, 2.0), (12, 2.0)):
+        solution = solve(Problem.from_run(simulated(good_plan(count), TABLE_2, 1)[1]))
+        assert solution.coverage_factor == k
+    few = simulated(good_plan(8, geometry="exact", noise={"scale": "estimated"}), TABLE_2, 1)[1]
+    solution = solve(Problem.from_run(few))
+    assert solution.coverage_factor == pytest.approx(scipy.special.stdtrit(solution.dof, 0.975), rel=1e-3)
+    assert solution.coverage_factor > 2.0
 
 
 def flat(text: str) -> str:

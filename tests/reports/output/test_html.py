@@ -67,7 +67,7 @@ def test_no_unidentifiable_parameter_has_a_number_and_no_name_does_harm() -> Non
 def test_figures_tables_and_headings_are_told_to_a_screen_reader() -> None:
     page = Page(page_of("good"))
     roles = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
-    assert len(roles) == 4
+    assert len(roles) == 5
     assert all(attributes["aria-label"] for attributes in roles)
     assert dict(page.tags[[tag for tag, _ in page.tags].index("html")][1]) == {"lang": "en"}
     headers = [attributes for tag, attributes in page.tags if tag == "th"]

@@ -55,7 +55,9 @@ def test_what_the_data_do_not_determine_is_marked_and_has_the_priors_own_draws(t
     """Not the sampler's: those are narrow where the priors of others make them so."""
     dataset = written(tmp_path, x_pattern())
     sources = {name: variable.attrs["source"] for name, variable in dataset.data_vars.items()}
-    assert {name for name, source in sources.items() if source == "prior"} == {"delta2", "psd.x", "psd.z"}
+    assert {name for name, source in sources.items() if source == "prior"} == {
+        *("delta2", "psd.x", "psd.y", "psd.z")
+    }
     assert "draws of the prior" in dataset["delta2"].attrs["comment"]
     assert "comment" not in dataset["delta3"].attrs
     (prior,) = [own for own in draws(x_pattern()).prior_only if own.name == "delta2"]

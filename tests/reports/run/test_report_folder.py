@@ -31,6 +31,7 @@ WHOLE = {
     "figures/offsets.svg",
     "figures/posterior.svg",
     "figures/misses.svg",
+    "figures/residual_map.svg",
     "figures/postures.svg",
     "figures/tool_accuracy.svg",
 }
