@@ -36,7 +36,7 @@ _STEPS = 5  # Gauss and Newton's, for the targets
 
 Acceptance = Literal["pass", "fail", "inconclusive"]
 FEWEST = 3
-MOST = 12
+MOST = 20
 _MOST_CANDIDATES = 60  # spread over the run: more are as good
 
 

@@ -28,10 +28,9 @@ from .continuous_design import (
     variance,
 )
 
-STARTS = 8
+STARTS = 16
 _SWEEPS = 30
 _NEAR = 400  # candidates among which the starts exchange, those of the largest gain at the optimum
-_NEAR_FEW = 1000  # the same with fewer numbers than unknowns: the optimum in shares says less of whole ones
 _SCREENED = 64  # candidates of which E looks at the eigenvalues, the most promising by a power mean
 _SHARP = 32  # power of the mean of eigenvalues by which E chooses them
 _PAIRED = 300  # candidates of which E exchanges two at once
@@ -77,9 +76,7 @@ def design(
     and gives the answers in that order.
     """
     ideal = continuous(candidates, shots, criterion, most=1 / shots)
-    _, numbers, unknowns = candidates.roots.shape
-    most = _NEAR if shots * numbers >= unknowns else _NEAR_FEW
-    near = np.union1d(np.argsort(-ideal.gain)[: max(most, shots)], np.flatnonzero(ideal.weights > 0))
+    near = np.union1d(np.argsort(-ideal.gain)[: max(_NEAR, shots)], np.flatnonzero(ideal.weights > 0))
     few = Candidates(candidates.roots[near], candidates.offsets)
     rng = np.random.default_rng(seed)
     value_of: dict[tuple[int, ...], float] = {}
@@ -116,11 +113,11 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
     value = variance(offset_covariance(candidates, candidates.information(rows)), criterion)
     for _ in range(_SWEEPS):
         before = value
-        grams = _grams(candidates.roots, np.linalg.inv(candidates.information(rows)))
+        grams = _grams(candidates.roots, np.asarray(np.linalg.inv(candidates.information(rows))))
         for k in range(len(rows)):
             others = np.delete(rows, k)
             information = candidates.information(others)
-            covariance = np.linalg.inv(information)
+            covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
             without = grams + _gram_of(candidates.roots, covariance, rows[k])
             values = _values_with(candidates, information, covariance, without, criterion)
             values[others] = np.inf

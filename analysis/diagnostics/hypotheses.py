@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 import scipy
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
@@ -220,9 +220,9 @@ def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[Hypoth
     slopes = density.slopes(x, of)
     z = density.scaled(x)
     numbers = np.broadcast_to(density.numbers(of), len(x)) + len(density.problem.distances)
-    finite = np.isfinite(slopes.information).all(axis=(1, 2))
+    finite: Mask = np.asarray(np.isfinite(slopes.information).all(axis=(1, 2)))
     information = np.where(finite[:, None, None], slopes.information, np.eye(density.size))
-    wide = ~parameters.tolerated[parameters.free]
+    wide = np.asarray(~parameters.tolerated[parameters.free])
     by_wide = information[:, wide][:, :, wide] - np.eye(int(wide.sum()))
     rank = (np.linalg.eigvalsh(by_wide) >= 1.0).sum(axis=1)
     log_det = np.linalg.slogdet(information)[1]
@@ -264,11 +264,14 @@ def _of_changes(
     """The best of the changes by their fit with nominal geometry, fitted whole."""
     rows = _thinned(problem, _SCREENED)
     few = problem.select(rows)
-    recorded = [few.joints, *(few.joints if own.recorded is None else own.recorded[rows] for own in every)]
-    robots = [problem.robot, *(own.robot or problem.robot for own in every)]
-    weights = [few.weights, *(_weights(problem, own)[rows] for own in every)]
+    recorded = [
+        few.joints,
+        *(few.joints if change.recorded is None else change.recorded[rows] for change in every),
+    ]
+    robots = [problem.robot, *(change.robot or problem.robot for change in every)]
+    weights = [few.weights, *(_weights(problem, change)[rows] for change in every)]
     x, cost = screened(few, robots, np.array(recorded), np.array(weights))
-    criterion = cost[1:] + 2 * few.data_size * np.array([own.volume for own in every])
+    criterion = cost[1:] + 2 * few.data_size * np.array([change.volume for change in every])
     best = [int(i) for i in np.argsort(criterion, kind="stable")[:most] if criterion[i] < cost[0]]
     nominal = problem.parameters.without("geometry")
     return [
@@ -365,15 +368,16 @@ def _with_held_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
 
 def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
     """What is left with what a suspect frees at its mode, from the model as recorded."""
-    values, occam = np.zeros(0), 0.0
+    values: Matrix = np.zeros(0)
+    occam = 0.0
     for _ in range(_REFITS):
         columns = suspect.columns(linear)
-        step = np.zeros(columns.shape[1])
+        step: Matrix = np.zeros(columns.shape[1])
         if len(step):
             values = np.zeros_like(step) if not len(values) else values
             y, gram = linear.normal(columns)
             whole = gram + np.eye(len(step)) / suspect.size**2
-            step = -np.linalg.solve(whole, y + values / suspect.size**2)
+            step[:] = -np.linalg.solve(whole, y + values / suspect.size**2)
             values = values + step
             occam = (
                 float(np.linalg.slogdet(suspect.size**2 * whole)[1] + (values @ values) / suspect.size**2) / 2

@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.robot_file import BUILT_IN, built_in_robots, load_robot
+from ...model.files.confinement import BUILT_IN
+from ...model.files.robot_file import built_in_robots, load_robot
 from ...model.kinematics.robot import Robot, rotation_about, shift
 
 _VENDOR = re.compile(r"^vendor: *([\w-]+)", re.MULTILINE)
@@ -132,7 +133,7 @@ def other_arms(robot: Robot, *, siblings: bool) -> Iterator[Variant]:
 def _vendors() -> tuple[tuple[str, str], ...]:
     """Names and makers of the built-in arms: to read the files whole takes longer than to look for a line."""
     texts = ((name, (BUILT_IN / f"{name}.yaml").read_text(encoding="utf-8")) for name in built_in_robots())
-    return tuple((name, found[1] if (found := _VENDOR.search(text)) else "") for name, text in texts)
+    return tuple((name, match[1] if (match := _VENDOR.search(text)) else "") for name, text in texts)
 
 
 @cache

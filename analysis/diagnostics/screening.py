@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -125,7 +126,8 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     """(transforms, q, spot, delta, target, tool) -> residual (d,), its Jacobian by the last three."""
     tool, n = key.tool, len(kinds)
     transforms = ca.SX.sym("transforms", 12 * (n + 1))
-    fixed = [
+    # Transforms that are symbols, as those of `Geometry.moved`.
+    fixed: list[Any] = [
         ca.vertcat(ca.reshape(transforms[12 * i : 12 * i + 12], 3, 4), ca.SX([[0, 0, 0, 1]]))
         for i in range(n + 1)
     ]
@@ -135,12 +137,12 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     q, delta, target = ca.SX.sym("q", n), ca.SX.sym("delta", n), ca.SX.sym("target", 3)
     spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.free_axes))
     turns = robot.turns(q + delta)
-    seen, stations = robot.in_flange(turns, target)
+    target_in_flange, stations = robot.in_flange(turns, target)
     if tool.kind == "laser":
         point, _, across = tool.beam(unknown)
     else:
         point, across = tool.tip(unknown), ca.SX.eye(3)
-    residual = across.T @ (seen - point) - spot
+    residual = across.T @ (target_in_flange - point) - spot
     by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
     jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(residual, unknown))
     inputs = [transforms, q, spot, delta, target, unknown]

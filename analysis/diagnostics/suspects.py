@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -92,12 +92,10 @@ class Linear:
         self.size = problem.tool.residual_size
         _, shot_jacobians = problem.linearise(x)
         roots = np.sqrt(problem.weights)[:, None, None]
-        self.by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians)) * roots
+        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
+        self.by_joints: Matrix = np.asarray(by_joints * roots, dtype=float)
         self.by_place = by_targets(problem, whitened)
-        self.by_spot = (
-            -np.linalg.solve(whitened.factor, np.broadcast_to(np.eye(self.size), whitened.factor.shape))
-            * roots
-        )
+        self.by_spot: Matrix = np.asarray(-np.linalg.inv(whitened.factor) * roots, dtype=float)
 
     @cached_property
     def shots_residual(self) -> Matrix:
@@ -158,7 +156,7 @@ def suspects(linear: Linear) -> list[Suspect]:
 
 
 def _best(y: Matrix, gram: Matrix, sizes: Sequence[float]) -> list[tuple[float, int, float]]:
-    """Evidence, place and size of the best two of H suspects with y (H, k) and G (H, k, k)."""
+    """Evidence, index and size of the best two of H suspects with y (H, k) and G (H, k, k)."""
     rows = []
     for size in sizes:
         values = log_evidence(y, gram, size)
@@ -180,12 +178,12 @@ def log_evidence(y: Matrix, gram: Matrix, size: float) -> Matrix:
 def _suspects(
     y: Matrix, gram: Matrix, sizes: Sequence[float], made: Callable[[int], Suspect], unit: float = 1.0
 ) -> Iterator[Suspect]:
-    """The best two of a kind, each made by its place; sizes in units of `unit`."""
+    """The best two of a kind, each made by its index; sizes in units of `unit`."""
     if not len(y):
         return
     price = float(np.log(len(y) * len(sizes)))
-    for evidence, place, size in _best(y, gram, [size * unit for size in sizes]):
-        yield replace(made(place), size=size, evidence=evidence - price, log_choices=price, unit=1 / unit)
+    for evidence, index, size in _best(y, gram, [size * unit for size in sizes]):
+        yield replace(made(index), size=size, evidence=evidence - price, log_choices=price, unit=1 / unit)
 
 
 def _made(cause: Cause, columns: Columns, corrected: Corrected, **more: object) -> Suspect:
@@ -227,8 +225,8 @@ def _jumps(linear: Linear) -> Iterator[Suspect]:
         parts = [_after(linear, linear.by_joints[:, :, [i]], order) for i in joints]
         y, gram = (np.concatenate(part) for part in zip(*parts, strict=True))
 
-        def made(place: int, joints: list[int] = joints) -> Suspect:
-            joint, at = joints[place // changes], place % changes + _FEWEST
+        def made(index: int, joints: list[int] = joints) -> Suspect:
+            joint, at = joints[index // changes], index % changes + _FEWEST
             late = np.zeros(problem.shots)
             late[order[at:]] = 1.0
             return _of_joint("jump", joint, late[:, None], measurements=_around(problem, order, at))
@@ -285,10 +283,10 @@ def _moved_targets(linear: Linear) -> Iterator[Suspect]:
             continue
         y, gram = _after(linear, linear.by_place, rows)
 
-        def made(place: int, rows: Index = rows, name: str = name) -> Suspect:
+        def made(index: int, rows: Index = rows, name: str = name) -> Suspect:
             late = np.zeros(problem.shots)
-            late[rows[place + _FEWEST :]] = 1.0
-            around = _around(problem, rows, place + _FEWEST)
+            late[rows[index + _FEWEST :]] = 1.0
+            around = _around(problem, rows, index + _FEWEST)
             return _of_place("moved_target", late, targets=(name,), measurements=around)
 
         for suspect in _suspects(y, gram, _MM, made):
@@ -305,8 +303,8 @@ def _outliers(linear: Linear) -> Iterator[Suspect]:
     for _ in range(min(_MOST_OUTLIERS, max(1, count // 6))):
         y, gram = _with_each(linear, gone)
         price = float(sum(np.log((count - k) / (k + 1)) for k in range(len(gone) + 1)) + np.log(len(_MM)))
-        evidence, place, size = _best(y, gram, _MM)[0]
-        gone = [*gone, place]
+        evidence, index, size = _best(y, gram, _MM)[0]
+        gone = [*gone, index]
         yield replace(_without(linear, gone), size=size, evidence=evidence - price, log_choices=price)
 
 
@@ -318,8 +316,8 @@ def _with_each(linear: Linear, gone: list[int]) -> tuple[Matrix, Matrix]:
     k = d * (len(gone) + 1)
     y, every = np.zeros((count, k)), np.zeros((count, linear.covariance.shape[0], k))
     gram = np.zeros((count, k, k))
-    for place, i in enumerate([*gone, None]):
-        at = slice(d * place, d * place + d)
+    for index, i in enumerate([*gone, None]):
+        at = slice(d * index, d * index + d)
         y[:, at] = slopes if i is None else slopes[i]
         every[:, :, at] = through if i is None else through[i]
         square = parts.transpose(0, 2, 1) @ parts
@@ -337,8 +335,8 @@ def _without(linear: Linear, gone: Sequence[int]) -> Suspect:
 
     def parts(linear: Linear) -> Matrix:
         result = np.zeros((problem.shots, d, d * len(gone)))
-        for place, i in enumerate(gone):
-            result[i, :, d * place : d * place + d] = linear.by_spot[i]
+        for index, i in enumerate(gone):
+            result[i, :, d * index : d * index + d] = linear.by_spot[i]
         return result
 
     return _of_spots("measurements", parts, targets=names, measurements=numbers)
@@ -425,13 +423,8 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
                 y, gram = linear.normal(_by_parameters(linear, which))
-                yield from _suspects(
-                    y[None],
-                    gram[None],
-                    sizes,
-                    lambda _, which=which, of=of: _of_prior(parameters, which, "tool", of=of),
-                    scale,
-                )
+                suspect = _of_prior(parameters, which, "tool", of=of)
+                yield from _suspects(y[None], gram[None], sizes, partial(_itself, suspect), scale)
     for angle in (False, True):
         which = [
             i
@@ -452,6 +445,10 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
                 return _of_prior(parameters, [which[k]], "length", joints=(number,), of=item.name)
 
             yield from _suspects(y, gram, _TILTS if angle else _MM, made, unit if angle else 1.0)
+
+
+def _itself(suspect: Suspect, _: int) -> Suspect:
+    return suspect
 
 
 def _by_parameters(linear: Linear, which: list[int]) -> Matrix:

@@ -34,7 +34,8 @@ def gains(fit: LikelihoodFit) -> Gains:
     jacobian = whitened.jacobian[:, problem.parameters.free]
     by_residual, by_distance = jacobian[:rows], jacobian[rows:]
     besides = by_distance.T @ by_distance + np.eye(jacobian.shape[1])
-    covariance = np.linalg.inv(fit.weight * by_residual.T @ by_residual + besides)
+    information = fit.weight * by_residual.T @ by_residual + besides
+    covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
     _, jacobian_mm = problem.linearise(fit.x)
     blocks = problem.roots(whitened).transpose(0, 2, 1)
     by_spot = fit.weight * (covariance @ blocks) @ np.linalg.inv(whitened.factor)

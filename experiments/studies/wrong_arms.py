@@ -164,9 +164,8 @@ def _deviation(names: tuple[str, ...], values: Matrix) -> Matrix:
 def _rotation(axis: Matrix, angle: Matrix) -> Matrix:
     """(N, 3, 3) about a unit axis (Rodrigues)."""
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return (
-        np.eye(3) + np.sin(angle)[:, None, None] * cross + (1 - np.cos(angle))[:, None, None] * cross @ cross
-    )
+    sine, rest = np.sin(angle)[:, None, None], 1 - np.cos(angle)[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
 
 
 def _chain(fixed: Matrix, axes: Matrix, robot: Robot, theta: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -192,15 +191,15 @@ def _aimed(course: Course, postures: Matrix, tool: Tool) -> Matrix | None:
     for _ in range(_STEPS):
         pose, places, turning = _chain(fixed, axes, course.robot, theta)
         rotation = pose[:, :3, :3]
-        seen = np.einsum("nji,nj->ni", rotation, course.target - pose[:, :3, 3])
-        residual = np.einsum("nai,ni->na", across, seen - course.point) - course.spots
+        target_in_flange = np.einsum("nji,nj->ni", rotation, course.target - pose[:, :3, 3])
+        residual = np.einsum("nai,ni->na", across, target_in_flange - course.point) - course.spots
         off = np.linalg.norm(residual, axis=1)
         if (off < _HIT_MM).all():
             break
         moved = -np.cross(turning, course.target[:, None] - places[:, :-1])
         by_joints = np.einsum("nai,nji,nkj->nak", across, rotation, moved)
         theta = theta - np.einsum("nka,na->nk", np.linalg.pinv(by_joints), residual)
-    ahead = ((seen - course.point) * course.direction).sum(axis=1) > 0
+    ahead = ((target_in_flange - course.point) * course.direction).sum(axis=1) > 0
     return theta if (off < 1e-6).all() and ahead.all() else None
 
 

@@ -99,7 +99,7 @@ class WrongModelsStudy(StudyAnswer):
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
+class _ScenarioWithPlan:
     """A scenario by its name, with a plan."""
 
     scenario: str
@@ -129,7 +129,9 @@ def wrong_models_study(
         for count in measurements
     }
     pieces = [
-        _Piece(one.name, plans[one.measured, count], arms, seed) for one in chosen for count in measurements
+        _ScenarioWithPlan(one.name, plans[one.measured, count], arms, seed)
+        for one in chosen
+        for count in measurements
     ]
     heading = heading_of(
         "wrong-models", seed, arms=arms, measurements=list(measurements), scenarios=len(chosen)
@@ -173,7 +175,7 @@ def plan_of(robot: str, count: int, seed: int) -> Matrix:
     return Planner(header, arm, target, random_postures).optimal(count, seed=seed).postures
 
 
-def _model_of(piece: _Piece) -> WrongModel:
+def _model_of(piece: _ScenarioWithPlan) -> WrongModel:
     (scenario,) = (one for one in scenarios() if one.name == piece.scenario)
     with one_blas_thread():
         judged = [
@@ -197,7 +199,7 @@ def _model_of(piece: _Piece) -> WrongModel:
         weak=len(judged) - len(passes) - len(misfits),
         z=float(np.sqrt((errors**2).mean())) if len(errors) else None,
         largest_u=float(np.abs(errors).max()) if len(errors) else None,
-        beyond=sum(bool((np.abs(own) > LIMIT_U).any()) for own in passes),
+        beyond=sum(bool((np.abs(errors) > LIMIT_U).any()) for errors in passes),
         nameable=bool(scenario.named),
         noticeable=scenario.noticeable,
         named=sum(map(right, misfits)),
@@ -269,9 +271,9 @@ def _headline(models: Sequence[WrongModel], broken: Sequence[str], unnamed: Sequ
         f" {_FEWEST_TO_NAME} measurements or more decide, {right} name the right one."
     ]
     if broken:
-        parts.append(f"Passes with an offset beyond {LIMIT_U:g} u: {listed(broken, 12)}.")
+        parts.append(f"Passes with an offset beyond {LIMIT_U:g} u: {listed(list(broken), 12)}.")
     else:
         parts.append(f"No scenario passes with an offset beyond {LIMIT_U:g} u in more than 1 % of its arms.")
     if unnamed:
-        parts.append(f"Named wrong too often: {listed(unnamed, 8)}.")
+        parts.append(f"Named wrong too often: {listed(list(unnamed), 8)}.")
     return " ".join(parts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -63,19 +64,19 @@ def _of_joints() -> Iterator[Scenario]:
         yield Scenario(
             f"columns of J{i} and J{j} exchanged",
             (("swapped_joints", (i, j)),),
-            readings=_columns(lambda q, i=i, j=j: _swapped(q, i - 1, j - 1)),
+            readings=partial(_swapped, i=i - 1, j=j - 1),
         )
     for i in (1, 3, 5):
         yield Scenario(
             f"sign of J{i} reversed",
             (("sign", (i,)), *((("zero", (4,)),) if i == 5 else ())),
-            readings=_columns(lambda q, i=i: q * np.where(np.arange(q.shape[1]) == i - 1, -1.0, 1.0)),
+            readings=partial(_reversed, joint=i - 1),
         )
     for i, degrees in ((2, 90.0), (4, 180.0), (3, -30.0)):
         yield Scenario(
             f"zero of J{i} {degrees:g}° off",
             (("zero", (i,)), *((("sign", (5,)),) if degrees == 180 else ())),
-            readings=_columns(lambda q, i=i, by=degrees: _added(q, i - 1, np.radians(by))),
+            readings=partial(_shifted, joint=i - 1, degrees=degrees),
         )
     yield Scenario(
         "radians in place of degrees", (("units", ()),), readings=_columns(lambda q: np.radians(q))
@@ -86,7 +87,7 @@ def _of_joints() -> Iterator[Scenario]:
     yield Scenario(
         "J3 recorded against the horizontal",
         (("coupling", (2, 3)),),
-        readings=_columns(lambda q: _added(q, 2, q[:, 1])),
+        readings=_coupled,
     )
     yield Scenario(
         "joints of the measurement before",
@@ -99,16 +100,26 @@ def _columns(change: Callable[[Matrix], Matrix]) -> Callable[[Matrix, Matrix], R
     return lambda joints, spots: (change(joints), spots)
 
 
-def _swapped(q: Matrix, i: int, j: int) -> Matrix:
+def _swapped(q: Matrix, spots: Matrix, *, i: int, j: int) -> Readings:
     result = q.copy()
     result[:, [i, j]] = q[:, [j, i]]
-    return result
+    return result, spots
 
 
-def _added(q: Matrix, joint: int, what: Matrix | float) -> Matrix:
+def _reversed(q: Matrix, spots: Matrix, *, joint: int) -> Readings:
+    return q * np.where(np.arange(q.shape[1]) == joint, -1.0, 1.0), spots
+
+
+def _shifted(q: Matrix, spots: Matrix, *, joint: int, degrees: float) -> Readings:
     result = q.copy()
-    result[:, joint] += what
-    return result
+    result[:, joint] += np.radians(degrees)
+    return result, spots
+
+
+def _coupled(q: Matrix, spots: Matrix) -> Readings:
+    result = q.copy()
+    result[:, 2] += q[:, 1]
+    return result, spots
 
 
 # The robot file
@@ -119,7 +130,7 @@ def _of_robot_file() -> Iterator[Scenario]:
         yield Scenario(
             f"robot file: sign of alpha in row {row}",
             (("twist", joints),),
-            robot=lambda robot, row=row: rows_of(robot, lambda rows: _negated(rows, row - 1)),
+            robot=partial(_other_row, row=row - 1, column=1, times=-1.0),
         )
     yield Scenario(
         "robot file: rows of standard DH read as modified",
@@ -130,7 +141,7 @@ def _of_robot_file() -> Iterator[Scenario]:
         yield Scenario(
             f"robot file: theta missing in row {row}",
             (("zero", (row,)),),
-            robot=lambda robot, row=row: rows_of(robot, lambda rows: _set(rows, row - 1, 3, 0.0)),
+            robot=partial(_other_row, row=row - 1, column=3, times=0.0),
         )
     for measured, analysed in (
         ("irb1600", "irb2600"),
@@ -141,7 +152,7 @@ def _of_robot_file() -> Iterator[Scenario]:
         yield Scenario(
             f"{measured} analysed as {analysed}",
             (("arm", ()),),
-            robot=lambda robot, name=analysed: load_robot(name, Path()),
+            robot=partial(_another_arm, name=analysed),
             measured=measured,
         )
     for row, column, mm in ((2, 0, 1.0), (2, 0, 3.0), (2, 0, -3.0), (4, 2, 3.0), (1, 0, 3.0)):
@@ -149,20 +160,23 @@ def _of_robot_file() -> Iterator[Scenario]:
         yield Scenario(
             f"robot file: {letter} of row {row} {mm:+g} mm",
             (("length", (row,)),),
-            robot=lambda robot, row=row, column=column, mm=mm: rows_of(
-                robot, lambda rows: _set(rows, row - 1, column, rows[row - 1][column] + mm)
-            ),
+            robot=partial(_other_row, row=row - 1, column=column, more=mm),
         )
 
 
-def _negated(rows: Matrix, row: int) -> Matrix:
-    return _set(rows, row, 1, -rows[row, 1])
+def _other_row(robot: Robot, *, row: int, column: int, times: float = 1.0, more: float = 0.0) -> Robot:
+    """With one number of a row multiplied, and so much larger."""
+
+    def change(rows: Matrix) -> Matrix:
+        result = rows.copy()
+        result[row, column] = times * result[row, column] + more
+        return result
+
+    return rows_of(robot, change)
 
 
-def _set(rows: Matrix, row: int, column: int, value: float) -> Matrix:
-    result = rows.copy()
-    result[row, column] = value
-    return result
+def _another_arm(_: Robot, *, name: str) -> Robot:
+    return load_robot(name, Path())
 
 
 def rows_of(
@@ -196,7 +210,7 @@ def _of_tool_and_target() -> Iterator[Scenario]:
         yield Scenario(
             f"tool point {mm:g} mm off",
             (("tool", ()),),
-            lambda course, mm=mm: replace(course, point=course.point + np.array([0.0, mm, 0.0])),
+            partial(_other_point, mm=mm),
         )
     for degrees in (0.1, 0.3, 1.0):
         yield Scenario(
@@ -212,10 +226,17 @@ def _of_tool_and_target() -> Iterator[Scenario]:
         yield Scenario(
             f"PSD moved by {mm:g} mm in mid-run",
             (("moved_target", ()),),
-            lambda course, mm=mm: replace(
-                course, target=course.target + _late(course)[:, None] * np.array([0.48, 0.64, -0.6]) * mm
-            ),
+            partial(_moved, mm=mm),
         )
+
+
+def _other_point(course: Course, *, mm: float) -> Course:
+    return replace(course, point=course.point + np.array([0.0, mm, 0.0]))
+
+
+def _moved(course: Course, *, mm: float) -> Course:
+    shift = np.array([0.48, 0.64, -0.6]) * mm
+    return replace(course, target=course.target + _late(course)[:, None] * shift)
 
 
 def _tilted(about: float, across: float) -> Callable[[Course], Course]:
@@ -246,9 +267,7 @@ def _of_the_run() -> Iterator[Scenario]:
             yield Scenario(
                 f"zero of J{i} jumps by {degrees:g}°",
                 (("jump", (i,)),),
-                lambda course, i=i, by=degrees: replace(
-                    course, offsets=course.offsets + _late(course)[:, None] * _joint(course, i, by)
-                ),
+                partial(_jumping, joint=i, degrees=degrees),
             )
     yield Scenario(
         "zero of J2 drifts by 0.1°",
@@ -276,16 +295,23 @@ def _of_the_run() -> Iterator[Scenario]:
         yield Scenario(
             f"one spot {mm:g} mm off",
             (("measurements", ()),),
-            readings=lambda q, s, mm=mm: (
-                q,
-                s + (np.arange(len(s)) == len(s) // 3)[:, None] * [0.8 * mm, 0.6 * mm],
-            ),
+            readings=partial(_off, mm=mm),
         )
     yield Scenario(
         "one joint reading 0.5° off",
         (("measurements", ()),),
         readings=lambda q, s: (q + (np.arange(len(q)) == 2)[:, None] * _unit(q, 2, 0.5), s),
     )
+
+
+def _jumping(course: Course, *, joint: int, degrees: float) -> Course:
+    return replace(course, offsets=course.offsets + _late(course)[:, None] * _joint(course, joint, degrees))
+
+
+def _off(q: Matrix, spots: Matrix, *, mm: float) -> Readings:
+    """A spot of one measurement."""
+    off = np.arange(len(spots)) == len(spots) // 3
+    return q, spots + off[:, None] * np.array([0.8, 0.6]) * mm
 
 
 def _early(share: float) -> Callable[[Matrix, Matrix], Readings]:
@@ -316,13 +342,13 @@ def _of_size() -> Iterator[Scenario]:
         yield Scenario(
             f"backlash {degrees:g}°",
             (("backlash", ()),),
-            lambda course, by=degrees: replace(course, backlash=np.full(course.robot.n, np.radians(by))),
+            partial(_loose, degrees=degrees),
         )
     for times in (2.0, 3.0, 5.0):
         yield Scenario(
             f"noise {times:g} times the stated",
             (("noise", ()),),
-            lambda course, times=times: replace(course, noise=times),
+            partial(_noisy, times=times),
         )
     yield Scenario(
         "gravity 3 times typical",
@@ -354,6 +380,14 @@ def _of_size() -> Iterator[Scenario]:
     )
 
 
+def _loose(course: Course, *, degrees: float) -> Course:
+    return replace(course, backlash=np.full(course.robot.n, np.radians(degrees)))
+
+
+def _noisy(course: Course, *, times: float) -> Course:
+    return replace(course, noise=times)
+
+
 # The axes of the spots
 
 
@@ -364,7 +398,9 @@ def _of_spots() -> Iterator[Scenario]:
         ("spot in place of the target", [[-1, 0], [0, -1]]),
         ("first spot axis reversed", [[-1, 0], [0, 1]]),
     ):
-        yield Scenario(
-            name, (("spot", ()),), readings=lambda q, s, matrix=matrix: (q, s @ np.array(matrix).T)
-        )
+        yield Scenario(name, (("spot", ()),), readings=partial(_other_axes, axes=np.array(matrix)))
     yield Scenario("spots 10 % too large", (), readings=lambda q, s: (q, 1.1 * s))
+
+
+def _other_axes(q: Matrix, spots: Matrix, *, axes: Matrix) -> Readings:
+    return q, spots @ axes.T

@@ -63,8 +63,8 @@ class Link:
         """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
         by_axis = dict(zip(self.axes, values, strict=True))
         shift = ca.SX.eye(4)
-        for row, axis in enumerate(_SHIFTS):
-            shift[row, 3] = by_axis.get(axis, ca.SX(0))
+        for row, along in enumerate(_SHIFTS):
+            shift[row, 3] = by_axis.get(along, ca.SX(0))
         parts = [ca.SX(self.before), shift]
         for axis, angle in (
             ("z", by_axis.get("theta")),

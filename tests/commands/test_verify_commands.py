@@ -90,10 +90,12 @@ HEADERS = {
 }
 
 
-def calibrated(folder: Path, tool: str = "laser", seed: int = 0, *, shots: int = 7) -> Path:
+def calibrated(
+    folder: Path, tool: str = "laser", seed: int = 0, *, shots: int = 7, geometry: str = "geometry: exact\n"
+) -> Path:
     """A plan, a simulated run of it, and the plan that verifies the run: the run."""
     header, run = folder / "header.yaml", folder / "run.jsonl"
-    header.write_text(f"robot: irb1600\n{HEADERS[tool]}noise: {{joint_deg: 0.01, spot_mm: 0.05}}\n")
+    header.write_text(f"robot: irb1600\n{HEADERS[tool]}{geometry}noise: {{joint_deg: 0.01, spot_mm: 0.05}}\n")
     place = "900,0,500" if tool == "probe" else "900,0,0"
     asked = ["--header", header, "--target", place, "--candidates", 300, "--shots", shots]
     assert zerobeam("plan", "optimal", *asked, "-o", folder / "plan.yaml").status == 0
@@ -122,7 +124,7 @@ def test_the_arm_of_a_simulated_run_with_its_offsets_entered_passes(tool: str, t
     assert (answer.status, answer.json["verdict"]) == (0, "pass"), answer.out
     was, now = (true_values(read_run(file).header.provenance) for file in (run, tmp_path / "new.jsonl"))
     found = zerobeam("analyse", run, "--json", "--ess", 100).json
-    entered = {row["name"]: row["estimate"] for row in found["parameters"]}
+    entered = found["enter"]["values"]
     for name in ("delta2", "delta3", "delta4", "delta5", "delta6"):
         assert now[name] == pytest.approx(was[name] - entered[name], abs=1e-8)
     for name in was.keys() - entered.keys():
@@ -157,6 +159,18 @@ def test_corrected_arms_fail_as_seldom_as_the_test_states(tmp_path: Path) -> Non
         verdicts.append(verified(folder, "new.jsonl", "--arm", run).json["verdict"])
     assert verdicts.count("fail") < 5
     assert set(verdicts) <= {"pass", "fail"}
+
+
+@pytest.mark.long
+def test_a_typical_arm_with_its_values_entered_passes(tmp_path: Path) -> None:
+    """Links, gravity and harmonics deviate and stay: what was entered is no estimate, and is predicted."""
+    run = calibrated(tmp_path, shots=30, geometry="")
+    assert verified(tmp_path, "new.jsonl", "--arm", run).json["verdict"] == "pass"
+    found = zerobeam("analyse", run, "--json", "--ess", 100).json
+    values = found["enter"]["values"]
+    estimates = {row["name"]: row["estimate"] for row in found["parameters"] if row["name"] in values}
+    assert max(abs(values[name] - estimates[name]) for name in values) > 0.005
+    assert verified(tmp_path, "other.jsonl").json["verdict"] == "fail"
 
 
 def test_an_arm_that_is_not_known_or_not_corrected_is_refused(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sen
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import check_header
-from zerobeam.model.files.header_file import read_header
+from zerobeam.model.files.header_file import PlantTolerances, read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.files.run import read_run
@@ -248,6 +248,9 @@ def require_valid(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     if text.startswith("floor_mm"):
         Obstacles.model_validate(YAML(typ="safe").load(text))
+        return
+    if text.startswith("tolerance:"):
+        PlantTolerances.model_validate(YAML(typ="safe").load(text))
         return
     schema = schema_of(text)
     reader: Callable[[Path], object] | None = {

@@ -13,13 +13,16 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 
-ENTERED = tuple(f"delta{j}" for j in range(2, 7))
-
 
 @cache
 def calibrated():
     run = read_run(demo_runs()[0].path)
     return run, solve_run(Problem.from_run(run), run.header)
+
+
+def entered():
+    """The estimates, deg."""
+    return {row.name: row.estimate for row in calibrated()[1].offsets if not row.held}
 
 
 def nominal_rms(joints, spots):
@@ -49,7 +52,7 @@ def test_both_are_the_least_error_of_the_nominal_arm():
     block = problem.parameters.block("offset")
     joints = problem.joints[rows] + solution.fit.x[block]
     spots = problem.spots[rows]
-    measured = measured_error(solution, run.header, joints, ["psd"] * len(rows), spots, ENTERED)
+    measured = measured_error(solution, run.header, joints, ["psd"] * len(rows), spots, entered())
     assert [one.calibration_measurement for one in measured.postures] == rows
     assert measured.before is not None
     assert measured.before.rms_mm == pytest.approx(nominal_rms(problem.joints[rows], spots)[0], rel=1e-6)
@@ -70,7 +73,7 @@ def test_a_nominal_arm_without_noise_has_no_error():
     ]
     spots = arm.spots - np.linalg.solve(np.stack(columns, axis=2), residual[..., None])[..., 0]
     targets = ["psd"] * len(problem.joints)
-    measured = measured_error(solution, run.header, problem.joints, targets, spots, ENTERED)
+    measured = measured_error(solution, run.header, problem.joints, targets, spots, entered())
     assert measured.after.worst_mm < 1e-6
     assert 0.05 < measured.noise_mm < 1.0  # at least that of the spot
 
@@ -80,7 +83,7 @@ def test_a_posture_that_the_calibration_has_not_leaves_as_found_unknown():
     problem = solution.problem
     joints = problem.joints[:4] + solution.fit.x[problem.parameters.block("offset")]
     joints[2] += np.radians(20.0)
-    measured = measured_error(solution, run.header, joints, ["psd"] * 4, problem.spots[:4], ENTERED)
+    measured = measured_error(solution, run.header, joints, ["psd"] * 4, problem.spots[:4], entered())
     assert [one.calibration_measurement for one in measured.postures] == [0, 1, None, 3]
     assert measured.before is None
     assert {one.before_mm for one in measured.postures} == {None}

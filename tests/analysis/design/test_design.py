@@ -168,13 +168,26 @@ def test_gains_are_slopes(criterion):
         assert -(ends[0] - ends[1]) / (2 * step) == pytest.approx(gain[i], rel=1e-5)
 
 
+def values_with(candidates, start, criterion):
+    information = candidates.information(start)
+    covariance = np.linalg.inv(information)
+    grams = module._grams(candidates.roots, covariance)
+    return module._values_with(candidates, information, covariance, grams, criterion)
+
+
 @pytest.mark.parametrize("rows", [1, 2, 3])
 @pytest.mark.parametrize("nuisance", [0, 3])
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_updates_equal_working_it_out_again(criterion, rows, nuisance):
     candidates = random_candidates(7, count=60, rows=rows, nuisance=nuisance)
     start = np.array([3, 14, 15])
-    values = module._values_with(candidates, candidates.information(start), criterion)
+    values = values_with(candidates, start, criterion)
+    covariance = np.linalg.inv(candidates.information(start))
+    grams = module._grams(candidates.roots, covariance)
+    # As the exchange has them: with one measurement more, and that one taken away again.
+    more = np.linalg.inv(candidates.information(np.append(start, 20)))
+    without = module._grams(candidates.roots, more) + module._gram_of(candidates.roots, covariance, 20)
+    np.testing.assert_allclose(without, grams, rtol=1e-9)
     again = np.array([value_of(candidates, [*start, i], criterion) for i in range(60)])
     np.testing.assert_allclose(values, again, rtol=1e-9)
 
@@ -182,7 +195,7 @@ def test_updates_equal_working_it_out_again(criterion, rows, nuisance):
 def test_e_looks_at_the_promising_ones_of_many():
     candidates = random_candidates(8, count=400)
     start = np.array([1, 2, 3])
-    values = module._values_with(candidates, candidates.information(start), "E")
+    values = values_with(candidates, start, "E")
     again = np.array([value_of(candidates, [*start, i], "E") for i in range(400)])
     looked_at = np.isfinite(values)
     assert looked_at.sum() == module._SCREENED
@@ -231,7 +244,7 @@ def test_no_exchange_improves_the_choice(criterion):
     chosen = design(candidates, 5, criterion, seed=0, starts=4)
     for place in range(5):
         others = np.delete(chosen.rows, place)
-        values = module._values_with(candidates, candidates.information(others), criterion)
+        values = values_with(candidates, others, criterion)
         values[others] = np.inf
         assert values.min() >= chosen.value * (1 - 1e-7)
 

@@ -74,14 +74,18 @@ def test_no_five_offsets_serve_better(arms: list[tuple[Solution, Matrix]]) -> No
 def test_the_region_of_the_fit_is_large_enough(
     arms: list[tuple[Solution, Matrix]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Twice the postures change the values by less than a fifth of their uncertainty."""
+    """Twice the postures change the expected squared error by less than 0.1 %."""
     solution, _ = arms[0]
-    told = entered(solution)[0]
+    spread = TcpSpread(solution)
+
+    def cost(values: dict[str, float]) -> float:
+        return float((spread.errors(controller_arm(solution.problem, values)) ** 2).mean())
+
+    values = values_to_enter(solution)
     monkeypatch.setattr("zerobeam.analysis.diagnostics.enter._FITTED", 256)
     more = values_to_enter(solution)
-    assert told is not None
-    assert all(abs(more[name] - told.values[name]) < 0.2 * told.u[name] for name in more)
-    assert any(more[name] != told.values[name] for name in more)
+    assert values != more
+    assert cost(values) == pytest.approx(cost(more), rel=1e-3)
 
 
 def as_predicted(arms: list[tuple[Solution, Matrix]]) -> tuple[int, int]:

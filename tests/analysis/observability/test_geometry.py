@@ -1,11 +1,14 @@
 """Consider analysis and tolerances against plain linear algebra; what is cached of a run is not changed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cells import LASER, OPEN_LASER, PROBE, TABLE_2, good_plan, header, plan_of, run_of, simulated_problem
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.geometry import (
     considered,
@@ -122,3 +125,29 @@ def test_the_last_offset_of_such_tools_is_as_far_off_as_stated() -> None:
         z.append((fitted.x[5] - truth.x[5]) / std[5])
     low, high = stats.chi2.ppf([0.0005, 0.9995], len(z)) / len(z)
     assert low < np.mean(np.square(z)) < high
+
+
+@pytest.mark.parametrize("arms", [4, pytest.param(40, marks=pytest.mark.long)])
+def test_gravity_counts_with_one_target(arms: int) -> None:
+    """Each joint deflects by 0.05° where its torque is largest, the prior's standard deviation, and one PSD
+    was used: no rung is dropped, so that no arm of four is a misfit (two of forty at most), and z is within 4
+    of u. Negative control: with exact geometry z is not."""
+    plan = plan_of(header(geometry=None), good_plan(12).postures)
+    misfits, largest, exact = 0, 0.0, header()
+    for seed in range(arms):
+        rng = np.random.default_rng(1000 + seed)
+        truth = Truth.drawn(plan, rng)
+        parameters, x = truth.problem.parameters, truth.x.copy()
+        x[parameters.tolerated] = 0.0
+        bent = np.array([item.axis == "gravity" for item in parameters.items])
+        x[bent] = np.radians(0.05) * rng.choice([-1, 1], bent.sum())
+        run = run_of(plan.header, simulated_shots(Truth(truth.problem, x), rng))
+        solution = solve_run(Problem.from_run(run), plan.header)
+        misfits += solution.verdict == "misfit"
+        z = (solution.fit.x - x)[1:6] / parameters.unscaled(solution.fit.std)[1:6]
+        assert np.abs(z).max() < 4
+        of_exact = solve_run(Problem.from_run(replace(run, header=exact)), exact)
+        std = of_exact.fit.problem.parameters.unscaled(of_exact.fit.std)
+        largest = max(largest, np.abs((of_exact.fit.x[:6] - x[:6]) / std[:6])[1:].max())
+    assert misfits <= (2 if arms > 4 else 0)
+    assert largest > 4

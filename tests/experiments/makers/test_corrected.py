@@ -19,6 +19,7 @@ from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, cal
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
 from zerobeam.experiments.makers.generic.urdf import urdf_text
+from zerobeam.experiments.makers.maker import makers
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
@@ -161,6 +162,28 @@ def test_values_for_nominal_geometry_are_not_the_estimates(run: Run, answer: Rob
     assert "To enter:" in head
     assert f"to enter: {values['delta2']:+.6f} deg" in head
     assert "To enter:" not in " ".join(answer.head)
+
+
+@pytest.fixture(scope="module")
+def to_enter(run: Run) -> RobotCalibration:
+    return told(run, "offsets")
+
+
+@pytest.mark.parametrize("kind", ["rapid", "moc", "kuka", "ur", "fanuc"])
+def test_every_controller_s_file_has_the_values_to_enter(
+    run: Run, to_enter: RobotCalibration, kind: str
+) -> None:
+    """The estimate is in the head alone, the value in its table too."""
+    formats = {each.name: each for maker in makers() for each in maker.offsets}
+    names = {"kuka": "kr6_r900", "ur": "ur5e", "fanuc": "lrmate_200id"}
+    robot = load_robot(names.get(kind, "irb1600"))
+    text = formats[kind].text(replace(run, robot=robot), to_enter)
+    for offset in to_enter.offsets:
+        if offset.exported and offset.row.estimate is not None:
+            assert offset.applied != offset.row.estimate
+            assert text.count(f"{offset.row.estimate:+.6f}") == 1
+            value = f"{offset.applied:.6f}"
+            assert text.count(value) >= 2
 
 
 def test_a_program_gets_what_depends_on_the_posture_too(tmp_path: Path) -> None:

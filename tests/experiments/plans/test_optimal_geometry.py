@@ -12,7 +12,6 @@ from cells import LASER, header, irb1600, plan_of
 from command_line import WIDTH
 from rich.console import Console
 
-from zerobeam.analysis.design import exact_design
 from zerobeam.analysis.design.continuous_design import offset_covariance, variance
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.experiments.plans.candidates import candidates
@@ -72,7 +71,7 @@ def test_a_plan_for_uncertain_geometry_holds_up_better_under_it(shots: int) -> N
     assert deviating < 0.8 * exact
 
 
-def test_the_bound_holds_and_the_wider_search_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bound_holds() -> None:
     own = proposed(7, True)
     assert 0 < own.efficiency <= 1
     random = np.random.default_rng(0)
@@ -81,8 +80,6 @@ def test_the_bound_holds_and_the_wider_search_is_no_worse(monkeypatch: pytest.Mo
         rows = random.choice(roots.count, 7, replace=False)
         covariance = offset_covariance(roots, roots.information(rows))
         assert variance(covariance, "A") * 25 >= own.bound
-    monkeypatch.setattr(exact_design, "_NEAR_FEW", exact_design._NEAR)
-    assert own.value <= planner(True, 1000).optimal(7).value * (1 + 1e-9)
 
 
 def printed(shots: int) -> str:

@@ -172,19 +172,21 @@ def test_at_zero_the_geometry_is_nominal(case):
         np.testing.assert_allclose(others, expected[1], rtol=0, atol=1e-9)
 
 
-def test_a_header_without_geometry_has_the_functions_of_before(arms):
+def test_a_header_of_exact_geometry_has_the_functions_of_the_nominal_arm(arms):
+    """And one without the key those of a typical arm, its calibrated tool included."""
     robot = arms("irb1600").arm.robot
     content = {"robot": "irb1600", "tool": {"kind": "probe", "point_mm": [0, 0, 65]}}
     content["noise"] = {"joint_deg": 0.01, "spot_mm": 0.05}
     joints = np.random.default_rng(0).uniform(-1, 1, (4, 6))
-    plain = Problem.build(Header.model_validate(content), robot, joints, ["a"] * 4)
-    freed = Problem.build(Header.model_validate({**content, "geometry": {}}), robot, joints, ["a"] * 4)
+    plain = Problem.build(Header.model_validate({**content, "geometry": "exact"}), robot, joints, ["a"] * 4)
+    freed = Problem.build(Header.model_validate(content), robot, joints, ["a"] * 4)
     assert not plain.geometry
-    assert plain.parameters.names == freed.parameters.without("geometry").names
+    assert plain.parameters.names == freed.parameters.without("geometry").without("tool").names
     assert plain.data_size == 12
-    assert len(freed.tolerated) == freed.parameters.group("geometry").sum() - 1  # link1.d is held
+    # Of the links link1.d is held; of the probe there are three coordinates.
+    assert len(freed.tolerated) == freed.parameters.group("geometry").sum() - 1 + 3
     assert freed.data_size == 12 + len(freed.tolerated)
     x = freed.nominal()
-    kept = ~freed.parameters.group("geometry")
+    kept = ~(freed.parameters.group("geometry") | freed.parameters.group("tool"))
     np.testing.assert_allclose(x[kept], plain.nominal(), rtol=0, atol=1e-9)
     np.testing.assert_allclose(freed.whiten(x).residual, plain.whiten(x[kept]).residual, rtol=1e-9)

@@ -107,6 +107,21 @@ def drawn_of(name: str) -> dict[str, Picture]:
     return made_once(f"figures of a study {name}", lambda: study_of(answer).pictures(answer))
 
 
+def test_a_plan_of_coverage_has_one_page() -> None:
+    answer = answer_of("agreeing")
+    document = pdf(study_of(answer).page(answer), drawn_of("agreeing"))
+    pages = [" ".join(page.extract_text().split()) for page in pypdf.PdfReader(io.BytesIO(document)).pages]
+    at = {
+        plan.name: [i for i, text in enumerate(pages) if text.startswith(f"Plan {plan.name} Plan ")]
+        for plan in answer.plans
+    }
+    starts = [number for numbers in at.values() for number in numbers]
+    assert len(starts) == len(answer.plans)
+    assert starts == list(range(starts[0], starts[0] + len(starts)))
+    # The next begins with the comparison of the fits: the last plan has one page, too.
+    assert pages[starts[-1] + 1].startswith("The midpoint fit against the likelihood fit")
+
+
 def blocks(view: View) -> list[Block]:
     return [block for section in view.sections for block in section.all]
 
