@@ -108,7 +108,7 @@ def test_what_is_read_is_never_replaced(tmp_path, header):
             assert "would be lost" in zerobeam(*asked).refused()
 
 
-def plan(tmp_path, header=HEADER + TARGETS):
+def plan(tmp_path, header="geometry: exact\n" + HEADER + TARGETS):
     joints = np.degrees(read_run(demo_runs()[0].path).joints)
     lines = "".join(f"  - {list(map(float, row))}\n" for row in joints)
     path = tmp_path / "plan.yaml"

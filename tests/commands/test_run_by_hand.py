@@ -34,7 +34,7 @@ IN_RADIANS = ", ".join(map(str, np.radians(POSTURES[1]).round(9)))
 def plan(tmp_path: Path) -> Path:
     path = tmp_path / "plan.yaml"
     path.write_text(
-        "schema: zerobeam/plan/1\nrobot: irb1600\n"
+        "schema: zerobeam/plan/1\nrobot: irb1600\ngeometry: exact\n"
         "tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}\n"
         "noise: {joint_deg: 0.01, spot_mm: 0.05}\ntargets: {psd: {guess_mm: [900, 0, 0], sigma_mm: 200}}\n"
         "postures_deg:\n" + "".join(f"  - {posture}\n" for posture in POSTURES),
