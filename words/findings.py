@@ -19,7 +19,6 @@ from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
-from ..analysis.observability.causes import Cause
 from ..analysis.posterior.posterior import PosteriorSummary
 from .misfit import criterion_sentence
 from .observability import reason

@@ -21,8 +21,8 @@ from pages import Page
 
 from zerobeam.experiments.demos import demo_runs
 
-# In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid, the
-# chances beyond which only the side is said, the turn of joint 1 that is in front of the arm.
+# In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid,
+# the chances beyond which only the side is said, the turn of joint 1 that is in front of the arm.
 OF_THE_WORDS = (2.5, 19.0, 50.0, 95.0, 97.5, 100.0, 101.0, 2008.0, 20_000.0, 500.0, 0.001, 0.999, 90.0)
 MINOR = 0.05  # of a variance: what is less in every column is one of the "others"
 NUMBER = re.compile(r"(?<![\w.])[-\u2212]?\d+(?:\.\d+)?(?:e[-\u2212]?\d+)?(?!\w|\.\d)")
@@ -43,8 +43,8 @@ def of_the_result(value: Any) -> Iterator[float]:
 
 
 def worked_out(answer: Any) -> Iterator[float]:
-    """The length of a miss, expanded uncertainties, how far apart two costs are by them, shares and chances in
-    percent, small sources together, what the draws cannot decide, errors of a rehearsal."""
+    """The length of a miss, expanded uncertainties, how far apart two costs are by them, shares and chances
+    in percent, small sources together, what the draws cannot decide, errors of a rehearsal."""
     k = answer["coverage_factor"]
     yield from (math.hypot(*shot["miss_mm"]) for shot in answer["shots"])
     for stds in (answer["geometry"][key] or {} for key in ("consider", "at_half", "at_twice")):

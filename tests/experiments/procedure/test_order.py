@@ -125,7 +125,7 @@ def test_a_tolerance_must_be_above_zero_and_something_free(pool: Plan) -> None:
 def test_an_estimated_noise_is_not_believed_from_a_number_or_two(tmp_path: Path) -> None:
     """With few numbers to spare the scale may come out far too small: Student's t asks for more.
 
-    The part of a variance that the prior of 5 degrees makes has infinitely many degrees of freedom (GUM, G.4).
+    What the prior of 5 degrees makes of a variance has infinitely many degrees of freedom (GUM, G.4).
     """
     plan = good_plan(6, noise={"scale": "estimated"})
     problem = Problem.from_plan(plan)
