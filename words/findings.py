@@ -19,7 +19,6 @@ from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
-from ..analysis.observability.causes import Cause
 from ..analysis.posterior.posterior import PosteriorSummary
 from .misfit import criterion_sentence
 from .observability import reason
@@ -170,13 +169,12 @@ def accuracy_reason(accuracy: TcpAccuracy, name: Namer = str) -> str | None:
     """Why no accuracy is claimed; None where it is."""
     if not accuracy.converged:
         return "the fit did not converge"
-    parts: dict[tuple[str, Cause | None], list[str]] = {}
+    parts: dict[tuple[str, str], list[str]] = {}
     for parameter, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
-        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(parameter)
-    reasons = []
-    for (state, cause), names in parts.items():
         why = "" if cause is None else f": {reason(cause, name)}"
-        reasons.append(
-            f"the TCP depends on {listed([name(each) for each in names])}, which {be(names)} {state}{why}"
-        )
+        parts.setdefault(("held" if held else "unidentifiable", why), []).append(name(parameter))
+    reasons = [
+        f"the TCP depends on {listed(names)}, which {be(names)} {state}{why}"
+        for (state, why), names in parts.items()
+    ]
     return "; ".join(reasons) or None

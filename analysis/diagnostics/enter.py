@@ -189,7 +189,9 @@ class _Fitted:
         for _ in range(_STEPS):
             entered_at, jacobian = problem.functions.kernel("placed")(joints, arm, points)
             columns = jacobian[:, :, places].reshape(-1, len(places))
-            inverse = np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True)
+            inverse = np.asarray(
+                np.linalg.pinv(columns.T @ columns, rcond=_SAME, hermitian=True), dtype=float
+            )
             arm[places] += inverse @ (columns.T @ (position - entered_at).reshape(-1))
         self.offsets[at] = arm[places]
         by_arm = by_arm.reshape(-1, len(arm)).copy()

@@ -114,8 +114,9 @@ class Linear:
 
     def rows(self, of_shots: Matrix) -> Matrix:
         """(M, k) whitened columns of all residuals, from those of the measurements (N, d, k)."""
-        result = np.zeros((len(self.residual), of_shots.shape[-1]))
-        result[: self.problem.shots * self.size] = of_shots.reshape(-1, of_shots.shape[-1])
+        measured, columns = self.problem.shots * self.size, of_shots.shape[-1]
+        result = np.zeros((len(self.residual), columns))
+        result[:measured] = of_shots.reshape(measured, columns)
         return result
 
     def normal(self, columns: Matrix) -> tuple[Matrix, Matrix]:

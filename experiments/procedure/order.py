@@ -123,14 +123,11 @@ class Adaptive:
         return self._best(left, made, x)
 
     def _wide(self, state: Solution) -> float:
-        """The largest std; where the noise is estimated from few numbers, possibly too small, widened as
-        Student's t widens an interval."""
-        assert state.worst is not None
-        return (
-            state.worst
-            * float(np.nanmax(state.quantiles[state.problem.parameters.group("offset")]))
-            / NORMAL_95
-        )
+        """The largest std of an offset; where the noise is estimated from few numbers, possibly too small,
+        each widened as Student's t widens its interval."""
+        offsets = state.problem.parameters.group("offset")
+        half = (state.quantiles * state.std * state.problem.parameters.display)[offsets]
+        return float(np.nanmax(half)) / NORMAL_95
 
     def _best(self, left: list[int], made: list[int], x: Matrix) -> int:
         """Of the postures `left` the one after which the largest std is the smallest."""

@@ -82,7 +82,8 @@ def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPat
 
 def test_what_another_optimum_disagrees_about_is_not_known() -> None:
     """An X-Pattern of ten targets has two, 0.2 apart in log-posterior; a climb from zero sees one."""
-    own, names = header(target=(900.0, 0.0, 0.0)), [f"t{k // 2}" for k in range(20)]
+    own = header(target=(900.0, 0.0, 0.0), prior={"offset_deg": 6.0})
+    names = [f"t{k // 2}" for k in range(20)]
     postures = pattern(own, irb1600(), np.array([900.0, 0.0, 0.0]), "x", len(names))
     postures[-1] = postures[-2]
     shots = simulated(plan_of(own, postures), TABLE_2, 2)[1].shots

@@ -185,7 +185,8 @@ def _hostile() -> Analysis:
 
     No reader lets all these names pass: they are put in behind it, since the reports rely on nobody.
     """
-    own = header(target=(900.0, 0.0, 0.0))
+    # With a prior of 5 degrees delta5 would be lost without the other optimum already.
+    own = header(target=(900.0, 0.0, 0.0), prior={"offset_deg": 6.0})
     names = [name for name in HOSTILE_NAMES for _ in range(2)]
     postures = pattern(own, irb1600(), np.array([900.0, 0.0, 0.0]), "x", len(names))
     postures[-1] = postures[-2]  # the last target is seen from one direction only: its name is in a reason

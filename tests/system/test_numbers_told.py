@@ -21,8 +21,10 @@ from pages import Page
 
 from zerobeam.experiments.demos import demo_runs
 
-# In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid.
-OF_THE_WORDS = (2.5, 19.0, 50.0, 95.0, 97.5, 100.0, 101.0, 2008.0, 20_000.0, 500.0)
+# In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid,
+# the chances beyond which only the side is said, the turn of joint 1 that is in front of the arm.
+OF_THE_WORDS = (2.5, 19.0, 50.0, 95.0, 97.5, 100.0, 101.0, 2008.0, 20_000.0, 500.0, 0.001, 0.999, 90.0)
+MINOR = 0.05  # of a variance: what is less in every column is one of the "others"
 NUMBER = re.compile(r"(?<![\w.])[-\u2212]?\d+(?:\.\d+)?(?:e[-\u2212]?\d+)?(?!\w|\.\d)")
 
 
@@ -41,12 +43,20 @@ def of_the_result(value: Any) -> Iterator[float]:
 
 
 def worked_out(answer: Any) -> Iterator[float]:
-    """The length of a miss, how far apart two costs are, shares in percent, small sources together, what the
-    draws cannot decide, errors of a rehearsal."""
+    """The length of a miss, expanded uncertainties, how far apart two costs are by them, shares and chances
+    in percent, small sources together, what the draws cannot decide, errors of a rehearsal."""
+    k = answer["coverage_factor"]
     yield from (math.hypot(*shot["miss_mm"]) for shot in answer["shots"])
+    for stds in (answer["geometry"][key] or {} for key in ("consider", "at_half", "at_twice")):
+        yield from (k * std for std in stds.values())
+    yield from (100 * wrong["probability"] for wrong in answer["power"] or ())
+    for direction in answer["identifiability"]["null_space"]:
+        yield from map(abs, direction["combination"].values())  # its sign is set apart
     for row in answer["parameters"]:
+        if row["std"] is not None:
+            yield k * row["std"]
         if row["midpoint"] is not None and row["std"] is not None:
-            yield (row["midpoint"] - row["estimate"]) / row["std"]
+            yield (row["midpoint"] - row["estimate"]) / (k * row["std"])
         true = answer["inputs"]["header"].get("provenance", {}).get(f"true {row['name']} ({row['unit']})")
         if true is not None and row["std"] is not None:
             yield from (row["estimate"] - true, (row["estimate"] - true) / row["std"])
@@ -63,6 +73,7 @@ def worked_out(answer: Any) -> Iterator[float]:
         own = [other["rows"] for other in answer["budget"] if other["name"].startswith("delta") == offset]
         # Small in every column of the table, not in one.
         order = sorted(range(len(budget["rows"])), key=lambda i: max(abs(rows[i]["share"]) for rows in own))
+        yield sum(max(abs(rows[i]["share"]) for rows in own) < MINOR for i in order)
         ranked = [budget["rows"][i] for i in order]
         for rows in (*([row] for row in ranked), *(ranked[:count] for count in range(2, len(ranked)))):
             yield 100 * sum(row["share"] for row in rows)

@@ -384,7 +384,8 @@ def test_a_drift_is_found_over_the_order_and_over_the_time(slope: float) -> None
 
 
 def test_an_offset_that_the_runs_do_not_determine_has_no_number(tmp_path: Path) -> None:
-    answer = compare(run_files(tmp_path, pattern_plan("x"), [{}, {}, {}]))
+    # Seed 0 has a drift by chance, as one of 60 such triples does.
+    answer = compare(run_files(tmp_path, pattern_plan("x"), [{}, {}, {}], seed=3))
     (second,) = [row for row in answer["offsets"] if row["name"] == "delta2"]
     assert second["runs"] == 0
     numbers = {

@@ -154,7 +154,7 @@ def test_what_limits(changes, limit):
     assert limit in answer.limit
     if "noise" in limit:
         needed = int(answer.limit.split(" would be")[0].split()[-1])
-        worst = own_planner.optimal(6, starts=4).worst
+        worst = own_planner.optimal(6).worst
         assert needed == pytest.approx(6 * (worst / 1e-4) ** 2, abs=1.5)
 
 
