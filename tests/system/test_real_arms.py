@@ -25,7 +25,7 @@ from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.header import StatedGeometry, StatedNoise
+from zerobeam.model.files.header import EXACT, StatedGeometry, StatedNoise
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.likelihood.problem import Problem
 
@@ -56,7 +56,7 @@ def run(shared_data: Path) -> Runs:
 
 
 def stated(run: Run, geometry: StatedGeometry | None) -> Run:
-    header = run.header.model_copy(update={"geometry": geometry, "noise": NOISE})
+    header = run.header.model_copy(update={"geometry": geometry or EXACT, "noise": NOISE})
     return dataclasses.replace(run, header=header)
 
 
