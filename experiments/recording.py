@@ -360,12 +360,12 @@ def _answer(
         numbers = listed([str(number) for number in result.missing], 99)
         be = "is" if len(result.missing) == 1 else "are"
         incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
-    said = message_so_far(state, file.name, header)
+    summary = message_so_far(state, file.name, header)
     return Ended(
         file=file.name,
         verdict=state.verdict,
         headline=incomplete + headline_so_far(state),
-        message=replace(said, verdict=incomplete + said.verdict),
+        message=replace(summary, verdict=incomplete + summary.verdict),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
             for row in state.offsets

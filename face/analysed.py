@@ -294,7 +294,7 @@ def analyse(
     'pass'
     >>> row = sol["delta2"]
     >>> f"{row.estimate:.2f} {row.unit}, u = {row.u:.1g}"
-    '-1.22 deg, u = 0.02'
+    '-1.24 deg, u = 0.08'
     """
     require_kind(run, Run, "run", "read a file with zerobeam.read_run(path)")
     require_number(seed, 0, "seed", whole=True)

@@ -90,8 +90,10 @@ def measured_sentence(measured: MeasuredError) -> str:
             f"Error at the target, measured: {left} as left; {of_noise}. As found is not known: the"
             " calibration has no measurement at some of these postures."
         )
-    found = f"{numbers.significant(measured.before.rms_mm, 2, 'mm')} rms ({_worst(measured.before.worst_mm)})"
-    return f"Error at the target, measured: {found} as found, {left} as left; {of_noise}."
+    before = (
+        f"{numbers.significant(measured.before.rms_mm, 2, 'mm')} rms ({_worst(measured.before.worst_mm)})"
+    )
+    return f"Error at the target, measured: {before} as found, {left} as left; {of_noise}."
 
 
 def _worst(worst_mm: float) -> str:

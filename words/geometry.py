@@ -36,7 +36,7 @@ class OffsetRow(Protocol):
     def tolerance_share(self) -> float | None: ...
 
 
-class _Row(Protocol):
+class _Tolerated(Protocol):
     """A parameter of a result, of a check."""
 
     @property
@@ -59,7 +59,7 @@ def geometry_title(tolerated: Iterable[_Grouped]) -> str:
     return "Geometry and tool" if any(row.group == "tool" for row in tolerated) else "Geometry"
 
 
-def determined_sentence(rows: Iterable[_Row], *, planned: bool = False) -> str | None:
+def determined_sentence(rows: Iterable[_Tolerated], *, planned: bool = False) -> str | None:
     """How many of the parameters with tolerances the measurements determine; None where there are none."""
     free = [row for row in rows if row.tolerated and not row.held]
     if not free:

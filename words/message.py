@@ -123,11 +123,11 @@ def message_so_far(solution: Solution, run: str, header: Header) -> Message:
     return _message(_case_so_far(solution, run, header.model_dump(mode="json")), person)
 
 
-def lines_of(said: Message) -> list[str]:
+def lines_of(content: Message) -> list[str]:
     """A message as lines: verdict, cause, worst offset, what to do; cautions are left to a page."""
-    action = said.action
+    action = content.action
     todo = f"To do: {action.text}" + ("" if action.command is None else f"  {action.command}")
-    lines = [said.verdict, said.cause, None if said.worst is None else said.worst.text, todo]
+    lines = [content.verdict, content.cause, None if content.worst is None else content.worst.text, todo]
     return [line for line in lines if line is not None]
 
 
@@ -405,12 +405,12 @@ def _plan(case: _Case) -> str | None:
     targets = case.header.get("targets")
     if not case.run or not isinstance(targets, dict) or len(targets) != 1:
         return None
-    ((target, stated),) = targets.items()
-    guess = stated.get("guess_mm") if isinstance(stated, dict) else None
+    ((target, target_row),) = targets.items()
+    guess = target_row.get("guess_mm") if isinstance(target_row, dict) else None
     if target not in DEFAULT_TARGETS.values() or not isinstance(guess, list | tuple):
         return None
-    place = ",".join(f"{float(value):g}" for value in guess)
-    return f"zerobeam plan optimal --header {run_argument(case.run)} --target={place} -o plan.yaml"
+    coordinates = ",".join(f"{float(value):g}" for value in guess)
+    return f"zerobeam plan optimal --header {run_argument(case.run)} --target={coordinates} -o plan.yaml"
 
 
 def export_command(vendor: str | None) -> tuple[str, str]:

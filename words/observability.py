@@ -187,14 +187,14 @@ def remedy(cause: Cause, name: Namer = str) -> str:
 
 def _counts(cause: TooFewMeasurements) -> str:
     """What measurements give and what they must determine."""
-    given = counted(cause.measurements, "measurement")
+    measured = counted(cause.measurements, "measurement")
     if cause.distances:
-        given += f" and {counted(cause.distances, 'stated distance')}"
+        measured += f" and {counted(cause.distances, 'stated distance')}"
     gives = "gives" if cause.measurements + cause.distances == 1 else "give"
     parts = [counted(count, _UNKNOWN[group]) for group, count in cause.unknowns.items()]
     total = sum(cause.unknowns.values())
     unknowns = f"{listed(parts)}, {total} in all," if len(parts) > 1 else parts[0]
-    return f"{given} {gives} {counted(cause.numbers, 'number')}; {unknowns} must be determined"
+    return f"{measured} {gives} {counted(cause.numbers, 'number')}; {unknowns} must be determined"
 
 
 def _tool(kind: ToolKind) -> str:

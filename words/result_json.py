@@ -58,13 +58,13 @@ def to_json(result: Result) -> dict[str, Any]:
 def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
-    said, entered = message(result), offered(result)
-    steps = next_steps(result, said)
+    verdict_message, entered = message(result), offered(result)
+    steps = next_steps(result, verdict_message)
     with_links = result.entered_geometry if entered else None
     return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
-        message=said,
+        message=verdict_message,
         headline=headline(result),
         parameters=tuple(map(parameter_document, result.parameters)),
         without_prior=alone and document.WithoutPriorDocument.filled(alone),

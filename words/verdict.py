@@ -35,7 +35,7 @@ _TOUCHED: dict[Condition, str] = {
 }
 
 
-class _Row(Protocol):
+class _WithStatus(Protocol):
     """A parameter of a result, of a check, of a run that is not finished."""
 
     @property
@@ -47,7 +47,7 @@ class _Row(Protocol):
 
 
 def verdict_sentence(
-    parameters: Sequence[_Row], null_space: Sequence[NullDirection], name: Namer = str
+    parameters: Sequence[_WithStatus], null_space: Sequence[NullDirection], name: Namer = str
 ) -> str:
     """What can be said of the offsets, the gravest first."""
 

@@ -195,8 +195,8 @@ def _errors(
     `Region`."""
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
-    place = problem.functions.kernel("place")
-    (nominal,) = place(joints, np.zeros(problem.parameters.arm.stop), point)
+    position_of = problem.functions.kernel("place")
+    (nominal,) = position_of(joints, np.zeros(problem.parameters.arm.stop), point)
     of_point = _transferred(arm_covariance(problem, fit.covariance), jacobian)
     apart = np.asfortranarray(nominal) - position
     length = np.linalg.norm(apart, axis=1)
@@ -208,7 +208,7 @@ def _errors(
         return np.array([length, std, radius95(of_point, dof), rms])
     arm = controller_arm(problem, values)
     arm[0] = 0.0
-    (entered_at,) = place(joints, arm, point)
+    (entered_at,) = position_of(joints, arm, point)
     left = np.asfortranarray(position - entered_at)
     rms = np.sqrt(rms**2 + (left**2).sum(axis=1))
     return np.array([length, std, radius95_about(left, of_point, dof), rms])

@@ -84,8 +84,8 @@ def effective_dof(fit: LikelihoodFit) -> Matrix:
     each = gains(fit)
     if problem.noise.estimated:
         # All that was not stated has the one scale, curvature too.
-        stated = (each.covariance @ each.besides * each.covariance).sum(axis=1)
-        parts = (variances - stated)[:, None]
+        of_data = (each.covariance @ each.besides * each.covariance).sum(axis=1)
+        parts = (variances - of_data)[:, None]
     else:
         of_noise = problem.variances(fit.x)
         joints = ((each.by_joint**2).sum(axis=0) * of_noise[:-1]).sum(axis=1)

@@ -505,8 +505,8 @@ class Header(FileModel):
     @property
     def exact_tool(self) -> bool:
         """Whether the tool is as stated: a calibrated one without `tool.sigma` on an exact arm."""
-        stated = "sigma" in self.tool.model_fields_set
-        return self.tool.calibrated and self.arm is None and not stated
+        with_sigma = "sigma" in self.tool.model_fields_set
+        return self.tool.calibrated and self.arm is None and not with_sigma
 
     @property
     def only_target(self) -> str:

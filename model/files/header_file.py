@@ -74,10 +74,10 @@ def completed(
     plant = _plant(geometry, folder, file, line)
     if plant is None:
         return header
-    stated = geometry.model_dump(exclude_unset=True, exclude={"tolerances"})
+    explicit = geometry.model_dump(exclude_unset=True, exclude={"tolerances"})
     typical = plant.model_dump(exclude={"tool_sigma"})
-    tolerance = typical["tolerance"] | stated.get("tolerance", {})
-    merged = StatedGeometry.model_validate({**typical, **stated, "tolerance": tolerance})
+    tolerance = typical["tolerance"] | explicit.get("tolerance", {})
+    merged = StatedGeometry.model_validate({**typical, **explicit, "tolerance": tolerance})
     tool = _completed(header.tool, plant.tool_sigma)
     return header.model_copy(update={"geometry": merged, "tool": tool})
 

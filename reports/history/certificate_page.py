@@ -188,12 +188,14 @@ def _traceability(certificate: Mapping[str, Any]) -> str:
         return "None: the measurements were simulated."
     if form["traceability"]:
         return shown(form["traceability"])
-    stated = [row["name"] for row in form["instruments"] if row["text"] and "certificate" in row["name"]]
-    if not stated:
+    certificates = [
+        row["name"] for row in form["instruments"] if row["text"] and "certificate" in row["name"]
+    ]
+    if not certificates:
         return "Not shown: no calibration certificate of an instrument is stated."
     return (
-        f"By the certificates that the laboratory has stated ({listed(stated)}, first page); zerobeam has not"
-        " seen them."
+        f"By the certificates that the laboratory has stated ({listed(certificates)}, first page); zerobeam"
+        " has not seen them."
     )
 
 

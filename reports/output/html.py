@@ -148,11 +148,13 @@ def card(page: Page, tables: Sequence[Table]) -> str:
 
 def text(page: Page, table: Table) -> str:
     """The same as text of a screen at most: title, message or verdict, one table; long ones are cut short."""
-    said = (
+    sentences = (
         [f"{page.verdict.word}. {page.verdict.sentence}"] if page.message is None else lines_of(page.message)
     )
     headline = [
-        line for text in said for line in textwrap.wrap(text, _WIDTH, max_lines=_MOST_LINES, placeholder=" …")
+        line
+        for text in sentences
+        for line in textwrap.wrap(text, _WIDTH, max_lines=_MOST_LINES, placeholder=" …")
     ]
     rows = [[cell.text for cell in row.cells] for row in table.rows]
     if len(rows) > _MOST_ROWS:

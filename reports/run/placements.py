@@ -131,11 +131,18 @@ def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
             row_of(
                 label(row.name),
                 "—" if std is None else numbers.spread(k * std, row.unit),
-                "none" if row.u is None else numbers.spread(k * row.u, row.unit),
+                _scatter(row.u, k, row.unit),
                 listed([clipped(name, _NAME) for name in row.needs]) if row.needs else "",
             )
         )
     return table_of("Offsets by the delete-one-placement jackknife", columns, rows) if rows else None
+
+
+def _scatter(u: float | None, k: float, unit: str) -> str:
+    """U by the jackknife: nothing scatters where placements are copies of each other."""
+    if u is None:
+        return "none"
+    return numbers.spread(k * u, unit) if u > 0 else numbers.with_unit("0", unit)
 
 
 def _effective_sentence(effective: Effective, result: Result) -> str:

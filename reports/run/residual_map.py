@@ -20,7 +20,7 @@ _AREA = 22.0  # square points of a normalised residual of 1
 _LARGEST = 8.0  # a larger normalised residual is drawn as this one
 
 
-class _Placed(NamedTuple):
+class _Residual(NamedTuple):
     """A measurement: where the laser (or the tip of the probe) was, mm, and its normalised residual."""
 
     x: float
@@ -53,7 +53,7 @@ def residual_map_picture(result: Result) -> Picture | None:
     return Picture(NAME, title, _alt(placed), svg)
 
 
-def _placed(result: Result) -> list[_Placed]:
+def _placed(result: Result) -> list[_Residual]:
     """The measurements whose place is known."""
     if result.scene is None:
         return []
@@ -62,11 +62,11 @@ def _placed(result: Result) -> list[_Placed]:
     placed = []
     for posture in result.scene.shots:
         normalised, limit = by_shot[posture.shot]
-        placed.append(_Placed(*posture.links[-1], normalised, normalised > limit))
+        placed.append(_Residual(*posture.links[-1], normalised, normalised > limit))
     return placed
 
 
-def _panel(axes: Axes, at: list[tuple[float, float]], placed: list[_Placed]) -> list[Line2D]:
+def _panel(axes: Axes, at: list[tuple[float, float]], placed: list[_Residual]) -> list[Line2D]:
     """The dots, the largest below; what the key shows of them."""
     order = sorted(range(len(placed)), key=lambda i: -placed[i].normalised)
     for i in order:
@@ -95,7 +95,7 @@ def _size(normalised: float) -> float:
     return math.sqrt(_AREA * max(min(normalised, _LARGEST), 0.15))
 
 
-def _alt(placed: list[_Placed]) -> str:
+def _alt(placed: list[_Residual]) -> str:
     worst = max(placed, key=lambda one: one.normalised)
     beyond = sum(one.beyond for one in placed)
     at = ", ".join(numbers.fixed(value, 0) for value in (worst.x, worst.y, worst.z))

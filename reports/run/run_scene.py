@@ -63,9 +63,9 @@ def _placed(target: SceneTarget, scene: RunScene) -> Placed:
 
 
 def run_turnable(result: Result) -> Turnable | None:
-    """The scene made ready for the report's page; None where there is none."""
+    """The scene made ready for the report's page; None where there is none, as of a misfit."""
     recorded, scene = result.scene, run_scene(result)
-    if recorded is None or scene is None:
+    if recorded is None or scene is None or result.misfit is not None:
         return None
     positions = _positions(recorded)
     count, all_shots = len(scene.postures), len(result.shots)

@@ -70,16 +70,16 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
     )
 
 
-def print_message(console: Console, verdict: Verdict, said: Message) -> None:
+def print_message(console: Console, verdict: Verdict, message: Message) -> None:
     """The message of an answer: what is read first."""
-    console.print(Text(sentence(said.verdict), style=VERDICT_STYLE[verdict]))
-    for text in (said.cause, None if said.worst is None else said.worst.text):
+    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[verdict]))
+    for text in (message.cause, None if message.worst is None else message.worst.text):
         if text is not None:
             console.print(Text(sentence(text)))
-    console.print(Text("To do: ", style="bold") + Text(sentence(said.action.text)))
-    if said.action.command is not None:
-        print_commands(console, (said.action.command,))
-    print_notes(console, said.cautions)
+    console.print(Text("To do: ", style="bold") + Text(sentence(message.action.text)))
+    if message.action.command is not None:
+        print_commands(console, (message.action.command,))
+    print_notes(console, message.cautions)
 
 
 def print_commands(console: Console, commands: Iterable[str]) -> None:

@@ -171,6 +171,7 @@ OPEN = {
     "consider",
     "header",
     "observability",
+    "u",
     "values",
     "versions",
     "worst_std",

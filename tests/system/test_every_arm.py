@@ -135,6 +135,7 @@ def header_of(folder: Path, name: str) -> Path:
     path.write_text(
         f"robot: {name}\ntool: {{kind: laser, calibrated: true, point_mm: {TOOL}, direction: [1, 0, 0]}}\n"
         "noise: {joint_deg: 0.01, spot_mm: 0.05}\n"
+        "geometry: exact\n"  # a few measurements are enough then
     )
     return path
 

@@ -242,10 +242,10 @@ def _with_tolerated(fit: LikelihoodFit, rows: Matrix, drawn: set[int]) -> Matrix
     left = fit.covariance[np.ix_(unknown, unknown)] - gain @ across.T
     variance, axes = np.linalg.eigh(left)
     noise = np.random.default_rng(0).standard_normal((len(rows), len(others)))
-    given = ((rows[:, at] - fit.x[at]) / parameters.prior_std[at]) @ gain.T
-    given += noise @ (axes * np.sqrt(np.maximum(variance, 0.0))).T
+    shift = ((rows[:, at] - fit.x[at]) / parameters.prior_std[at]) @ gain.T
+    shift += noise @ (axes * np.sqrt(np.maximum(variance, 0.0))).T
     result = rows.copy()
-    result[:, others] = fit.x[others] + given * parameters.prior_std[others]
+    result[:, others] = fit.x[others] + shift * parameters.prior_std[others]
     return result
 
 

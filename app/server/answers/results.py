@@ -27,7 +27,7 @@ _MOST_FIGURES = 200
 _SHOWN = {
     *("name", "unit", "group", "status", "held", "estimate", "std", "interval95", "prior_std", "reason")
 }
-_SAID = {"verdict", "message", "coverage_factor", "headline", "notes", "next_steps", "posterior"}
+_SENTENCES = {"verdict", "message", "coverage_factor", "headline", "notes", "next_steps", "posterior"}
 _SHOWN_OF_A_SHOT = ("shot", "target", "whitened", "leave_one_out", "cooks")
 
 Value = TypeVar("Value")
@@ -94,7 +94,7 @@ def result(folder: Folder, name: str) -> dict[str, Any]:
         "report": _called(folder, path.with_name("report.html"), beside),
         "posterior_file": _called(folder, path.with_name("posterior.nc"), beside),
         "files": [{"path": folder.called(file), "bytes": file.stat().st_size} for file in beside],
-        **content.model_dump(include=_SAID),
+        **content.model_dump(include=_SENTENCES),
         "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
         "diagnosis": [row.sentence for row in content.diagnosis],
         "parameters": [
