@@ -9,7 +9,7 @@ speaks of a consumer's risk: 1 less than that). The other tests of a misfit noti
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,8 +36,8 @@ TOOL_MM, JUMP_DEG, BACKLASH_DEG, NOISE_TIMES = 1.0, 0.2, 0.03, 3.0
 class DetectionPower:
     """A run notices a `wrong` model of this `size` (mm, deg, or 1: times the stated) with a `probability`.
 
-    "tool": a point of the tool is off by that, in the direction that is noticed least, or does most harm of
-    those that are not noticed; "jump": the zero of `joint` (from 1), the one noticed least, jumps halfway;
+    "tool": a point of the tool is off by that, in the direction that does most harm of those that are not
+    noticed, or is noticed least; "jump": the zero of `joint` (from 1), chosen likewise, jumps halfway;
     "backlash": every joint is off by that, one way or the other; "noise": the readings scatter so many times
     as much. `off_u` is the error that it makes of an offset, in its standard uncertainty, the largest of all.
     """
@@ -169,8 +169,15 @@ def _of_tool(biases: _Biases, dof: int, limit: float) -> DetectionPower:
         DetectionPower("tool", TOOL_MM, "mm", _of_square(limit, dof, square), error)
         for square, error in zip(squares.tolist(), off.tolist(), strict=True)
     ]
+    return _most_harmful(cases)
+
+
+def _most_harmful(cases: Sequence[DetectionPower]) -> DetectionPower:
+    """The case that does most harm of those that are not noticed; where all are, the one noticed least."""
     unnoticed = [case for case in cases if not case.noticed]
-    return max(unnoticed, key=lambda case: case.off_u) if unnoticed else cases[0]
+    if unnoticed:
+        return max(unnoticed, key=lambda case: case.off_u)
+    return min(cases, key=lambda case: case.probability)
 
 
 def _of_jump(biases: _Biases, revolute: list[int], dof: int, limit: float) -> DetectionPower:
@@ -178,9 +185,11 @@ def _of_jump(biases: _Biases, revolute: list[int], dof: int, limit: float) -> De
     jumps = biases.by_joints[second][:, :, revolute] * np.radians(JUMP_DEG)
     u = np.einsum("nda,ndj->aj", biases.roots[second], jumps)
     squares, off = biases.squares((jumps**2).sum(axis=(0, 1)), u), biases.off(u)
-    least = int(np.argmin(squares))
-    probability = _of_square(limit, dof, float(squares[least]))
-    return DetectionPower("jump", JUMP_DEG, "deg", probability, float(off[least]), revolute[least] + 1)
+    cases = [
+        DetectionPower("jump", JUMP_DEG, "deg", _of_square(limit, dof, square), error, joint + 1)
+        for square, error, joint in zip(squares.tolist(), off.tolist(), revolute, strict=True)
+    ]
+    return _most_harmful(cases)
 
 
 def _of_backlash(biases: _Biases, revolute: list[int], dof: int, limit: float) -> DetectionPower:
