@@ -1,4 +1,4 @@
-"""Does the model describe the measurements at all? Six criteria, each with its figures; one is enough.
+"""Does the model describe the measurements at all? Seven criteria, each with its figures; one is enough.
 
 An interval follows from the noise and from the model. Where the model is not the arm, no status can be relied
 on, however small the standard uncertainties. So a misfit is decided beside the statuses, by what the
@@ -10,6 +10,8 @@ statuses do not see:
     placements           offsets that differ from placement to placement by more than each scatters
     moved target         a target that was displaced between two measurements
     steps                measurements of one recording that are off together, as if the target had slipped
+    change               a zero that jumped or drifted during the run, or a target that drifted; where no
+                         other criterion says that something is wrong, or what
 
 Placements and steps need no stated noise: their yardstick is the scatter within the placements and
 recordings, so that a misfit cannot vanish into a noise that is estimated from the very residuals that it
@@ -30,6 +32,7 @@ from ..model.likelihood.problem import Problem, rms_length
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
+from .observability.changes import RunChange, run_change
 from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.steps import RecordingStep
@@ -114,7 +117,9 @@ class PlacementsDisagree:
     geometry: Geometry = "nominal"
 
 
-Criterion = LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree | Displacement | RecordingStep
+Criterion = (
+    LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree | Displacement | RecordingStep | RunChange
+)
 
 
 @dataclass(frozen=True)
@@ -144,6 +149,8 @@ def misfit_of(
         *(() if moved is None else (moved,)),
         *steps,
     )
+    if not criteria and (changed := run_change(fit.problem, fit.x)) is not None:
+        criteria = (changed,)
     return Misfit(criteria) if criteria else None
 
 

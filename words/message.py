@@ -37,7 +37,9 @@ from ..analysis.observability.causes import (
     ToolRotation,
     worst_direction,
 )
+from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import PlanVerdict
+from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
@@ -48,7 +50,7 @@ from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
 from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
 from .misfit_causes import mend
-from .observability import reason, remedy, unnoticed_sentence
+from .observability import condition, reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
 from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
@@ -64,6 +66,7 @@ _FILES = {
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
+_OF_THE_RUN = ("jump", "drift", "moved")  # wrong models that repeated postures show
 _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
 
@@ -71,7 +74,7 @@ _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a
 class _Case:
     """What a message is made of: of a result, or of a solution while its run is being measured, of which no
     `diagnosis` was made. `off` are placements that the others do not predict, `warnings` sentences that no
-    finding says."""
+    finding says, `power` what a pass may not have noticed."""
 
     verdict: Verdict
     stopped: str | None
@@ -86,6 +89,7 @@ class _Case:
     diagnosis: Sequence[Explanation] | None = None
     off: Sequence[HoldOut] = ()
     warnings: Sequence[str] = ()
+    power: Sequence[DetectionPower] = ()
 
     @property
     def offsets(self) -> list[ParameterResult]:
@@ -95,6 +99,11 @@ class _Case:
     def named(self, *status: Status) -> list[str]:
         """The offsets of these statuses."""
         return [row.name for row in self.offsets if row.status in status]
+
+    @property
+    def condition(self) -> str | None:
+        """What a pass is subject to, after "provided that"; None without a pass or a condition."""
+        return condition(self.power) if self.verdict == "pass" else None
 
     @property
     def worst(self) -> ParameterResult | None:
@@ -149,8 +158,13 @@ def headline_so_far(solution: Solution, name: Namer = str) -> str:
 
 
 def _headline(case: _Case, name: Namer) -> str:
-    cause = _cause(case, name)
-    return f"{_determined(case, name)} {cause or ''}".rstrip()
+    subject_to = case.condition
+    parts = (
+        _determined(case, name),
+        _cause(case, name),
+        None if subject_to is None else f"This holds provided that {subject_to}.",
+    )
+    return " ".join(part for part in parts if part)
 
 
 def _case(result: Result) -> _Case:
@@ -172,6 +186,7 @@ def _case(result: Result) -> _Case:
         diagnosis=result.diagnosis,
         off=[rows[k] for _, k in off],
         warnings=tuple(_warnings(result)),
+        power=result.power,
     )
 
 
@@ -214,8 +229,11 @@ def _warnings(result: Result) -> Iterator[str]:
 
 def _message(case: _Case, name: Namer) -> Message:
     worst = case.worst
+    word, subject_to = verdict_word(case.verdict, case.header), case.condition
+    if subject_to is not None:
+        word = f"{word}, provided that {subject_to}"
     return Message(
-        verdict=f"{verdict_word(case.verdict, case.header)}. {_determined(case, name)}",
+        verdict=f"{word}. {_determined(case, name)}",
         worst=None if worst is None else _worst(case, worst, name),
         cause=_cause(case, name),
         action=_action(case),
@@ -354,9 +372,14 @@ def _action(case: _Case) -> Action:
     if not case.offsets:
         return Action("Enter nothing: no offset is estimated.", None)
     command, file = export_command(case.vendor)
-    return Action(
-        "Write the values to enter into a file for this robot.", f"zerobeam {command} {run} -o {file}"
-    )
+    enter = f"zerobeam {command} {run} -o {file}"
+    if any(row.dangerous and row.wrong in _OF_THE_RUN for row in case.power):
+        return Action(
+            "Measure the first postures again at the end of the run and analyse it again: they show what"
+            " changed. Or accept the conditions, and write the values to enter into a file for this robot.",
+            enter,
+        )
+    return Action("Write the values to enter into a file for this robot.", enter)
 
 
 def _mend(case: _Case) -> str:
@@ -374,6 +397,9 @@ def _mend(case: _Case) -> str:
                 f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(target)} from the run,"
                 " or record them again with the target fixed."
             )
+        case RunChange(at=at):
+            what = "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
+            return f"Look for what changed {what} during the run, and record the run again."
         case _ if case.diagnosis is None:
             return "Analyse the run: that says what could be wrong."
         case _:

@@ -15,6 +15,7 @@ from ..analysis.misfit import (
     OffPrior,
     PlacementsDisagree,
 )
+from ..analysis.observability.changes import ChangeAt, RunChange
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
 from . import numbers
@@ -78,6 +79,10 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             return displacement_sentence(criterion)
         case RecordingStep():
             return step_sentence(criterion)
+        case RunChange(at=at, p_value=p_value, elsewhere=elsewhere):
+            others = [change_words(one) for one in elsewhere[:_MOST_ALTERNATIVES]]
+            doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
+            return f"It seems that {change_words(at)} ({p_words(p_value)}){doubt}"
 
 
 def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
@@ -113,6 +118,16 @@ def _by(moved: Displacement) -> str:
         if shift is not None and std is not None
     ]
     return f" by {' and '.join(along)}" if along else ""
+
+
+def change_words(one: ChangeAt) -> str:
+    """What changed, when and by how much."""
+    what = clipped(str(one.target)) if one.joint is None else f"the zero of J{one.joint}"
+    amount = numbers.estimate(one.amount, one.std, numbers.unit_of(one.unit))
+    between = f"measurements {one.after_shot} and {one.before_shot}"
+    if one.how == "drift":
+        return f"{what} drifted by {amount} from measurement {one.after_shot} to {one.before_shot}"
+    return f"{what} jumped by {amount} between {between}"
 
 
 def step_sentence(step: RecordingStep) -> str:

@@ -5,6 +5,7 @@ and a plan's outlook.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from ..analysis.observability.causes import (
     BaseFrame,
@@ -31,11 +32,11 @@ from ..analysis.observability.causes import (
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
-from ..analysis.observability.power import NOTICED, DetectionPower
+from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower
 from ..model.likelihood.parameters import Group
 from ..model.likelihood.tool import ToolKind
 from . import numbers
-from .wording import Namer, counted, label, listed, shown
+from .wording import Namer, be, counted, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -325,6 +326,8 @@ def outlook_lines(check: Check) -> list[str]:
     """Which errors a run of the plan detects, the change of the plan that helps most, and the plan with the
     target elsewhere."""
     lines = power_sentences(check.power)
+    if (subject_to := condition(check.power)) is not None:
+        lines.append(f"A pass of such a run will hold provided that {subject_to}.")
     lines += [] if check.advice is None else [advice_sentence(check.advice)]
     if check.over_target is not None:
         units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
@@ -343,10 +346,45 @@ def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
     return [*sentences, *([f"A run of this plan may not detect {listed(missed)}."] if missed else [])]
 
 
+_CHANGED = {"jump": "jumped", "drift": "drifted"}
+_MOST_MISSED = 6
+
+
+def condition(powers: Sequence[DetectionPower]) -> str | None:
+    """What a pass is subject to, after "provided that": the wrong models with which a run may pass and have
+    wrong offsets. None where there is none."""
+    may_be = [each.wrong for each in powers if each.dangerous]
+    changed = [word for wrong, word in _CHANGED.items() if wrong in may_be]
+    stated = ["the arm"] if "arm" in may_be else []
+    stated += ["the tool"] if "tool" in may_be or "beam" in may_be else []
+    parts = [
+        *([f"no joint's zero {' or '.join(changed)} during the run"] if changed else []),
+        *(["no target moved"] if "moved" in may_be else []),
+        *(["no reading is wrong"] if "reading" in may_be else []),
+        *(["no joint has backlash"] if "backlash" in may_be else []),
+        *(["the noise is as stated"] if "noise" in may_be else []),
+        *(
+            [f"{listed(stated)} {be(stated)} within what is stated of {'it' if len(stated) == 1 else 'them'}"]
+            if stated
+            else []
+        ),
+    ]
+    return listed(parts) if parts else None
+
+
 def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
-    """The wrong models that a run which passes could not have detected, of those that do harm."""
-    missed = [_missed_words(each) for each in powers if each.dangerous]
-    return f"A pass does not exclude {listed(missed)}." if missed else None
+    """The wrong models with which a run may pass and have wrong offsets, each at its worst size."""
+    missed = [
+        f"{wrong_words(replace(each, size=float(f'{each.worst_size:.2g}')))} ({100 * each.risk:.0f} %)"
+        for each in powers
+        if each.dangerous and each.worst_size is not None
+    ]
+    if not missed:
+        return None
+    return (
+        f"Measurements like these pass with an offset wrong by more than {LIMIT_U:g} u after"
+        f" {listed(missed, _MOST_MISSED)}: the probability is that at the worst size."
+    )
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
@@ -373,6 +411,16 @@ def wrong_words(power: DetectionPower) -> str:
     match power.wrong:
         case "tool":
             return f"a tool {size} off"
+        case "beam":
+            return f"a beam {size} off its direction"
+        case "arm":
+            return f"an arm {numbers.exact(power.size)} times its tolerances off"
+        case "drift":
+            return f"a drift of {size} in the zero of joint {power.joint}"
+        case "reading":
+            return f"one reading {size} off at the spot"
+        case "moved":
+            return f"a target moved by {size}"
         case "jump":
             return f"a jump of {size} in the zero of joint {power.joint}"
         case "backlash":

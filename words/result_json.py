@@ -15,6 +15,7 @@ from ..analysis.diagnostics.hold_out import PlacementResult
 from ..analysis.displacement import Displacement
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import NullDirection
+from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import GeometryResult
 from ..analysis.observability.identifiability import Identifiability
@@ -44,6 +45,7 @@ _CRITERIA: dict[type, type[document.DocumentPart]] = {
     PlacementsDisagree: document.PlacementsDisagreeDocument,
     Displacement: document.MovedTargetDocument,
     RecordingStep: document.StepDocument,
+    RunChange: document.ChangeDocument,
 }
 
 
@@ -207,6 +209,7 @@ def _misfit(misfit: Misfit | None) -> document.MisfitDocument | None:
     rows = []
     for one in misfit.criteria:
         at = one.at._asdict() if isinstance(one, Displacement) else {}
+        at = vars(one.at) if isinstance(one, RunChange) else at
         rows.append(_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one), **at))
     return document.MisfitDocument.model_construct(criteria=tuple(rows))
 

@@ -26,6 +26,7 @@ from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
 from ..estimation.tolerance_factors import Factors
 from ..misfit import Geometry, OffPrior
+from ..observability.changes import How
 from ..observability.check import CheckedPosture, PlanInputs, PlanVerdict
 from ..observability.geometry import Confounded, Rung, Tolerance
 from ..observability.outlook import Advice, CurvePoint, OverTarget
@@ -425,13 +426,30 @@ class StepDocument(DocumentPart):
     sentence: str
 
 
+class ChangeDocument(DocumentPart):
+    """A zero or a target that changed during the run."""
+
+    kind: Literal["change"]
+    how: How
+    joint: int | None
+    target: str | None
+    after_shot: int
+    before_shot: int
+    amount: float
+    std: float
+    unit: str
+    p_value: float
+    sentence: str
+
+
 CriterionDocument = Annotated[
     LackOfFitDocument
     | ImplausibleNoiseDocument
     | BeyondPriorDocument
     | PlacementsDisagreeDocument
     | MovedTargetDocument
-    | StepDocument,
+    | StepDocument
+    | ChangeDocument,
     Field(discriminator="kind"),
 ]
 
@@ -474,6 +492,9 @@ class PowerDocument(DocumentPart):
     joint: int | None
     probability: float
     off_u: float
+    risk: float
+    worst_size: Number
+    dangerous: bool
 
 
 class ResultDocument(DocumentPart):

@@ -16,6 +16,7 @@ from ...model.arrays import Matrix
 from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
+from ..observability.changes import RunChange
 from ..solution import Solution
 from .cause import Cause
 from .hypotheses import SIGNIFICANCE, HypothesisFit, fits_at, fits_from, hypothesis_fits
@@ -82,10 +83,12 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     slack = 1.0 if solution.problem.noise.known else _SLACK
     density = Density(problem)
     (answer,) = fits_at(density, x[None])
-    if answer.agrees(slack):  # and so does the best fit at the stated noise
+    # What changed during the run may leave residuals that agree with the noise: the test for it does not.
+    changed = any(isinstance(one, RunChange) for one in solution.misfit.criteria)
+    if answer.agrees(slack) and not changed:  # and so does the best fit at the stated noise
         return ()
     ended, (base,) = fits_from(density, x[None])
-    if base.agrees(slack):
+    if base.agrees(slack) and not changed:
         return ()
     fits = list(hypothesis_fits(problem, ended[0], base, slack))
     explained = _explanations(base, fits, slack, exact=not problem.geometry)

@@ -22,6 +22,7 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import ANGLES
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
+from ..observability.changes import FEWEST, after
 from ..recordings.recordings import by_targets
 from .cause import Cause
 
@@ -33,7 +34,6 @@ _SHARES = (1e-4, 1e-3, 1e-2, 1e-1)  # of a motion, of a gain
 _TILTS = (0.3, 3.0)  # deg
 _TIMES = (2.0, 3.0, 5.0, 10.0)  # the tolerances
 _NOISE_TIMES = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
-_FEWEST = 2  # measurements before and after a change
 _MOST_OUTLIERS = 3
 
 _TURNED: dict[str, list[list[int]]] = {
@@ -83,7 +83,7 @@ class Linear:
         self.free = self.jacobian[:, problem.parameters.free]
         information = self.free.T @ self.free
         self.information = information + np.eye(len(information))
-        self.covariance = np.linalg.inv(self.information)
+        self.covariance: Matrix = np.asarray(np.linalg.inv(self.information), dtype=float)
         parameters = problem.parameters
         z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
         # Of a point that is not quite the mode: the residuals there, by one step of Gauss and Newton's.
@@ -203,22 +203,13 @@ def _each(linear: Linear, columns: Matrix) -> tuple[Matrix, Matrix]:
 
 def _after(linear: Linear, parts: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
     """y (C, k) and G (C, k, k) of a change at each place between `rows`, of columns (N, d, k)."""
-    of_rows = parts[rows]
-    squares = of_rows.transpose(0, 2, 1) @ of_rows
-    cross = linear.roots[rows].transpose(0, 2, 1) @ of_rows
-    slopes = np.einsum("ndk,nd->nk", of_rows, linear.shots_residual[rows])
-    first, last = _FEWEST, len(rows) - _FEWEST
-    square, through, slope = (
-        np.cumsum(part[::-1], axis=0)[::-1][first : last + 1] for part in (squares, cross, slopes)
-    )
-    gram = square - through.transpose(0, 2, 1) @ linear.covariance @ through
-    return slope, gram
+    return after(parts[rows], linear.roots[rows], linear.shots_residual[rows], linear.covariance)
 
 
 def _jumps(linear: Linear) -> Iterator[Suspect]:
     """The zero of a joint at another place from some measurement on."""
     problem, order = linear.problem, linear.order
-    changes = len(order) - 2 * _FEWEST + 1
+    changes = len(order) - 2 * FEWEST + 1
     for kind, unit in (("revolute", np.radians(1.0)), ("prismatic", 1.0)):
         joints = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == kind]
         if changes < 1 or not joints:
@@ -227,7 +218,7 @@ def _jumps(linear: Linear) -> Iterator[Suspect]:
         y, gram = (np.concatenate(part) for part in zip(*parts, strict=True))
 
         def made(index: int, joints: list[int] = joints) -> Suspect:
-            joint, at = joints[index // changes], index % changes + _FEWEST
+            joint, at = joints[index // changes], index % changes + FEWEST
             late = np.zeros(problem.shots)
             late[order[at:]] = 1.0
             return _of_joint("jump", joint, late[:, None], measurements=_around(problem, order, at))
@@ -280,14 +271,14 @@ def _moved_targets(linear: Linear) -> Iterator[Suspect]:
     problem = linear.problem
     for k, name in enumerate(problem.targets):
         rows = linear.order[problem.target_index[linear.order] == k]
-        if len(rows) < 2 * _FEWEST:
+        if len(rows) < 2 * FEWEST:
             continue
         y, gram = _after(linear, linear.by_place, rows)
 
         def made(index: int, rows: Index = rows, name: str = name) -> Suspect:
             late = np.zeros(problem.shots)
-            late[rows[index + _FEWEST :]] = 1.0
-            around = _around(problem, rows, index + _FEWEST)
+            late[rows[index + FEWEST :]] = 1.0
+            around = _around(problem, rows, index + FEWEST)
             return _of_place("moved_target", late, targets=(name,), measurements=around)
 
         for suspect in _suspects(y, gram, _MM, made):

@@ -1,45 +1,75 @@
-"""What a run of these measurements could notice: the power of the test of its residuals against wrong models.
+"""What a run of these measurements could notice: the power of its tests against wrong models, and their risk.
 
-A wrong model moves the whitened residuals by b. The fit takes up what its parameters can: it leaves M b, and
-moves what has a tolerance by -C A' b, with the Jacobian A by the scaled parameters, C = (A'A + I)^-1 and
-M = I - A C A'. Their squares together are the noncentrality of the chi-squared of residuals and tolerances
-(`LikelihoodFit.against_noise`); the power is the probability that it is beyond what chance leaves (JCGM 106
-speaks of a consumer's risk: 1 less than that). The other tests of a misfit notice more: it is a lower bound.
+A wrong model moves the whitened residuals by b (`biases`). The noncentrality of the chi-squared of residuals
+and tolerances (`LikelihoodFit.against_noise`) is the sum of their squares by it, that of a test for just this
+change (`changes`, `displacement`) b'M b; the power is the probability that the better of both is beyond what
+chance leaves. The other tests of a misfit notice more: it is a lower bound. The risk is the probability that
+a run passes and has an offset that is wrong by more than 4 u, at the size of the wrong model at which it is
+largest (the consumer's risk of JCGM 106): what a fit leaves and what it moves are independent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Index, Mask, Matrix
-from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..status import LACK_OF_FIT
+from .biases import Biases, revolute, tool_items
+from .changes import FEWEST, change_limit
 
-WrongModel = Literal["tool", "jump", "backlash", "noise"]
+WrongModel = Literal["tool", "beam", "arm", "jump", "drift", "moved", "reading", "backlash", "noise"]
 
 NOTICED = 0.8  # power from which on a wrong model counts as noticed
-HARMLESS = (
-    1.0  # error of an offset, in its standard uncertainty, below which a wrong model need not be noticed
-)
+HARMLESS = 1.0  # error of an offset, in its u, below which a wrong model need not be noticed
+LIMIT_U = 4.0  # error of an offset, in its standard uncertainty, that a pass must not have
+MOST_RISK = 0.01  # probability of that with which a pass needs no condition
+TOOL_MM, BEAM_DEG, ARM_TIMES = 1.0, 0.3, 3.0
+JUMP_DEG, DRIFT_DEG, MOVED_MM, READING_MM = 0.2, 0.1, 1.0, 1.0
+BACKLASH_DEG, NOISE_TIMES = 0.03, 3.0
 _SPLITS = 8  # random halves that exchanges begin with
 _MORE = 1e-9  # relative: less is no improvement
-TOOL_MM, JUMP_DEG, BACKLASH_DEG, NOISE_TIMES = 1.0, 0.2, 0.03, 3.0
+_DIRECTIONS = 12  # of a displacement in space, on half a sphere, and in a plane
+
+# The largest sizes at which the risk is looked at.
+_LARGEST: dict[WrongModel, float] = {
+    "tool": 5.0,
+    "beam": 2.0,
+    "arm": 10.0,
+    "jump": 1.0,
+    "drift": 0.5,
+    "moved": 10.0,
+    "reading": 10.0,
+    "backlash": 0.2,
+    "noise": 10.0,
+}
+_MOST_OFF = 14.0  # error of an offset, in u, up to which it is
+_LOOKS = np.linspace(0.0, 1.0, 55)[1:]
+
+_LOOKED_AT = 3  # joints, targets and directions of which the risk is worked out
+
+_PowerBy = Callable[[Matrix], Matrix]  # by the size over that of the row (k,)
 
 
 @dataclass(frozen=True)
 class DetectionPower:
     """A run notices a `wrong` model of this `size` (mm, deg, or 1: times the stated) with a `probability`.
 
-    "tool": a point of the tool is off by that, in the direction that does most harm of those that are not
-    noticed, or is noticed least; "jump": the zero of `joint` (from 1), chosen likewise, jumps halfway;
-    "backlash": every joint is off by that, one way or the other; "noise": the readings scatter so many times
-    as much. `off_u` is the error that it makes of an offset, in its standard uncertainty, the largest of all.
+    "tool": a point of the tool is off; "beam": its direction is; "arm": what has a tolerance of the geometry
+    is so many times that large; "jump": the zero of `joint` (from 1) jumps halfway; "drift": it drifts so far
+    from the first measurement to the last; "moved": a target is moved halfway through its measurements, or
+    drifts from the first to the last; "reading": one measurement is off at the spot; "backlash": every joint
+    is off by that, one way or the other; "noise": the readings scatter so many times as much. Of joints,
+    targets and directions that of the largest risk is stated.
+
+    `off_u` is the error that it makes of an offset, in its standard uncertainty, the largest of all. `risk`
+    is the probability that a run passes with an offset that is wrong by more than 4 u, the largest over all
+    sizes, and `worst_size` that size.
     """
 
     wrong: WrongModel
@@ -48,6 +78,8 @@ class DetectionPower:
     probability: float
     off_u: float
     joint: int | None = None
+    risk: float = 0.0
+    worst_size: float | None = None
 
     @property
     def noticed(self) -> bool:
@@ -55,9 +87,14 @@ class DetectionPower:
         return self.probability >= NOTICED
 
     @property
-    def dangerous(self) -> bool:
-        """Whether a run may pass with offsets that it makes wrong."""
+    def harmful(self) -> bool:
+        """Whether a run may not notice it at this size although an offset is then off by its u or more."""
         return not self.noticed and self.off_u >= HARMLESS
+
+    @property
+    def dangerous(self) -> bool:
+        """Whether a run may pass with offsets that it makes wrong: a pass is then subject to its absence."""
+        return self.risk > MOST_RISK
 
 
 def powers(problem: Problem, x: Matrix, rank: int) -> tuple[DetectionPower, ...]:
@@ -68,18 +105,18 @@ def powers(problem: Problem, x: Matrix, rank: int) -> tuple[DetectionPower, ...]
     dof = problem.data_size - rank
     if not problem.noise.known or dof <= 0:
         return ()
-    return tuple(_powers(_Biases(problem, x), dof))
+    return tuple(_Powers(Biases(problem, x), dof).rows())
 
 
 def halves(problem: Problem, x: Matrix) -> tuple[Index, Index]:
     """The measurements in two halves: a jump of a joint's zero between them is noticed most, of the joint of
     which it is noticed least."""
     second = np.arange(problem.shots) >= problem.shots // 2
-    revolute = _revolute(problem)
-    if problem.shots < 3 or not revolute:
+    joints = revolute(problem)
+    if problem.shots < 3 or not joints:
         return np.flatnonzero(~second), np.flatnonzero(second)
-    biases = _Biases(problem, x)
-    jumps = biases.by_joints[:, :, revolute]
+    biases = Biases(problem, x)
+    jumps = biases.by_joints[:, :, joints]
     u = np.einsum("nda,ndj->jna", biases.roots, jumps)
     form = u @ biases.taken @ u.transpose(0, 2, 1)  # (n, N, N): noncentrality of biases, by measurements
     each = np.arange(problem.shots)
@@ -106,128 +143,246 @@ def _exchanged(form: Matrix, second: Mask) -> tuple[float, tuple[Index, Index]]:
         second[first[enter]], second[chosen[leave]] = True, False
 
 
-class _Biases:
-    """What a fit makes of biases b of the whitened residuals, by u = A'b (f, k) and the squares b'b (k,)."""
+class _Power(NamedTuple):
+    """Of a chi-squared of so many degrees of freedom, against a `limit`, by the noncentrality at a size."""
 
-    def __init__(self, problem: Problem, x: Matrix) -> None:
-        self.problem, parameters = problem, problem.parameters
-        whitened = problem.whiten(x)
-        jacobian = whitened.jacobian
-        self.columns = jacobian[:, parameters.free]
-        gram = self.columns.T @ self.columns
-        self.covariance = np.linalg.inv(gram + np.eye(len(gram)))
-        at = parameters.among_free[problem.tolerated]
-        # |M b|^2 and the squares of what has a tolerance: b'b + u' Q u.
-        self.taken = self.covariance @ gram @ self.covariance - 2 * self.covariance
-        self.taken += self.covariance[:, at] @ self.covariance[at]
-        offsets = parameters.group("offset")[parameters.free]
-        self.into = self.covariance[offsets] / np.sqrt(np.diag(self.covariance)[offsets])[:, None]
-        _, shot_jacobians = problem.linearise(x)
-        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
-        # (N, d, n) of each measurement by its joints, rad or mm; (N, d, f) of it by the parameters.
-        self.by_joints = by_joints * np.sqrt(problem.weights)[:, None, None]
-        self.roots = problem.roots(whitened)
-        tool = [parameters.index(item.name) for item in parameters.items if _shifts(item)]
-        self.by_tool = jacobian[:, tool] / parameters.prior_std[tool]
+    limit: float
+    dof: int
+    noncentrality: float
 
-    def squares(self, square: Matrix, u: Matrix) -> Matrix:
-        """(k,) the noncentralities of biases."""
-        return np.asarray(np.maximum(square + (u * (self.taken @ u)).sum(axis=0), 0.0))
-
-    def off(self, u: Matrix) -> Matrix:
-        """(k,) the largest error of an offset by biases, in its u."""
-        return np.asarray(np.abs(self.into @ u).max(axis=0, initial=0.0))
+    def at(self, times: Matrix) -> Matrix:
+        """The probability that it is beyond the limit at so many times that size."""
+        return np.asarray(1 - scipy.special.chndtr(self.limit, self.dof, self.noncentrality * times**2))
 
 
-def _revolute(problem: Problem) -> list[int]:
-    return [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
+class _Powers:
+    """The wrong models of a run."""
+
+    def __init__(self, biases: Biases, dof: int) -> None:
+        self._biases, self._dof = biases, dof
+        self._limit = float(scipy.special.chdtri(dof, LACK_OF_FIT))
+
+    def rows(self) -> Iterator[DetectionPower]:
+        """Each with a joint, a target and a direction, those of the largest risk."""
+        biases, problem = self._biases, self._biases.problem
+        if shifts := tool_items(problem, "mm"):
+            yield self._along("tool", TOOL_MM, "mm", biases.by_parameters(shifts))
+        if tilts := tool_items(problem, "deg"):
+            yield self._along("beam", BEAM_DEG, "deg", biases.by_parameters(tilts))
+        if len(arm := _tolerated_arm(problem)):
+            yield self._of_arm(arm)
+        joints = revolute(problem)
+        if joints:
+            yield self._of_joints("jump", JUMP_DEG, joints, _second_half(problem.shots))
+            yield self._of_joints("drift", DRIFT_DEG, joints, _steady(problem.shots))
+        if (problem.shots >= 2 * FEWEST) and (moved := list(self._of_targets())):
+            yield _riskiest(moved)
+        yield self._of_reading()
+        if joints:
+            yield self._of_backlash(joints)
+        yield self._of_noise()
+
+    def _along(self, wrong: WrongModel, size: float, unit: str, columns: Matrix) -> DetectionPower:
+        """A displacement (of the tool) with these columns (M, 2) in the worst direction."""
+        columns = columns @ _directions(columns.shape[1]) * (np.radians(size) if unit == "deg" else size)
+        u = self._biases.columns.T @ columns
+        return self._worst(wrong, size, unit, (columns**2).sum(axis=0), u)
+
+    def _of_joints(self, wrong: WrongModel, size: float, joints: list[int], course: Matrix) -> DetectionPower:
+        """The zeros of joints that change by a course (N,) over the run: their values must hold for the arm
+        at its beginning and at its end."""
+        biases = self._biases
+        square, u = biases.of_shots(biases.by_joints[:, :, joints] * course[:, None, None] * np.radians(size))
+        before = biases.errors(u)
+        by_end = biases.joints[:, None] == np.array(joints)
+        after = before - by_end * (np.radians(size) / biases.std)[:, None]
+        off = np.maximum(np.abs(before), np.abs(after)).max(axis=0, initial=0.0)
+        limit = change_limit(biases.problem)
+        return self._worst(wrong, size, "deg", square, u, off=off, joints=joints, directed=(limit, 1))
+
+    def _of_targets(self) -> Iterator[DetectionPower]:
+        """A target that is moved halfway through its measurements, or drifts from the first to the last; both
+        have tests of three degrees of freedom, by Bonferroni's bound."""
+        biases, index = self._biases, self._biases.problem.target_index
+        targets = [
+            rows for k in range(index.max() + 1) if len(rows := np.flatnonzero(index == k)) >= 2 * FEWEST
+        ]
+        if not targets:
+            return
+        places = sum(max(0, int(n) - 1) for n in np.bincount(index))
+        moved = float(scipy.special.chdtri(3, LACK_OF_FIT / places))
+        courses = (_second_half, moved), (_steady, change_limit(biases.problem, 3))
+        for course, limit in courses:
+            squares, us = [], []
+            for rows in targets:
+                parts = biases.by_target[rows] * course(len(rows))[:, None, None] @ _directions(3) * MOVED_MM
+                squares.append((parts**2).sum(axis=(0, 1)))
+                us.append(np.einsum("nda,ndk->ak", biases.roots[rows], parts))
+            square, u = np.concatenate(squares), np.concatenate(us, axis=1)
+            yield self._worst("moved", MOVED_MM, "mm", square, u, directed=(limit, 3))
+
+    def _of_reading(self) -> DetectionPower:
+        """One measurement that is off, in the worst direction."""
+        biases = self._biases
+        parts = biases.by_spot @ _directions(biases.by_spot.shape[2]) * READING_MM
+        u = np.einsum("nda,ndk->ank", biases.roots, parts).reshape(biases.roots.shape[2], -1)
+        return self._worst("reading", READING_MM, "mm", (parts**2).sum(axis=1).ravel(), u)
+
+    def _worst(
+        self,
+        wrong: WrongModel,
+        size: float,
+        unit: str,
+        square: Matrix,
+        u: Matrix,
+        *,
+        off: Matrix | None = None,
+        joints: Sequence[int] | None = None,
+        directed: tuple[float, int] | None = None,
+    ) -> DetectionPower:
+        """Of biases with the squares (k,) and u (f, k), by a wrong model of this `size`, that of the largest
+        risk; `off` (k,) the errors of the offsets where they are not those of the fit, `directed` the
+        limit and the rank of a test of its own."""
+        biases = self._biases
+        squares, left = biases.squares(square, u), biases.left(square, u)
+        off = biases.off(u) if off is None else off
+        # The risk grows with the error over the noncentrality, as far as the sizes reach.
+        best = np.argsort(-(off**2) / np.maximum(squares, 1e-12))[:_LOOKED_AT]
+        cases = []
+        for k in {*best.tolist(), int(np.argmax(off))}:
+            powers = _Power(self._limit, self._dof, float(squares[k]))
+            own = None if directed is None else _Power(*directed, float(left[k]))
+            joint = None if joints is None else joints[k] + 1
+
+            def power(times: Matrix, powers: _Power = powers, own: _Power | None = own) -> Matrix:
+                return powers.at(times) if own is None else np.maximum(powers.at(times), own.at(times))
+
+            risk, worst = _risk(
+                power, float(off[k]), _LARGEST[wrong] / size, lambda error: _beyond(error, 1.0)
+            )
+            probability = float(power(np.ones(1))[0])
+            cases.append(
+                DetectionPower(wrong, size, unit, probability, float(off[k]), joint, risk, worst * size)
+            )
+        return _riskiest(cases)
+
+    def _of_backlash(self, joints: list[int]) -> DetectionPower:
+        """One way or the other in each measurement: over all ways the noncentrality has a mean and a
+        variance."""
+        biases = self._biases
+        each = biases.by_joints[:, :, joints] * np.radians(BACKLASH_DEG)
+        us = np.einsum("nda,ndj->naj", biases.roots, each)
+        apart = np.einsum("ndi,ndj->nij", each, each)
+        through = us.transpose(0, 2, 1) @ (biases.taken @ us)
+        spread = biases.taken @ np.einsum("nai,nbi->ab", us, us)
+        mean = float(np.trace(apart + through, axis1=1, axis2=2).sum())
+        square = float((apart * (apart + 2 * through)).sum() + np.trace(spread @ spread))
+        off = float(np.sqrt(((biases.into @ us) ** 2).sum(axis=(0, 2))).max(initial=0.0))
+        most = _LARGEST["backlash"] / BACKLASH_DEG
+        row, worst = self._random("backlash", BACKLASH_DEG, "deg", mean, square, off, most)
+        return replace(row, worst_size=worst * BACKLASH_DEG)
+
+    def _of_noise(self) -> DetectionPower:
+        """More noise, by its variance over the stated."""
+        biases, problem = self._biases, self._biases.problem
+        gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
+        readings, through = problem.shots * problem.tool.residual_size, gram @ biases.taken
+        # The form of the readings' errors has these sums of its eigenvalues and of their squares.
+        first = readings + float(np.trace(through))
+        second = readings + float(2 * np.trace(through) + (through * through.T).sum())
+        off = float(np.sqrt(np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0).max(initial=0.0)))
+        return self._larger("noise", NOISE_TIMES, first, second, off)
+
+    def _of_arm(self, which: Index) -> DetectionPower:
+        """All deviations of an arm larger than their tolerances, or one of them alone."""
+        biases = self._biases
+        columns = biases.jacobian[:, which]
+        u = biases.columns.T @ columns
+        form = columns.T @ columns + u.T @ biases.taken @ u
+        errors = biases.errors(u)
+        off = float(np.sqrt((errors**2).sum(axis=1).max(initial=0.0)))
+        every = self._larger("arm", ARM_TIMES, float(np.trace(form)), float((form**2).sum()), off)
+        single = self._worst("arm", 1.0, "1", (columns**2).sum(axis=0), u)
+        if every.risk >= single.risk:
+            return every
+        return replace(every, risk=single.risk, worst_size=single.worst_size)
+
+    def _larger(
+        self, wrong: WrongModel, times: float, mean: float, square: float, off: float
+    ) -> DetectionPower:
+        """What is normal, its std so many `times` the stated: by the first and second moments of its squares
+        in the residuals and the std of the error of an offset, at once the stated."""
+        more = times**2 - 1
+        most = float(np.sqrt((_LARGEST[wrong] ** 2 - 1) / more))
+        row, worst = self._random(wrong, times, "1", more * mean, more**2 * square, np.sqrt(more) * off, most)
+        return replace(row, worst_size=float(np.sqrt(1 + more * worst**2)))
+
+    def _random(
+        self, wrong: WrongModel, size: float, unit: str, mean: float, square: float, off: float, most: float
+    ) -> tuple[DetectionPower, float]:
+        """A random wrong model: the mean of its squares in the residuals, the sum of the squares of their
+        form, the std of the error of an offset; and how many times as large its risk is largest."""
+
+        def power(times: Matrix) -> Matrix:
+            variance = 2 * self._dof + 4 * mean * times**2 + 2 * square * times**4
+            return _of_moments(self._limit, self._dof + mean * times**2, variance)
+
+        risk, worst = _risk(power, off, most, lambda error: _beyond(0.0, np.sqrt(1 + error**2)))
+        probability = float(power(np.ones(1))[0])
+        return DetectionPower(wrong, size, unit, probability, off, None, risk), worst
 
 
-def _shifts(item: Parameter) -> bool:
-    return item.group == "tool" and item.tolerated and item.unit == "mm" and not item.held
+def _risk(power: _PowerBy, off: float, most: float, wrong: Callable[[Matrix], Matrix]) -> tuple[float, float]:
+    """The largest probability that a run passes and is wrong, over sizes up to `most` times the row's, and
+    that size over the row's; `off` is the error of an offset at the row's size, `wrong` the probability that
+    it is beyond the limit."""
+    if off <= 0:
+        return 0.0, 1.0
+    times = _LOOKS * min(most, _MOST_OFF / off)
+    risks = (1 - power(times)) * wrong(times * off)
+    worst = int(np.argmax(risks))
+    return float(risks[worst]), float(times[worst])
 
 
-def _powers(biases: _Biases, dof: int) -> Iterator[DetectionPower]:
-    limit = float(scipy.special.chdtri(dof, LACK_OF_FIT))
-    if biases.by_tool.shape[1]:
-        yield _of_tool(biases, dof, limit)
-    revolute = _revolute(biases.problem)
-    if revolute:
-        yield _of_jump(biases, revolute, dof, limit)
-        yield _of_backlash(biases, revolute, dof, limit)
-    yield _of_noise(biases, dof, limit)
+def _beyond(error: Matrix | float, spread: Matrix | float) -> Matrix:
+    """The probability that a normal error of this mean and std, in u, is beyond the limit."""
+    low, high = (error - LIMIT_U) / spread, (-error - LIMIT_U) / spread
+    return np.asarray(scipy.special.ndtr(low) + scipy.special.ndtr(high))
 
 
-def _of_tool(biases: _Biases, dof: int, limit: float) -> DetectionPower:
-    moved = biases.by_tool * TOOL_MM
-    u = biases.columns.T @ moved
-    # Directions by how much they are noticed.
-    _, directions = np.linalg.eigh(moved.T @ moved + u.T @ biases.taken @ u)
-    moved, u = moved @ directions, u @ directions
-    squares, off = biases.squares((moved**2).sum(axis=0), u), biases.off(u)
-    cases = [
-        DetectionPower("tool", TOOL_MM, "mm", _of_square(limit, dof, square), error)
-        for square, error in zip(squares.tolist(), off.tolist(), strict=True)
-    ]
-    return _most_harmful(cases)
+def _riskiest(cases: Sequence[DetectionPower]) -> DetectionPower:
+    """The case of the largest risk, of those the one that does most harm."""
+    return max(cases, key=lambda case: (round(case.risk, 3), case.off_u))
 
 
-def _most_harmful(cases: Sequence[DetectionPower]) -> DetectionPower:
-    """The case that does most harm of those that are not noticed; where all are, the one noticed least."""
-    unnoticed = [case for case in cases if not case.noticed]
-    if unnoticed:
-        return max(unnoticed, key=lambda case: case.off_u)
-    return min(cases, key=lambda case: case.probability)
+def _second_half(shots: int) -> Matrix:
+    return np.asarray((np.arange(shots) >= shots // 2) * 1.0)
 
 
-def _of_jump(biases: _Biases, revolute: list[int], dof: int, limit: float) -> DetectionPower:
-    second = slice(biases.problem.shots // 2, None)
-    jumps = biases.by_joints[second][:, :, revolute] * np.radians(JUMP_DEG)
-    u = np.einsum("nda,ndj->aj", biases.roots[second], jumps)
-    squares, off = biases.squares((jumps**2).sum(axis=(0, 1)), u), biases.off(u)
-    cases = [
-        DetectionPower("jump", JUMP_DEG, "deg", _of_square(limit, dof, square), error, joint + 1)
-        for square, error, joint in zip(squares.tolist(), off.tolist(), revolute, strict=True)
-    ]
-    return _most_harmful(cases)
+def _steady(shots: int) -> Matrix:
+    return np.linspace(0.0, 1.0, shots)
 
 
-def _of_backlash(biases: _Biases, revolute: list[int], dof: int, limit: float) -> DetectionPower:
-    """One way or the other in each measurement: over all ways the noncentrality has a mean and a variance."""
-    each = biases.by_joints[:, :, revolute] * np.radians(BACKLASH_DEG)
-    us = np.einsum("nda,ndj->naj", biases.roots, each)
-    apart = np.einsum("ndi,ndj->nij", each, each)
-    through = us.transpose(0, 2, 1) @ (biases.taken @ us)
-    spread = biases.taken @ np.einsum("nai,nbi->ab", us, us)
-    mean = float(np.trace(apart + through, axis1=1, axis2=2).sum())
-    square = float((apart * (apart + 2 * through)).sum() + np.trace(spread @ spread))
-    worst = float(np.sqrt(((biases.into @ us) ** 2).sum(axis=(0, 2))).max(initial=0.0))
-    probability = _of_moments(limit, dof + mean, 2 * dof + 4 * mean + 2 * square)
-    return DetectionPower("backlash", BACKLASH_DEG, "deg", probability, worst)
+def _tolerated_arm(problem: Problem) -> Index:
+    """The places of the geometry that has a tolerance."""
+    parameters = problem.parameters
+    free = parameters.group("geometry") & parameters.free
+    return np.flatnonzero(free)
 
 
-def _of_noise(biases: _Biases, dof: int, limit: float) -> DetectionPower:
-    problem = biases.problem
-    gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
-    readings, through = problem.shots * problem.tool.residual_size, gram @ biases.taken
-    # The form of the readings' errors has these sums of its eigenvalues and of their squares.
-    first = readings + float(np.trace(through))
-    second = readings + float(2 * np.trace(through) + (through * through.T).sum())
-    variances = np.maximum((biases.into @ gram * biases.into).sum(axis=1), 0.0)
-    worst = float(np.sqrt((NOISE_TIMES**2 - 1) * variances).max(initial=0.0))
-    more = NOISE_TIMES**2 - 1
-    variance = 2 * (dof + 2 * more * first + more**2 * second)
-    probability = _of_moments(limit, dof + more * first, variance)
-    return DetectionPower("noise", NOISE_TIMES, "1", probability, worst)
+def _directions(size: int) -> Matrix:
+    """(size, k) directions of a plane or of space, their opposites left out."""
+    if size < 3:
+        angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
+        return np.stack([np.cos(angles), np.sin(angles)])[:size]
+    k = np.arange(4 * _DIRECTIONS) + 0.5
+    height, turn = k / len(k), np.pi * (1 + np.sqrt(5)) * k  # Fibonacci's half sphere
+    across = np.sqrt(1 - height**2)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), height])
 
 
-def _of_square(limit: float, dof: int, square: float) -> float:
-    """The probability that a chi-squared of this noncentrality is beyond a limit."""
-    return float(1 - scipy.special.chndtr(limit, dof, square))
-
-
-def _of_moments(limit: float, mean: float, variance: float) -> float:
+def _of_moments(limit: float, mean: Matrix, variance: Matrix) -> Matrix:
     """The probability that a sum of squares of this mean and variance is beyond a limit, as a scaled
     chi-squared (Satterthwaite 1946)."""
     scale = variance / (2 * mean)
-    return float(scipy.special.chdtrc(mean / scale, limit / scale))
+    return np.asarray(scipy.special.chdtrc(mean / scale, limit / scale))

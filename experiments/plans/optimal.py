@@ -12,7 +12,7 @@ from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
-from ...analysis.observability.power import DetectionPower, halves, powers
+from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
@@ -26,6 +26,7 @@ _UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond 
 _EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
 _LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
 _SEVERAL = 300  # candidates: what these together do not notice, no plan of them does
+_COUNTED: frozenset[WrongModel] = frozenset({"tool", "jump", "backlash", "noise"})  # that a plan must notice
 _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 
 
@@ -56,8 +57,8 @@ class Proposal:
     @property
     def lacking(self) -> tuple[DetectionPower, ...]:
         """The wrong models that a run may not notice although other plans would, and that do harm."""
-        hopeless = {each.wrong for each in self.unnoticed}
-        return tuple(each for each in self.power if each.dangerous and each.wrong not in hopeless)
+        looked_at = _COUNTED - {each.wrong for each in self.unnoticed}
+        return tuple(each for each in self.power if each.harmful and each.wrong in looked_at)
 
 
 @dataclass(frozen=True, eq=False)

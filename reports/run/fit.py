@@ -101,12 +101,16 @@ def _both_estimates(result: Result) -> Table | None:
 
 def _power(rows: Sequence[DetectionPower]) -> Table | None:
     """What the test of the residuals would have detected."""
-    columns = ["wrong model", "probability of detection", "error of an offset, in u"]
+    columns = ["wrong model", "probability of detection", "error of an offset, in u", "risk", "at"]
     shown_rows = [
         row_of(
             sentence(wrong_words(row)),
             f"{100 * row.probability:.0f} %",
             f"up to {numbers.significant(row.off_u, 2)}",
+            f"{100 * row.risk:.1f} %",
+            "—"
+            if row.worst_size is None
+            else numbers.significant(row.worst_size, 2, numbers.unit_of(row.unit)),
         )
         for row in rows
     ]

@@ -19,6 +19,7 @@ _COLUMNS = (
     "z",
     "largest, u",
     "beyond",
+    "not said",
     "named",
     "decided",
 )
@@ -33,7 +34,8 @@ def wrong_models_page(answer: WrongModelsStudy) -> Page:
             Paragraph(
                 f"Of {settings.arms} arms each: how many pass, are a misfit, or neither. Of those that pass:"
                 " the root mean square and the largest error of the offsets in their standard uncertainties"
-                f" u, and how many have an offset beyond {settings.limit_u:g} u. Of the misfits: how many"
+                f" u, and how many have an offset beyond {settings.limit_u:g} u; of these, how many"
+                " passes are not subject to the absence of just this. Of the misfits: how many"
                 " name the right cause first; and of those where the best cause has an evidence of more than"
                 f" {settings.decided:g} times the next, how many are right."
             ),
@@ -57,7 +59,7 @@ def _table(answer: WrongModelsStudy) -> Table:
     heads: list[Head] = [(head, "left" if head == _COLUMNS[0] else "right") for head in _COLUMNS]
     rows = []
     for one in answer.models:
-        broken = one.noticeable and not one.holds
+        broken = not one.holds
         rows.append(row_of(*cells(one), tone="weak" if broken else ""))
     return table_of("Random arms with one thing wrong", heads, rows)
 
@@ -74,6 +76,7 @@ def cells(one: WrongModel) -> tuple[str, ...]:
         numbers.fixed(one.z or 0.0, 2) if passed else NOT_GIVEN,
         numbers.fixed(one.largest_u or 0.0, 1) if passed else NOT_GIVEN,
         str(one.beyond),
+        str(one.unsaid),
         f"{one.named} of {one.misfits}" if one.nameable and one.misfits else NOT_GIVEN,
         f"{one.decided_right} of {one.decided}" if one.nameable and one.decided else NOT_GIVEN,
     )
@@ -104,6 +107,7 @@ def model_rows(answer: WrongModelsStudy) -> Iterator[PlainRow]:
             "z",
             "largest_u",
             "beyond",
+            "unsaid",
             "nameable",
             "noticeable",
             "named",

@@ -1,0 +1,79 @@
+"""A zero or a target that changes during a run: found where it was put, and not where nothing changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cells import good_plan
+
+from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.misfit import LackOfFit
+from zerobeam.analysis.observability.changes import RunChange, change_limit, run_change
+from zerobeam.analysis.solution import Solution
+from zerobeam.experiments.simulate import simulated_readings
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.misfit import criterion_sentence
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return good_plan(12, seed=2, geometry={})
+
+
+def solved(plan: Plan, joints_added: Matrix, seed: int = 1) -> Solution:
+    problem = Problem.from_plan(plan)
+    run = simulated_readings(problem, problem.nominal()[None], np.random.default_rng(seed))
+    return solve_run(problem.moved(run.joints[0] - joints_added, run.spots[0]), plan.header)
+
+
+def course(plan: Plan, joint: int, degrees: float, share: Matrix) -> Matrix:
+    """(N, n) by which the true position of a joint is more than recorded and its offset."""
+    result = np.zeros((len(plan.postures), 6))
+    result[:, joint - 1] = np.radians(degrees) * share
+    return result
+
+
+def test_a_jump_is_found_with_its_joint_its_place_and_its_size(plan: Plan) -> None:
+    late = (np.arange(12) >= 5) * 1.0
+    found = run_change(*_at(solved(plan, course(plan, 3, 0.6, late))))
+    assert found is not None
+    assert (found.at.how, found.at.joint, found.at.after_shot, found.at.before_shot) == ("jump", 3, 4, 5)
+    assert found.at.amount == pytest.approx(0.6, abs=4 * found.at.std)
+    assert "the zero of J3 jumped by 0.59" in criterion_sentence(found)
+
+
+def test_a_steady_drift_is_found(plan: Plan) -> None:
+    found = run_change(*_at(solved(plan, course(plan, 5, 1.0, np.linspace(0, 1, 12)))))
+    assert found is not None
+    drifts = [one for one in (found.at, *found.elsewhere) if one.how == "drift" and one.joint == 5]
+    assert drifts
+    assert drifts[0].amount == pytest.approx(1.0, abs=4 * drifts[0].std)
+
+
+def test_where_nothing_changed_nothing_is_found(plan: Plan) -> None:
+    assert all(run_change(*_at(solved(plan, np.zeros((12, 6)), seed))) is None for seed in range(8))
+
+
+def test_it_is_a_misfit_where_the_squares_of_all_residuals_do_not_show_it(plan: Plan) -> None:
+    late = (np.arange(12) >= 6) * 1.0
+    sizes = np.linspace(0.05, 0.6, 12)
+    kinds = [
+        [one.kind for one in solution.misfit.criteria] if solution.misfit else []
+        for solution in (solved(plan, course(plan, 2, size, late)) for size in sizes)
+    ]
+    assert kinds[0] == []
+    assert [RunChange.kind] in kinds
+    assert LackOfFit.kind in kinds[-1]
+    assert RunChange.kind not in kinds[-1]  # it has been said already
+
+
+def test_an_estimated_noise_and_few_measurements_are_not_tested() -> None:
+    estimated = good_plan(12, seed=2, noise={"scale": "estimated"})
+    assert run_change(*_at(solved(estimated, course(estimated, 2, 2.0, np.arange(12) >= 6)))) is None
+    assert change_limit(Problem.from_plan(good_plan(3, seed=2))) == float("inf")
+
+
+def _at(solution: Solution) -> tuple[Problem, Matrix]:
+    return solution.problem, solution.fit.x
