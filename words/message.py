@@ -41,7 +41,8 @@ from ..analysis.observability.check import PlanVerdict
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
-from ..model.files.header import DEFAULT_TARGETS, Header
+from ..model.files.header import Header
+from ..model.instruments.registry import KINDS
 from . import numbers
 from .enter import conformity_sentence
 from .findings import finding_sentence, likelihood_message
@@ -407,7 +408,7 @@ def _plan(case: _Case) -> str | None:
         return None
     ((target, target_row),) = targets.items()
     guess = target_row.get("guess_mm") if isinstance(target_row, dict) else None
-    if target not in DEFAULT_TARGETS.values() or not isinstance(guess, list | tuple):
+    if target not in {kind.target for kind in KINDS.values()} or not isinstance(guess, list | tuple):
         return None
     coordinates = ",".join(f"{float(value):g}" for value in guess)
     return f"zerobeam plan optimal --header {run_argument(case.run)} --target={coordinates} -o plan.yaml"
