@@ -17,6 +17,7 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix, ShareDone
 from .convergence import effective, nested_rhat, normal_scores
+from .lean_emcee import lean_emcee
 from .triangular_map import TriangularMap
 
 LogDensity = Callable[[Matrix], Matrix]
@@ -222,8 +223,7 @@ class Moves:
 
     def advance(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
         """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
-        import emcee
-
+        emcee = lean_emcee()
         moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
         sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
         sampler.log_prob_fn = log_density  # emcee's own prints a traceback at Ctrl-C
