@@ -362,10 +362,24 @@ def _exact_directions(judged: _Judged) -> list[NullDirection]:
             left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
     rest = unexplained(problem)
     named += [(column, rest) for column in left.T]
-    return [
+    directions = [
         _named(judged, direction, "exact" if i < judged.gauge.dimension else "noise", mechanism)
         for i, (direction, mechanism) in enumerate(named)
     ]
+    return _with_slight(judged, directions, [direction for direction, _ in named])
+
+
+def _with_slight(
+    judged: _Judged, directions: list[NullDirection], vectors: list[Matrix]
+) -> list[NullDirection]:
+    """The directions of the null space, their `vectors` (m,) given, with what of it is in no combination."""
+    slight: dict[int, list[str]] = {}
+    for row in np.flatnonzero(judged.gauge.part | judged.gauge.exact_part):
+        name = judged.untolerated[row].name
+        if directions and not any(name in direction.combination for direction in directions):
+            most = int(np.argmax([abs(vector[row]) for vector in vectors]))
+            slight.setdefault(most, []).append(name)
+    return [replace(each, slight=tuple(slight.get(k, ()))) for k, each in enumerate(directions)]
 
 
 def _noise_directions(judged: _Judged) -> list[NullDirection]:

@@ -192,10 +192,11 @@ def _check(result: Result) -> list[Block | None]:
     for budget, check in checked:
         unit = budget.unit
         digits = f"to {check.digits} digit{'s' if check.digits > 1 else ''}"
+        too_large = f"Monte Carlo error {numbers.significant(check.too_large, 2)} times too large"
         word, mark = {
             True: (f"yes, {digits}", "identified"),
             False: (f"no, not {digits}", "weak"),
-            None: ("inconclusive: Monte Carlo error too large", ""),
+            None: (f"inconclusive: {too_large}", ""),
         }[check.validated]
         ends = (check.d_low, check.d_high, check.tolerance)
         rows.append(
@@ -223,5 +224,8 @@ def _check(result: Result) -> list[Block | None]:
     if any(check.validated is False for _, check in checked):
         about += " Where the answer is no, use the posterior’s interval."
     if any(check.validated is None for _, check in checked):
-        about += " Where it is inconclusive, more draws might decide (--ess 20000)."
+        about += (
+            " Where it is inconclusive, the ends are so close to δ that"
+            f" {result.posterior.draws} draws do not decide."
+        )
     return [Paragraph(about), table_of("Linear intervals against the posterior", columns, rows)]
