@@ -23,6 +23,7 @@ from ...analysis.observability.changes import RunChange
 from ...analysis.observability.power import powers
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix, Progress
+from ...model.files.arguments import Laser
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
 from ...model.likelihood.problem import Problem
@@ -167,7 +168,7 @@ def header_of(robot: str) -> Header:
     return Header.model_validate(
         {
             "robot": robot,
-            "tool": {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+            "tool": Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)).content(),
             "noise": {"joint_deg": _JOINT_DEG, "spot_mm": _SPOT_MM},
             "targets": {"psd": {"guess_mm": list(_TARGETS[robot]), "sigma_mm": 30.0}},
         }
