@@ -330,9 +330,10 @@ def outlook_lines(check: Check) -> list[str]:
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
-    """Which wrong models a run detects, and the errors of the offsets by those that it may not detect."""
+    """Which wrong models a run detects, and the errors of the offsets by those that it may not detect and
+    that do harm."""
     noticed = [wrong_words(each) for each in powers if each.noticed]
-    missed = [_missed_words(each) for each in powers if not each.noticed]
+    missed = [_missed_words(each) for each in powers if each.harmful]
     level = f"{100 * NOTICED:.0f} % or more"
     sentences = (
         [f"A run of this plan detects {listed(noticed)} with a probability of {level}."] if noticed else []

@@ -43,17 +43,12 @@ class ChangeAt:
     std: float
     unit: str
 
-    @property
-    def what(self) -> int | str:
-        """The joint or the target."""
-        return self.joint if self.joint is not None else str(self.target)
-
 
 @dataclass(frozen=True)
 class RunChange:
     """The clearest change of a run. `p_value` is that of one as clear among all that is tested;
-    `elsewhere` are the best of other joints or targets that explain the residuals nearly as well (likelihood
-    ratio within 20)."""
+    `elsewhere` are other joints, targets and ways that explain the residuals nearly as well (likelihood ratio
+    within 20)."""
 
     kind: ClassVar[str] = "change"
 
@@ -87,8 +82,7 @@ def run_change(problem: Problem, x: Matrix) -> RunChange | None:
     if p_value >= SIGNIFICANT:
         return None
     best, near = tried[0], tried[0].score - 2 * np.log(_EXCLUDES)
-    others = [row.of for row in tried[1:] if row.score > near and row.of.what != best.of.what]
-    return RunChange(best.of, p_value, tuple({one.what: one for one in reversed(others)}.values())[::-1])
+    return RunChange(best.of, p_value, tuple(row.of for row in tried[1:] if row.score > near))
 
 
 class _Tried(NamedTuple):
