@@ -221,8 +221,9 @@ def _summarised(
     rhat, bulk = sampled.rhat, sampled.ess_bulk
     free = [(item, state) for item, state in zip(parameters.items, status, strict=True) if not item.held]
     converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
+    by_parameter = np.moveaxis(shown, -1, 0).copy()
     rows = tuple(
-        _row(item, state == "unidentifiable", shown[..., j], float(rhat[j]), float(bulk[j]))
+        _row(item, state == "unidentifiable", by_parameter[j], float(rhat[j]), float(bulk[j]))
         for j, (item, state) in enumerate(free)
     )
     summary = PosteriorSummary(

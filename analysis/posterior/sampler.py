@@ -8,7 +8,7 @@ budget.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,6 +21,8 @@ from .lean_emcee import lean_emcee
 from .triangular_map import TriangularMap
 
 LogDensity = Callable[[Matrix], Matrix]
+# A function of each of many arrays, as `map`.
+Mapping = Callable[[Callable[[Matrix], Any], Iterable[Matrix]], Iterable[Any]]
 _ROWS = 16_384  # of one call of the density
 
 
@@ -165,6 +167,7 @@ GOOD = 0.5  # of the proposals accepted: the proposal is close to the density
 SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
 _PULLS = 12  # halvings of the way to the proposal's location
 _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
+_MANY_WALKERS = 64  # of an ensemble: where there are more, and proposals are accepted, fewer steps suffice
 _MAPPED_LOOK = 100
 _DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
 _PLAIN_STEPS = 250
@@ -318,7 +321,7 @@ class _Run:
         for count in range(1, rounds[1] + 1):
             values = self.advance(values[:, :, -1], ROUND)
             self.refit(values[:, :, ROUND // 2 :], self._transport is not None)
-            settled = self._independent < best + SETTLED and drift(values) < _DRIFT_GATE
+            settled = self._independent < best + SETTLED and drift(values, self._pool.map) < _DRIFT_GATE
             if count >= rounds[0] and settled:
                 break
             best = max(best, self._independent)
@@ -340,7 +343,9 @@ class _Run:
         """How many steps until the first diagnostics: many autocorrelation times of a walker."""
         if self._transport is not None:
             return _MAPPED_LOOK
-        return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
+        if self._independent < GOOD:
+            return _FIRST_LOOK
+        return min(max(_FIRST_LOOK // 2, _FIRST_LOOK * _MANY_WALKERS // walkers), _FIRST_LOOK)
 
     def grow(
         self, starts: Matrix, ess: float, limit: int, progress: Callable[[float, bool], None]
@@ -358,13 +363,15 @@ class _Run:
             last = values[:, :, -1] if values.size else starts
             values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
             looked_at = self._judged(values)
-            rhat, bulk = diagnostics(looked_at)
+            rhat, bulk = diagnostics(looked_at, self._pool.map)
             reached = float(bulk.min())
             expected = total * needed / max(reached, 1.0)
             progress(min(reached / needed, 1.0) if expected <= limit else total / limit, expected <= limit)
             # Where the map does not reach, no walker tells; a poor acceptance does.
             reaches = self._transport is None or self._independent >= GOOD
-            settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE and reaches
+            settled = (
+                float(rhat.max()) <= RHAT_GATE and drift(looked_at, self._pool.map) <= _DRIFT_GATE and reaches
+            )
             enough = reached >= needed
             if (enough and settled) or total >= limit:
                 return Sampled(values, rhat, bulk, enough, settled)
@@ -439,24 +446,28 @@ def sample_density(
     )
 
 
-def drift(values: Matrix) -> float:
+def drift(values: Matrix, mapped: Mapping = map) -> float:
     """By how many standard errors the second half of the draws lies or spreads elsewhere than the first.
 
     Each walker is compared with itself, the walkers give the error: sees what is far too little for R-hat.
-    The largest over the f coordinates of (ensembles, walkers, steps, f).
+    The largest over the f coordinates of (ensembles, walkers, steps, f), all looked at by `mapped`.
     """
-    half = values.shape[2] // 2
+    return max(mapped(_drift, np.moveaxis(values, -1, 0).copy()))
+
+
+def _drift(draws: Matrix) -> float:
+    """Of one coordinate's draws (ensembles, walkers, steps)."""
+    half = draws.shape[2] // 2
     largest = 0.0
-    for x in (values, np.abs(values - np.median(values, axis=(0, 1, 2)))):
+    for x in (draws, np.abs(draws - np.median(draws))):
         moved = x[:, :, -half:].mean(axis=2) - x[:, :, :half].mean(axis=2)
-        moved = moved.reshape(-1, moved.shape[-1])
-        error = moved.std(axis=0) / np.sqrt(len(moved))
-        largest = max(largest, float((np.abs(moved.mean(axis=0)) / np.maximum(error, 1e-300)).max()))
+        error = float(moved.std()) / np.sqrt(moved.size)
+        largest = max(largest, float(np.abs(moved.mean())) / max(error, 1e-300))
     return largest
 
 
-def diagnostics(values: Matrix) -> tuple[Matrix, Matrix]:
-    """Nested rank R-hat and bulk ESS (f,) of draws (ensembles, walkers, steps, f).
+def diagnostics(values: Matrix, mapped: Mapping = map) -> tuple[Matrix, Matrix]:
+    """Nested rank R-hat and bulk ESS (f,) of draws (ensembles, walkers, steps, f), all looked at by `mapped`.
 
     R-hat compares the ensembles (walkers of one ensemble are not independent chains: Margossian et al. 2024),
     and the first half of the steps with the second: ensembles that all drift the same way agree, too. The
@@ -465,20 +476,23 @@ def diagnostics(values: Matrix) -> tuple[Matrix, Matrix]:
     """
     thin = -(-values.shape[1] // _LOOK_WALKERS)
     share = values.shape[1] / len(range(0, values.shape[1], thin))
-    values = values[:, ::thin]
-    ensembles, _, steps, size = values.shape
-    rhat, bulk = np.full(size, np.inf), np.zeros(size)
+    each = list(mapped(_rank_statistics, np.moveaxis(values[:, ::thin], -1, 0).copy()))
+    rhat, bulk = np.array(each).T
+    return rhat, share * bulk
+
+
+def _rank_statistics(draws: Matrix) -> tuple[float, float]:
+    """R-hat and bulk ESS of one coordinate's draws (ensembles, walkers, steps)."""
+    ensembles, _, steps = draws.shape
     half = steps // 2
-    for j in range(size if half >= 4 else 0):
-        chains = np.stack([values[:, :, :half, j], values[:, :, -half:, j]])
-        if np.ptp(chains) == 0:
-            continue
-        scores = normal_scores(chains)
-        folded = normal_scores(np.abs(chains - np.median(chains)))
-        rhat[j] = max(
-            nested_rhat(grouped.reshape(groups, -1, half))
-            for z in (scores, folded)
-            for groups, grouped in ((ensembles, z.swapaxes(0, 1)), (2, z))
-        )
-        bulk[j] = share * effective(scores.reshape(-1, half))
-    return rhat, bulk
+    chains = np.stack([draws[..., :half], draws[..., -half:]])
+    if half < 4 or np.ptp(chains) == 0:
+        return np.inf, 0.0
+    scores = normal_scores(chains)
+    folded = normal_scores(np.abs(chains - np.median(chains)))
+    rhat = max(
+        nested_rhat(grouped.reshape(groups, -1, half))
+        for z in (scores, folded)
+        for groups, grouped in ((ensembles, z.swapaxes(0, 1)), (2, z))
+    )
+    return rhat, effective(scores.reshape(-1, half))
