@@ -179,12 +179,15 @@ MAPPED_SHARE = 0.3
 _MAPPED_ROUNDS = (6, 12)
 _FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
+DECIDING = 100_000  # draws, up to which more are taken for what the effective sample size does not decide
+_BLOCK = 2.0  # times the draws so far, at most, in one block of these
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
 
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
+    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates, `judged` in
+    those in which R-hat, ESS and drift are taken.
 
     `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
     was required. `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the
@@ -192,6 +195,7 @@ class Sampled:
     """
 
     values: Matrix
+    judged: Matrix
     rhat: Matrix
     ess_bulk: Matrix
     enough: bool
@@ -250,8 +254,10 @@ class _Run:
         seed: int,
         pool: ThreadPoolExecutor,
         judged: Callable[[Matrix], Matrix],
+        short_by: Callable[[Matrix], float],
     ) -> None:
-        self._log_density, self._pool, self._judged = log_density, pool, judged
+        self._log_density, self._pool = log_density, pool
+        self._judged, self._short_by = judged, short_by
         self._first = self._proposal = proposal
         self._transport: TriangularMap | None = None
         self.random = np.random.default_rng(seed)
@@ -347,6 +353,11 @@ class _Run:
             return _FIRST_LOOK
         return min(max(_FIRST_LOOK // 2, _FIRST_LOOK * _MANY_WALKERS // walkers), _FIRST_LOOK)
 
+    def _settled(self, judged: Matrix, rhat: Matrix) -> bool:
+        # Where the map does not reach, no walker tells; a poor acceptance does.
+        reaches = self._transport is None or self._independent >= GOOD
+        return float(rhat.max()) <= RHAT_GATE and drift(judged, self._pool.map) <= _DRIFT_GATE and reaches
+
     def grow(
         self, starts: Matrix, ess: float, limit: int, progress: Callable[[float, bool], None]
     ) -> Sampled:
@@ -357,27 +368,51 @@ class _Run:
         """
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
-        values = starts[:, :, None][:, :, :0]
         total = min(self._first_look(walkers), limit)
+        values = self.advance(starts, total)
+        judged = self._judged_each(values)
         while True:
-            last = values[:, :, -1] if values.size else starts
-            values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
-            looked_at = self._judged(values)
-            rhat, bulk = diagnostics(looked_at, self._pool.map)
+            rhat, bulk = diagnostics(judged, self._pool.map)
             reached = float(bulk.min())
             expected = total * needed / max(reached, 1.0)
             progress(min(reached / needed, 1.0) if expected <= limit else total / limit, expected <= limit)
-            # Where the map does not reach, no walker tells; a poor acceptance does.
-            reaches = self._transport is None or self._independent >= GOOD
-            settled = (
-                float(rhat.max()) <= RHAT_GATE and drift(looked_at, self._pool.map) <= _DRIFT_GATE and reaches
-            )
-            enough = reached >= needed
+            settled, enough = self._settled(judged, rhat), reached >= needed
             if (enough and settled) or total >= limit:
-                return Sampled(values, rhat, bulk, enough, settled)
+                sampled = Sampled(values, judged, rhat, bulk, enough, settled)
+                return self._decide(sampled) if enough and settled else sampled
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
             factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
             total = min(max(int(np.ceil(factor * total)), total + ROUND), limit)
+            values, judged = self._extended(values, judged, total)
+
+    def _decide(self, sampled: Sampled) -> Sampled:
+        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are `DECIDING`.
+
+        Of many walkers, which are alike, only as many are looked at as have as many draws as before.
+        """
+        values, judged = sampled.values, sampled.judged
+        ensembles, walkers, first, _ = values.shape
+        steps, limit = first, DECIDING // (ensembles * walkers)
+        while steps < limit and (factor := self._short_by(judged)) > 1:
+            steps = min(max(int(np.ceil(min(factor, _BLOCK) * steps)), steps + ROUND), limit)
+            values, judged = self._extended(values, judged, steps)
+        if steps == first:
+            return sampled
+        looked_at = judged[:, :: max(min(steps // first, walkers // _WALKERS[0]), 1)]
+        rhat, bulk = diagnostics(looked_at, self._pool.map)
+        bulk *= walkers / looked_at.shape[1]
+        return Sampled(values, judged, rhat, bulk, True, self._settled(looked_at, rhat))
+
+    def _extended(self, values: Matrix, judged: Matrix, steps: int) -> tuple[Matrix, Matrix]:
+        """Chains continued to so many steps, and what is judged of them."""
+        more = self.advance(values[:, :, -1], steps - values.shape[2])
+        pairs = ((values, more), (judged, self._judged_each(more)))
+        longer, longer_judged = (np.concatenate(pair, axis=2) for pair in pairs)
+        return longer, longer_judged
+
+    def _judged_each(self, values: Matrix) -> Matrix:
+        """What is judged of chains (ensembles, walkers, steps, f), by all threads."""
+        return np.stack(list(self._pool.map(self._judged, values)))
 
 
 def sample_density(
@@ -388,6 +423,7 @@ def sample_density(
     ess: float,
     threads: int = 1,
     judged: Callable[[Matrix], Matrix] = lambda values: values,
+    short_by: Callable[[Matrix], float] = lambda judged: 0.0,
     progress: ShareDone | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
@@ -395,7 +431,8 @@ def sample_density(
     The proposal is refitted during the burn-in, then frozen. A run that would take long continues in mapped
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
     share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
-    coordinates in which R-hat, ESS and drift are taken. -inf, inf and NaN of the density are
+    coordinates in which R-hat, ESS and drift are taken; `short_by` says of these how many times as many draws
+    another question needs, which gets up to `DECIDING` in all. -inf, inf and NaN of the density are
     impossible points, all alike.
     """
     best, plain_part = [0.0], 0.0
@@ -415,11 +452,11 @@ def sample_density(
     few = max(_WALKERS[0], 2 * len(proposal.location) + 2)
     walkers = max(few, 2 * (min(int(ess / _STEPS_PLANNED), _WALKERS[1]) // 2))
     with ThreadPoolExecutor(max_workers=threads) as pool:
-        run = _Run(log_density, proposal, seed, pool, judged)
+        run = _Run(log_density, proposal, seed, pool, judged, short_by)
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
-            sampled = Sampled(values, *diagnostics(judged(values)), False, False)
+            sampled = Sampled(values, judged(values), *diagnostics(judged(values)), False, False)
         else:
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
