@@ -186,7 +186,7 @@ _TURNOVER = 2  # effective draws for each walker: on average it has left its sta
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates, `judged` in
+    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates, `judged`
     those in which R-hat, ESS and drift are taken.
 
     `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
