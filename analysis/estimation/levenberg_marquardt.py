@@ -47,9 +47,15 @@ class Minima(NamedTuple):
 
     def of_rows(self, rows: Index) -> Minima:
         """Those of some rows."""
-        arrays = (part[rows] for part in (self.x, self.cost, self.slope, self.curvature))
-        ended = (self.iterations[rows], self.converged[rows])
-        return Minima(*arrays, *ended, [self.reason[k] for k in rows.tolist()])
+        return Minima(
+            self.x[rows],
+            self.cost[rows],
+            self.slope[rows],
+            self.curvature[rows],
+            self.iterations[rows],
+            self.converged[rows],
+            [self.reason[k] for k in rows.tolist()],
+        )
 
     def keep(self, rows: Index, x: Matrix, cost: Matrix, slope: Matrix, curvature: Matrix) -> None:
         """Keep the state of these rows."""

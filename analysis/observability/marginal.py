@@ -30,7 +30,7 @@ class Marginal(NamedTuple):
         ordered = np.hstack([jacobian[:, tolerated], jacobian[:, ~tolerated]])
         factor: Matrix = np.asarray(np.linalg.qr(ordered, mode="r"))
         right = np.hstack([-factor[:count, count:], np.eye(count)])
-        solved = np.linalg.solve(factor[:count, :count], right)
+        solved = np.asarray(np.linalg.solve(factor[:count, :count], right), dtype=float)
         left = jacobian.shape[1] - count
         return cls(factor[count:, count:], solved[:, :left], np.linalg.norm(solved[:, left:], axis=1))
 

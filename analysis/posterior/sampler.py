@@ -489,7 +489,7 @@ def drift(values: Matrix, mapped: Mapping = map) -> float:
     Each walker is compared with itself, the walkers give the error: sees what is far too little for R-hat.
     The largest over the f coordinates of (ensembles, walkers, steps, f), all looked at by `mapped`.
     """
-    return max(mapped(_drift, np.moveaxis(values, -1, 0).copy()))
+    return float(np.max(list(mapped(_drift, np.moveaxis(values, -1, 0).copy()))))
 
 
 def _drift(draws: Matrix) -> float:
