@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
-from ...model.likelihood.tool import ToolKind
 from ..status import Status
 
 MOST = 0.5  # of a variance that tolerances set: they are its reason
@@ -82,7 +81,7 @@ class NoiseSplit:
 class OnAxis:
     """The beam or tip lies on the axis of `joint`."""
 
-    tool: ToolKind
+    tool: str
     joint: int
 
 
@@ -91,7 +90,7 @@ class ToolRotation:
     """The last joint and the tool rotate together (section 3.1 of the paper): a free one, or one that is
     `known_to` a sigma (degrees of a laser's direction, mm of a probe's tip)."""
 
-    tool: ToolKind
+    tool: str
     joint: int
     known_to: float | None = None
 
