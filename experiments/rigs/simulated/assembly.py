@@ -222,7 +222,7 @@ def turned(rpy_deg: Sequence[float]) -> Matrix:
 def _require_fit(plan: Plan, cell: CellFile) -> None:
     if not plan.header.instrument.beam:
         raise BadInput(
-            "a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.tool.kind}",
+            f"a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.tool.kind}",
             found=f"tool.kind: {plan.header.tool.kind}",
             remedy="run the plan without --cell: its measurements are then led by hand",
         )
