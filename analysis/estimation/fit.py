@@ -5,7 +5,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -85,8 +85,10 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
     return with_targets(levenberg_marquardt(least_squares(residual), z[None], tolerance=1e-12).x[0])
 
 
+_SAME_TOP = 0.01  # posterior stds: the way up ends within a thousandth of the top
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
+_NOISE_ROUNDS = 2
 _TOGETHER = 250  # fits side by side in one thread: what a core keeps near
 STARTS = 8  # random ones, besides zero offsets
 MANY_STARTS = 64
@@ -117,6 +119,11 @@ class Fits:
     def std(self) -> Matrix:
         """(W, f) of the free parameters, scaled by their priors."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    def of_rows(self, rows: Index) -> Fits:
+        """Those of some rows, as often as they are named."""
+        parts = {item.name: getattr(self, item.name)[rows] for item in fields(self) if item.name != "reason"}
+        return Fits(**parts, reason=tuple(self.reason[k] for k in rows.tolist()))
 
 
 class Optimum(NamedTuple):
@@ -202,6 +209,10 @@ def fit_likelihood(
     With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
     same. Raises ValueError where the elimination is not exact.
     """
+    if problem.noise.separate and not eliminate_targets:
+        return _with_noise_factors(
+            problem, problem.nominal(), lambda known, _: fit_likelihood(known, starts=starts, seed=seed)
+        )
     density = density_of(problem)
     z = _start_points(density.size, starts, seed)
     start = start_at(problem, z)
@@ -212,7 +223,7 @@ def fit_likelihood(
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
     if doubtful and fit.p_value is not None and fit.p_value < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
-    return _settled(fit)
+    return fit
 
 
 def _best_of(problem: Problem, fits: Fits, first: int, starts: int) -> LikelihoodFit:
@@ -235,7 +246,7 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
         np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots")
     )
     density = Density(first, joints, spots)
-    if compiled_climb(density, flange_coordinates(density)) is None:
+    if first.noise.separate or compiled_climb(density, flange_coordinates(density)) is None:
         return [fit_likelihood(problem, seed=seed) for problem in problems]
     z = _start_points(density.size, STARTS, seed)
     start = np.concatenate([start_at(problem, z) for problem in problems])
@@ -245,31 +256,52 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
         fit = _best_of(problem, rows, k * len(z), len(z))
         if _has_few_numbers(problem) and fit.p_value is not None and fit.p_value < CONTRADICTED:
             fit = fit_likelihood(problem, seed=seed)  # from more starts
-        fits.append(_settled(fit))
+        fits.append(fit)
     return fits
 
 
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
-    fits = fit_rows(Density(problem), start[None])
-    return _settled(single(problem, fits, 0))
+    if problem.noise.separate:
+        return _with_noise_factors(problem, start, fit_from)
+    return single(problem, fit_rows(Density(problem), start[None]), 0)
 
 
-def _settled(fit: LikelihoodFit) -> LikelihoodFit:
-    """The same; with separate noise factors at their marginal mode: the common mode of noise factors and all
-    else has too small a noise."""
-    if not (fit.problem.noise.separate and fit.converged):
-        return fit
-    x, covariance, settled = marginal_noise(fit.problem, fit.x)
-    density = Density(fit.problem)
+def _with_noise_factors(
+    problem: Problem, start: Matrix, fitted: Callable[[Problem, Matrix], LikelihoodFit]
+) -> LikelihoodFit:
+    """The fit with separate noise factors at their marginal mode, from those of `start` (p,).
+
+    `fitted` fits all else at known noise: at the factors of `start`, then at those that are found there. The
+    common mode of factors and all else is no way to them: where uncertain links can explain every residual
+    its noise is 0.
+    """
+    noise, density, x = problem.parameters.group("noise"), Density(problem), start
+    for _ in range(_NOISE_ROUNDS):
+        known, rest = problem.with_noise_of(x)
+        fit = fitted(known, rest)
+        x = x.copy()
+        x[~noise] = fit.x
+        if not fit.converged:
+            size = density.size
+            return replace(fit, problem=problem, x=x, z=density.scaled(x[None])[0], covariance=np.eye(size))
+        x, covariance, settled = marginal_noise(problem, x)
+    z, std = density.scaled(x[None])[0], np.sqrt(np.diag(covariance))
+    others, of_rest = [], ~noise[problem.parameters.free]
+    for other in fit.others:
+        there, spread = z.copy(), std.copy()
+        there[of_rest], spread[of_rest] = other.z, other.std
+        others.append(Optimum(there, spread, other.below))
     return replace(
         fit,
+        problem=problem,
         x=x,
-        z=density.scaled(x[None])[0],
+        z=z,
         covariance=covariance,
         log_posterior=float(density.log_posterior(x[None])[0]),
         converged=settled,
         reason=fit.reason if settled else "the noise factors did not settle",
+        others=tuple(others),
     )
 
 
@@ -375,14 +407,17 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
 
 def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
     climb = Climb(density, of, len(start))
-    top = climb.polished(climb.up(climb.coordinates.from_parameters(start, climb.of)))
-    x, by_v = climb.coordinates.at(top.v, climb.of)
+    minima = climb.up(climb.coordinates.from_parameters(start, of))
+    first, tops = np.unique(_same_top(minima, of), return_inverse=True)
+    of = of[first]
+    top = Climb(density, of, len(first)).polished(minima.of_rows(first))
+    x, by_v = climb.coordinates.at(top.v, of)
     covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1)
-    weight = unbiased_weight(density, x, climb.of)
-    return Fits(
+    weight = unbiased_weight(density, x, of)
+    fits = Fits(
         x,
         density.scaled(x),
-        reweighted(density, x, covariance, weight / density.noise_weight(x, climb.of)),
+        reweighted(density, x, covariance, weight / density.noise_weight(x, of)),
         weight,
         top.value,
         top.gradient,
@@ -390,6 +425,23 @@ def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
         top.converged,
         top.reason,
     )
+    return fits if len(first) == len(start) else fits.of_rows(tops)
+
+
+def _same_top(minima: Minima, of: Index) -> Index:
+    """(W,) the first row of the same data set that ended on the same top, by Fisher's information there."""
+    same = np.arange(len(of))
+    tops: dict[int, list[int]] = {}
+    for row in np.flatnonzero(minima.converged).tolist():
+        known = tops.setdefault(int(of[row]), [])
+        way = minima.x[known] - minima.x[row]
+        apart = np.einsum("ki,kij,kj->k", way, minima.curvature[known], way)
+        near = np.flatnonzero(apart < _SAME_TOP**2)
+        if len(near):
+            same[row] = known[near[0]]
+        else:
+            known.append(row)
+    return same
 
 
 def reweighted(density: Density, x: Matrix, covariance: Matrix, ratio: Matrix) -> Matrix:
