@@ -28,7 +28,6 @@ from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
-from .observability.power import DetectionPower, powers
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     NOTHING_KNOWN,
@@ -178,7 +177,7 @@ def _analyse(
         entered=to_enter,
         entered_geometry=with_links,
         conformity=conformity,
-        power=_power(solution),
+        power=solution.power,
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
     )
@@ -192,13 +191,6 @@ def _omitted(solution: Solution) -> tuple[PosteriorSummary, tuple[Intervals, ...
     poor = tuple(row.name for row in rows if row.differ)
     tested = not solution.problem.noise.separate
     return replace(UNSAMPLED, omitted=Omitted(poor, tested)), rows
-
-
-def _power(solution: Solution) -> tuple[DetectionPower, ...]:
-    """Of the test that the run has passed."""
-    if not solution.converged or solution.misfit is not None:
-        return ()
-    return powers(solution.problem, solution.fit.x, solution.identified.facts.rank)
 
 
 def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:

@@ -36,6 +36,7 @@ from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
 from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
+from .observability.power import DetectionPower, powers
 from .recordings.recordings import Effective
 from .recordings.steps import RecordingSteps, steps
 from .status import (
@@ -232,6 +233,13 @@ class Solution:
     def recording_steps(self) -> RecordingSteps:
         """The significant steps inside the recordings; none without an answer."""
         return steps(self.fit, self.link_columns)
+
+    @cached_property
+    def power(self) -> tuple[DetectionPower, ...]:
+        """Of the tests that the run has passed, against wrong models; none of a misfit."""
+        if not self.converged or self.misfit is not None:
+            return ()
+        return powers(self.problem, self.fit.x, self.identified.facts.rank)
 
     @property
     def null_space(self) -> tuple[NullDirection, ...]:

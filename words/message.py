@@ -224,6 +224,7 @@ def _case_so_far(solution: Solution, run: str, header: Mapping[str, object]) -> 
         misfit=solution.misfit,
         k=solution.coverage_factor,
         findings=tuple(on_the_model(solution)),
+        power=solution.power,
         run=run,
         header=header,
     )

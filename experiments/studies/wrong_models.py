@@ -20,7 +20,6 @@ from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.observability.changes import RunChange
-from ...analysis.observability.power import powers
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix, Progress
 from ...model.files.arguments import Laser
@@ -221,8 +220,7 @@ def _model_of(piece: _ScenarioWithPlan) -> WrongModel:
 
 def _subject_to(solution: Solution) -> set[str]:
     """The wrong models without which a pass is stated."""
-    rank = solution.identified.facts.rank
-    return {row.wrong for row in powers(solution.problem, solution.fit.x, rank) if row.dangerous}
+    return {row.wrong for row in solution.power if row.dangerous}
 
 
 def _named(solution: Solution, explained: Sequence[Explanation]) -> tuple[str, tuple[int, ...], bool]:
