@@ -180,7 +180,10 @@ _MAPPED_ROUNDS = (6, 12)
 _FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
 DECIDING = 100_000  # draws, up to which more are taken for what the effective sample size does not decide
-_BLOCK = 2.0  # times the draws so far, at most, in one block of these
+_BLOCK, _SPARE = (
+    2.0,
+    1.1,
+)  # times the draws so far, at most, in one block of these; times what is expected to do
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
 
 
@@ -388,20 +391,17 @@ class _Run:
     def _decide(self, sampled: Sampled) -> Sampled:
         """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are `DECIDING`.
 
-        Of many walkers, which are alike, only as many are looked at as have as many draws as before.
+        R-hat and ESS stay those of the draws before, which have settled: of all they are better. What the
+        tails have found late is looked for in all.
         """
         values, judged = sampled.values, sampled.judged
         ensembles, walkers, first, _ = values.shape
         steps, limit = first, DECIDING // (ensembles * walkers)
         while steps < limit and (factor := self._short_by(judged)) > 1:
-            steps = min(max(int(np.ceil(min(factor, _BLOCK) * steps)), steps + ROUND), limit)
+            steps = min(max(int(np.ceil(min(_SPARE * factor, _BLOCK) * steps)), steps + ROUND), limit)
             values, judged = self._extended(values, judged, steps)
-        if steps == first:
-            return sampled
-        looked_at = judged[:, :: max(min(steps // first, walkers // _WALKERS[0]), 1)]
-        rhat, bulk = diagnostics(looked_at, self._pool.map)
-        bulk *= walkers / looked_at.shape[1]
-        return Sampled(values, judged, rhat, bulk, True, self._settled(looked_at, rhat))
+        still = steps == first or drift(judged, self._pool.map) <= _DRIFT_GATE
+        return replace(sampled, values=values, judged=judged, settled=still)
 
     def _extended(self, values: Matrix, judged: Matrix, steps: int) -> tuple[Matrix, Matrix]:
         """Chains continued to so many steps, and what is judged of them."""
