@@ -323,7 +323,7 @@ def decided(skew, seed=1):
         seed=seed,
         ess=400,
         judged=shown,
-        short_by=lambda judged: check(judged).too_large ** 2,
+        short_by=lambda judged, _: check(judged).too_large ** 2,
     )
     return check(shown(sampled.values)), sampled.values.size
 
