@@ -20,7 +20,8 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
-from ..posterior.posterior import Ends, PosteriorSummary
+from ..posterior.ends import Ends
+from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than
 

@@ -79,13 +79,12 @@ def weighted_ends(x: Matrix, log_weights: Matrix, proposal: MarginalT) -> Ends |
     known = proposal.probability(x)
     distribution = known + np.cumsum(weights - 1) / count
     rising = np.maximum.accumulate(distribution)
-    ends, sizes = [], []
-    for p in (_TAIL, 1 - _TAIL):
-        end = float(np.interp(p, rising, x))
-        below = x <= end
-        error = weights * (below - p) - (below - float(proposal.probability(np.array(end))))
-        ends.append(end)
-        sizes.append(p * (1 - p) * count / max(float((error**2).mean()), 1e-300))
+    ends, sizes = np.zeros(2), np.zeros(2)
+    for k, p in enumerate((_TAIL, 1 - _TAIL)):
+        ends[k] = np.interp(p, rising, x)
+        below = x <= ends[k]
+        error = weights * (below - p) - (below - float(proposal.probability(ends[k])))
+        sizes[k] = p * (1 - p) * count / max(float((error**2).mean()), 1e-300)
     mean = float((weights * x).mean())
     std = float(np.sqrt((weights * (x - mean) ** 2).mean()))
-    return Ends(std, *ends, min(sizes))
+    return Ends(std, float(ends[0]), float(ends[1]), float(sizes.min()))
