@@ -204,8 +204,7 @@ ShortBy = Callable[[Matrix, Proposed | None], float]
 @dataclass(frozen=True, eq=False)
 class Sampled:
     """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates, `judged`
-    those in which R-hat, ESS and drift are taken; `proposed` what was proposed to them (None in mapped
-    coordinates).
+    those in which R-hat, ESS and drift are taken.
 
     `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
     was required. `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the
@@ -218,7 +217,6 @@ class Sampled:
     ess_bulk: Matrix
     enough: bool
     settled: bool
-    proposed: Proposed | None = None
     acceptance: float = 0.0
     seconds: float = 0.0
     looking: float = 0.0
@@ -417,13 +415,11 @@ class _Run:
         values, judged = sampled.values, sampled.judged
         ensembles, walkers, first, _ = values.shape
         steps, limit = first, DECIDING // (ensembles * walkers)
-        proposed = self._proposed()
-        while steps < limit and (factor := self._short_by(judged, proposed)) > 1:
+        while (factor := self._short_by(judged, self._proposed())) > 1 and steps < limit:
             steps = min(max(int(np.ceil(min(_SPARE * factor, _BLOCK) * steps)), steps + ROUND), limit)
             values, judged = self._extended(values, judged, steps)
-            proposed = self._proposed()
         still = steps == first or drift(judged, self._pool.map) <= _DRIFT_GATE
-        return replace(sampled, values=values, judged=judged, proposed=proposed, settled=still)
+        return replace(sampled, values=values, judged=judged, settled=still)
 
     def _proposed(self) -> Proposed | None:
         if not self._evaluated:
