@@ -157,7 +157,7 @@ def compared(count: int, runs: int) -> None:
 
 
 def test_what_runs_of_an_uncertain_arm_notice_is_as_predicted() -> None:
-    compared(12, 60)
+    compared(12, 30)
 
 
 @pytest.mark.long
