@@ -15,7 +15,7 @@ by delta is the Jacobian by q as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -23,23 +23,23 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from ..instruments.kind import Instrument
 from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
-from .tool import Tool
 
 
 class Posture:
     """Recorded positions `q` (n,), `arm` (a,) joint offsets and geometry parameters, and what follows: the
-    `robot` with its links moved, and the true joint positions `theta` (n,)."""
+    `robot` with its links moved, `recorded` as of `Geometry`, and the true joint positions `theta` (n,)."""
 
     def __init__(self, robot: Robot, geometry: Geometry, arm: ca.SX | None = None) -> None:
         n = robot.n
         self.q = ca.SX.sym("q", n)
         self.arm = ca.SX.sym("arm", n + len(geometry.names)) if arm is None else arm
         self.robot = geometry.moved(robot, self.arm[n:])
-        recorded = geometry.recorded_symbols(robot, self.q)
-        self.theta = self.q + geometry.bent(robot, self.arm, recorded)
+        self.recorded = geometry.recorded_symbols(robot, self.q)
+        self.theta = self.q + geometry.bent(robot, self.arm, self.recorded)
 
     @cached_property
     def pose(self) -> tuple[ca.SX, ca.SX]:
@@ -56,9 +56,9 @@ class Posture:
         rotation, translation = self.pose
         return translation + rotation @ point
 
-    def beam(self, tool: Tool, unknown: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Origin and direction (3, 1) of a laser's beam in the base frame."""
-        point, direction, _ = tool.beam(unknown)
+    def beam(self, tool: Instrument, unknown: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Origin and direction (3, 1) of a beam in the base frame; what is no beam has the direction 0."""
+        point, direction = tool.ray(unknown)
         return self.in_base(point), self.pose[0] @ direction
 
     def inputs(self, **others: ca.SX) -> dict[str, ca.SX]:
@@ -104,7 +104,7 @@ class ShotFunctions:
     """
 
     robot: Robot
-    tool: Tool
+    tool: Instrument
     log_det: Literal["none", "relative", "whole"] = "none"
     geometry: Geometry = NOMINAL
     _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
@@ -149,21 +149,16 @@ _MOST_MADE = 32
 
 def shot_functions(
     robot: Robot,
-    tool: Tool,
+    tool: Instrument,
     log_det: Literal["none", "relative", "whole"] = "none",
     geometry: Geometry = NOMINAL,
 ) -> ShotFunctions:
     """Those of this arm and tool, made once for all that are the same: to build and compile them takes longer
     than most of what is asked of them."""
-    numbers = [part for joint in robot.joints for part in (joint.fixed, joint.axis)] + [
-        robot.flange,
-        tool.point,
-    ]
-    if tool.direction is not None:
-        numbers.append(tool.direction)
-    kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.exact), log_det]
+    numbers = [part for joint in robot.joints for part in (joint.fixed, joint.axis)] + [robot.flange]
+    kinds = [joint.kind for joint in robot.joints] + [log_det]
     key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
-    key += geometry.key
+    key += tool.key + geometry.key
     if key not in _made:
         if len(_made) == _MOST_MADE:
             _made.pop(next(iter(_made)))
@@ -175,29 +170,34 @@ def shot_functions(
     return made
 
 
+def residual(
+    robot: Robot, turns: Sequence[Turn], tool: Instrument, target: ca.SX, unknown: ca.SX, reading: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """What is predicted of a reading (d,), less the reading, and its Jacobians by the joints (d, n) and by
+    the target (d, 3)."""
+    seen, stations = robot.in_flange(turns, target)
+    at = ca.SX.sym("seen", 3)
+    predicted = tool.predict(at, unknown)
+    across = ca.jacobian(predicted, at).T
+    predicted, across = ca.substitute([predicted, across], [at], [seen])
+    return (predicted - reading, *robot.in_flange_jacobian(turns, stations, across))
+
+
 class _Shot:
-    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions).
+    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions)."""
 
-    `turned` gives the joints' motions for offsets (n, 1) that hold at this posture, `recorded` what was
-    recorded of it, as `Geometry.recorded`.
-    """
-
-    def __init__(
-        self, functions: ShotFunctions, recorded: ca.SX, turned: Callable[[ca.SX], list[Turn]]
-    ) -> None:
+    def __init__(self, functions: ShotFunctions) -> None:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
+        self.recorded = ca.SX.sym("turns", geometry.recorded_size(functions.robot))
         self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
-        self.unknown = ca.SX.sym("tool", len(tool.free_axes))
+        self.unknown = ca.SX.sym("tool", len(tool.unknowns))
         robot = geometry.moved(functions.robot, self.arm[n:])
-        turns = turned(geometry.bent(functions.robot, self.arm, recorded))
-        target_in_flange, stations = robot.in_flange(turns, self.target)
-        if tool.kind == "laser":
-            point, _, across = tool.beam(self.unknown)
-        else:
-            point, across = tool.tip(self.unknown), ca.SX.eye(3)
-        self.residual = across.T @ (target_in_flange - point) - self.spot
-        self.by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
+        offsets = geometry.bent(functions.robot, self.arm, self.recorded)
+        turns = functions.robot.turns_with_offsets(self.recorded, offsets)
+        self.residual, self.by_joints, by_target = residual(
+            robot, turns, tool, self.target, self.unknown, self.spot
+        )
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
@@ -214,22 +214,19 @@ def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) ->
 
 
 def _linear(functions: ShotFunctions) -> ca.Function:
-    robot, q = functions.robot, ca.SX.sym("q", functions.robot.n)
-    recorded = functions.geometry.recorded_symbols(robot, q)
-    shot = _Shot(functions, recorded, lambda delta: robot.turns(q + delta))
-    inputs = {"q": q, "spot": shot.spot, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
-    return _function("linear", inputs, {"m": shot.residual, "jacobian": shot.jacobian})
+    posture, shot = functions.posture, functions.weighted
+    others = {"spot": shot.spot, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
+    at_turns = ca.Function("shot", [shot.recorded, *others.values()], [shot.residual, shot.jacobian])
+    residual, jacobian = at_turns(posture.recorded, *others.values())
+    return _function("linear", {"q": posture.q, **others}, {"m": residual, "jacobian": jacobian})
 
 
 class _Weighted(_Shot):
     """A shot with its noise: covariance of the residual, and the two terms of the log-likelihood."""
 
     def __init__(self, functions: ShotFunctions) -> None:
-        robot, n = functions.robot, functions.robot.n
-        self.recorded = ca.SX.sym("turns", functions.geometry.recorded_size(robot))
-        super().__init__(
-            functions, self.recorded, lambda delta: robot.turns_with_offsets(self.recorded, delta)
-        )
+        super().__init__(functions)
+        n = functions.robot.n
         self.weight = ca.SX.sym("weight")
         self.variances, self.stated_variances = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
         self.by_noise = self._covariances(self.variances)
@@ -318,16 +315,13 @@ def _placed(functions: ShotFunctions) -> ca.Function:
 
 def _beam(functions: ShotFunctions) -> ca.Function:
     posture, tool = functions.posture, functions.tool
-    unknown = ca.SX.sym("tool", len(tool.free_axes))
-    if tool.kind == "laser":
-        origin, direction = posture.beam(tool, unknown)
-    else:
-        origin, direction = posture.in_base(tool.tip(unknown)), ca.SX.zeros(3)
+    unknown = ca.SX.sym("tool", len(tool.unknowns))
+    origin, direction = posture.beam(tool, unknown)
     return _function("beam", posture.inputs(tool=unknown), {"origin": origin, "direction": direction})
 
 
 def _hit(functions: ShotFunctions) -> ca.Function:
-    posture, unknown = functions.posture, ca.SX.sym("tool", len(functions.tool.free_axes))
+    posture, unknown = functions.posture, ca.SX.sym("tool", len(functions.tool.unknowns))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
     origin, direction = posture.beam(functions.tool, unknown)
     length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
@@ -355,19 +349,17 @@ def _midpoint(functions: ShotFunctions) -> ca.Function:
     """
     one = functions.posture
     other = Posture(functions.robot, functions.geometry, one.arm)
-    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
+    unknown = ca.SX.sym("tool", len(functions.tool.unknowns))
     (o1, u1), (o2, u2) = (posture.beam(functions.tool, unknown) for posture in (one, other))
     between, cosine = o2 - o1, ca.dot(u1, u2)
     sine_squared = ca.sumsqr(ca.cross(u1, u2))
     along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
     along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
     middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
-    outputs = {
-        "midpoint": middle,
-        "jacobian": ca.jacobian(middle, ca.vertcat(one.arm, unknown)),
-        "by_q1": ca.jacobian(middle, one.q),
-        "by_q2": ca.jacobian(middle, other.q),
-    }
+    by = ca.jacobian(middle, ca.vertcat(one.arm, unknown, one.q, other.q))
+    ends = np.cumsum([0, one.arm.numel() + unknown.numel(), one.q.numel(), other.q.numel()]).tolist()
+    jacobian, by_q1, by_q2 = ca.horzsplit(by, ends)
+    outputs = {"midpoint": middle, "jacobian": jacobian, "by_q1": by_q1, "by_q2": by_q2}
     return _function("midpoint", {"q1": one.q, "q2": other.q, "arm": one.arm, "tool": unknown}, outputs)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...analysis.status import known
 from ...experiments.history.signing import grouped
+from ...model.instruments.registry import kind_of
 from ...words import numbers
 from ...words.acceptance import ACCEPTANCE_WORDS, RULE
 from ...words.geometry import tolerance_words
@@ -47,12 +48,10 @@ _GROUPS = {"offset": "offsets", "target": "targets", "tool": "tool", "geometry":
 
 def certificate_page(certificate: Mapping[str, Any]) -> Page:
     """The display strings of a certificate (`zerobeam/certificate/1`)."""
-    form = certificate["form"]
-    number = form["certificate_number"]
     item = f"{clipped(certificate['model'])}, serial number {clipped(certificate['serial'], 60)}"
     return Page(
         "Certificate of calibration",
-        f"No. {clipped(number, 40)}, {item}" if number else item,
+        f"No. {clipped(certificate['identification'], 40)}, {item}",
         Verdict(
             certificate["verdict"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])
         ),
@@ -99,7 +98,7 @@ def _identified(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return CERTIFICATE_KEYS[key], form[key] or ""
 
     robot = ", ".join(shown(text) for text in (certificate["model"], certificate["vendor"]) if text)
-    yield entry("certificate_number")
+    yield CERTIFICATE_KEYS["certificate_number"], certificate["identification"]
     yield "Date of issue", certificate["issued"]
     yield entry("laboratory")
     yield entry("customer")
@@ -161,15 +160,10 @@ def _size(error: Mapping[str, float]) -> str:
 
 
 def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    laser = certificate["assumed"]["tool"]["kind"] == "laser"
-    instrument = (
-        "a laser on the flange and a position-sensitive detector in the cell"
-        if laser
-        else "a probe on the flange and fixed points in the cell"
-    )
+    method = kind_of(certificate["assumed"]["tool"]["kind"]).words.method
     yield (
         "Method",
-        f"The offsets are estimated from {certificate['shots']} measurements with {instrument}, with what is"
+        f"The offsets are estimated from {certificate['shots']} measurements with {method}, with what is"
         " listed below as prior (Gao, Liu, Xi, Shen 2014; zerobeam"
         f" {shown(certificate['zerobeam'])}). No distance or pose was measured independently.",
     )

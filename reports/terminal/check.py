@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -12,7 +13,6 @@ from rich.text import Text
 from ...analysis.answer.message import Message
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
-from ...analysis.status import Verdict
 from ...words import numbers
 from ...words.geometry import check_lines
 from ...words.numbers import unit_of
@@ -22,6 +22,9 @@ from ...words.wording import ended, label, person, sentence
 from ..run.parameters import worth_column
 from ..run.unobservable import direction_words
 from ..style.console import VERDICT_STYLE, marked, note
+
+if TYPE_CHECKING:
+    from ...words.message import Tone
 
 
 def print_check(console: Console, check: Check) -> None:
@@ -70,9 +73,9 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
     )
 
 
-def print_message(console: Console, verdict: Verdict, message: Message) -> None:
+def print_message(console: Console, tone: Tone, message: Message) -> None:
     """The message of an answer: what is read first."""
-    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[verdict]))
+    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[tone]))
     for text in (message.cause, None if message.worst is None else message.worst.text):
         if text is not None:
             console.print(Text(sentence(text)))
