@@ -388,7 +388,7 @@ class _Run:
             values, judged = self._extended(values, judged, total)
 
     def _decide(self, sampled: Sampled, ess: float) -> Sampled:
-        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are as many as `ess` is worth.
+        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are enough for `ess`.
 
         Of many walkers, which are alike, only as many are looked at as have as many draws as before.
         """
@@ -434,8 +434,8 @@ def sample_density(
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
     share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
     coordinates in which R-hat, ESS and drift are taken; `short_by` says of these how many times as many draws
-    another question needs, which gets up to `DECIDING` in all and `DECIDING_EACH` for each of `ess`. -inf, inf
-    and NaN of the density are impossible points, all alike.
+    another question needs, which gets up to `DECIDING` in all and `DECIDING_EACH` for each of `ess`. -inf,
+    inf and NaN of the density are impossible points, all alike.
     """
     best, plain_part = [0.0], 0.0
 
