@@ -76,7 +76,7 @@ def slope_root(covariance: Matrix, criterion: Measure) -> Matrix:
     """(s, s) a root R of the criterion's slope: it falls by no more than |R' D R| where D is taken from the
     covariance (s, s), for D its log."""
     if criterion == "A":
-        return np.eye(len(covariance)) / np.sqrt(len(covariance))
+        return np.asarray(np.eye(len(covariance)) / np.sqrt(len(covariance)))
     values, vectors = np.linalg.eigh(covariance)
     if criterion == "D":
         weights = 1 / (values * len(values))

@@ -180,7 +180,7 @@ def _values_with(
         if not offsets.all():
             # The determinant of the whole over that of the nuisance's own information.
             inner = roots[:, :, ~offsets]
-            alone = np.linalg.inv(information[np.ix_(~offsets, ~offsets)])
+            alone = np.asarray(np.linalg.inv(information[~offsets][:, ~offsets]), dtype=float)
             within = times(inner, alone) @ inner.transpose(0, 2, 1) + unit
             log = log + np.linalg.slogdet(within)[1]
         return np.asarray(np.exp(log / len(of_offsets)))

@@ -228,7 +228,7 @@ def rank(problem: Problem, x: Matrix) -> int:
     near by has a lower rank; without the names of what they do not determine."""
     tolerated = problem.parameters.tolerated[problem.parameters.free]
     root = Marginal.of(information_root(problem, x, 1.0)[1], tolerated).root
-    return _rank(tolerated, np.linalg.svd(root, compute_uv=False))
+    return _rank(tolerated, np.asarray(np.linalg.svd(root, compute_uv=False), dtype=float))
 
 
 def _rank(tolerated: Mask, singular: Matrix) -> int:

@@ -15,7 +15,7 @@ from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.plan_file import Obstacles
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.geometry import Geometry
+from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
 from .constraints import Conditions, View
 from .obstacles import Clearance
@@ -110,7 +110,7 @@ def candidates(
     lowest, highest = _one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
     problem = Problem.build(header, robot, np.zeros((_BATCH, robot.n)), [name] * _BATCH)
-    problem = problem.with_geometry(Geometry())  # nominal: so the Jacobians are small
+    problem = problem.with_geometry(NOMINAL)  # nominal: so the Jacobians are small
     x = problem.parameters.prior_mean.copy()
     x[problem.parameters.group("target")] = target
     clearance = None if obstacles is None else Clearance(problem, obstacles)

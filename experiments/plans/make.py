@@ -102,7 +102,7 @@ class MadePlan:
                 f"The bound divides {count} measurements among {made.support} postures, which whole ones"
                 " cannot: the best choice may be no better than this."
             )
-        never = no_plan_sentence(made.unnoticed)
+        never = no_plan_sentence(made.hopeless)
         return [*lines, *power_sentences(made.power), *([] if never is None else [never])]
 
     def as_json(self) -> dict[str, object]:

@@ -35,7 +35,7 @@ class Proposal:
     held, by name, in degrees (mm), the prior included: one that is near its prior is not determined by the
     measurements; `travel_s` from the first posture to the last at full joint speed, None where the robot file
     states no speeds; `candidates` how many there were to choose from; `power` that of a run against wrong
-    models, `unnoticed` those of them that no plan of these candidates notices."""
+    models, `unnoticed` those of them that no plan of these candidates notices, where they do harm."""
 
     postures: Matrix
     criterion: Criterion
@@ -56,8 +56,13 @@ class Proposal:
     @property
     def lacking(self) -> tuple[DetectionPower, ...]:
         """The wrong models that a run may not notice although other plans would, and that do harm."""
-        hopeless = {each.wrong for each in self.unnoticed}
-        return tuple(each for each in self.power if each.dangerous and each.wrong not in hopeless)
+        return tuple(each for each in self.power if each.dangerous and each not in self.hopeless)
+
+    @property
+    def hopeless(self) -> tuple[DetectionPower, ...]:
+        """The wrong models that a run may not notice, as any of these candidates, and that do harm."""
+        kinds = {each.wrong for each in self.unnoticed}
+        return tuple(each for each in self.power if each.dangerous and each.wrong in kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +113,7 @@ class Planner:
         self.candidates = Candidates(roots, offsets)
         several = self._problem.select(np.arange(min(len(pool.postures), _SEVERAL)))
         self._unnoticed = tuple(
-            each for each in powers(several, self._x, rank(several, self._x)) if not each.noticed
+            each for each in powers(several, self._x, rank(several, self._x)) if each.dangerous
         )
 
     def optimal(
