@@ -16,7 +16,7 @@ from ..model.likelihood.problem import Problem, rms_length
 from .answer.findings import findings
 from .answer.result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .diagnostics.accuracy import accuracy
-from .diagnostics.budget import budget
+from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import diagnose
 from .diagnostics.enter import entered
 from .diagnostics.hold_out import hold_out, placement_result
@@ -140,7 +140,11 @@ def _analyse(
         if posterior.omitted is None or (sampling == "where needed" and not posterior.omitted.enough):
             report("posterior", 0.0)
             posterior, draws = sample_posterior(
-                solution, seed=seed, ess=ess, progress=lambda share: report("posterior", share)
+                solution,
+                seed=seed,
+                ess=ess,
+                short_by=lambda ends: more_draws(solution, ends),
+                progress=lambda share: report("posterior", share),
             )
             report("posterior", 1.0)
     report("diagnostics", 0.0)

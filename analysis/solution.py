@@ -12,6 +12,7 @@ standard uncertainty would be that of one of several answers. What differs betwe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -457,13 +458,16 @@ def require_noise_data(problem: Problem) -> None:
 def too_few_for_noise(problem: Problem) -> BadInput:
     """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
     numbers = f"{problem.measured_size:g} numbers from {problem.shots} measurements"
-    links = len(problem.tolerated)
+    links, free = len(problem.tolerated), int(problem.parameters.free.sum())
     within = f", and {links} parameters of geometry and tool deviate within their tolerances" if links else ""
+    enough = math.floor(free * problem.shots / problem.measured_size) + 1
+    bounded = problem.noise.estimated and problem.data_size > free + 2
+    by_prior = ", or separate: its two factors have a prior" if bounded else ""
     return BadInput(
         "the noise scale cannot be estimated from so few measurements",
         found=f"{numbers} for {problem.parameters.without_tolerance} unknowns{within}",
-        allowed="more numbers than unknowns" + (" and deviations can fit exactly" if links else ""),
-        remedy="record more measurements, or state noise.scale: known",
+        allowed=f"more numbers than unknowns{' and deviations' if links else ''}: {enough} measurements",
+        remedy=f"record more measurements, or state noise.scale: known{by_prior}",
     )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ..experiments.plans.patterns import pattern
 from ..experiments.rigs.simulated.cell_file import CellFile
 from ..model.errors import BadInput
+from ..model.files.arguments import Laser
 from ..model.files.header import Header
 from ..model.files.plan import Plan
 from ..model.files.robot_file import load_robot
@@ -146,7 +147,7 @@ def _free_udp_port(host: str) -> int:
 _TARGET_MM = (900.0, 0.0, 0.0)
 _HEADER = {
     "robot": "irb1600",
-    "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+    "tool": Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)).content(),
     "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
     "targets": {"psd": {"guess_mm": list(_TARGET_MM)}},
 }

@@ -16,6 +16,7 @@ from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
+from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.message import headline_so_far, message_so_far
@@ -153,8 +154,8 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
         _refuse({"--arm": request.arm}, "is for the simulated rig")
     if request.rig in ("abb", "manual"):
         require_constraints(plan)
-    probe = plan.header.tool.kind == "probe"
-    way = _by_hand if request.rig == "manual" else _rehearsed_probe if probe else _by_rig
+    led = _by_rig if plan.header.instrument.beam else _rehearsed_by_hand
+    way = _by_hand if request.rig == "manual" else led
     about, measure, adaptive = way(plan, request, listener)
     header = _header(plan, file, about)
     with _journal(plan, file, header, request) as journal:
@@ -189,8 +190,8 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     answers = request.answers
     if answers is None:
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
-    if plan.header.tool.kind == "probe":
-        _refuse({"--adaptive": request.tolerance}, "is for a laser; the plan's tool is a probe")
+    if not plan.header.instrument.beam:
+        _refuse({"--adaptive": request.tolerance}, _for_a_beam(plan))
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
     units = answers.units or pendant.unit
@@ -202,15 +203,21 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     return {"origin": "by hand", "plan sha256": plan.sha256}, measure, adaptive
 
 
-def _rehearsed_probe(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
-    """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
+def _for_a_beam(plan: Plan) -> str:
+    return f"is for a {' or '.join(names_of(beam=True))}; the plan's tool is a {plan.header.tool.kind}"
+
+
+def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
+    """What is no beam is led to its target by hand: no servo, no sensors; only the simulated rig can do
+    that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
-        "is for a laser; the plan's tool is a probe",
+        _for_a_beam(plan),
     )
     if request.rig != "simulated":
         raise BadInput(
-            f"the rig {request.rig} cannot lead a probe", remedy="use a laser, or --rig simulated to rehearse"
+            f"the rig {request.rig} cannot lead a {plan.header.tool.kind}",
+            remedy=f"use a {' or '.join(names_of(beam=True))}, or --rig simulated to rehearse",
         )
     arm = None if request.arm is None else corrected_arm(request.arm, plan, None)
     # An arm that is known was measured before, perhaps with this seed.

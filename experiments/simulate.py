@@ -76,9 +76,9 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
     stated spot noise. Raises RigFault for a posture from which the target cannot be met.
     """
     problem = truth.problem
-    n, display, laser = problem.robot.n, problem.robot.display, problem.tool.kind == "laser"
-    if not laser:
-        # A probe has no spot to read: its ball does not sit quite at the socket's centre.
+    n, display, tool = problem.robot.n, problem.robot.display, problem.tool
+    if not tool.columns:
+        # There is nothing to read: a probe's ball does not sit quite at the socket's centre.
         problem = problem.moved(problem.joints, rng.normal(size=(problem.shots, 3)) * problem.noise.spot)
     aimed = aim(problem, truth.x, servo_joints(problem))
     for i in range(problem.shots):
@@ -88,7 +88,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
             )
         if not aimed.hit[i]:
             raise RigFault(
-                f"posture {i}: the {'wrist' if laser else 'arm'} cannot bring the {problem.tool.kind} onto"
+                f"posture {i}: the {'wrist' if tool.beam else 'arm'} cannot bring the {tool.name} onto"
                 f" the target, which is {aimed.off_mm[i]:.0f} mm off. Choose one that points nearer to it."
             )
         joints = aimed.problem.joints[i] + rng.normal(size=n) * problem.noise.joint
@@ -97,7 +97,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
             shot=i,
             target=problem.targets[problem.target_index[i]],
             joints_deg=tuple(round(float(v), 9) for v in joints * display),
-            spot_mm=(round(float(spot[0]), 6), round(float(spot[1]), 6)) if laser else None,
+            spot_mm=(round(float(spot[0]), 6), round(float(spot[1]), 6)) if tool.columns else None,
         )
 
 
@@ -119,7 +119,7 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
         problem,
         joints=np.tile(problem.joints, (count, 1)),
         # A laser's beam is led to the centre and the spot is read; a probe's ball sits where it sits.
-        spots=np.zeros((count * shots, d)) if problem.tool.kind == "laser" else spots.reshape(-1, d),
+        spots=np.zeros((count * shots, d)) if problem.tool.columns else spots.reshape(-1, d),
         target_index=np.tile(problem.target_index, count),
         shot_numbers=tuple(range(count * shots)),
         weights=np.tile(problem.weights, count),
@@ -127,6 +127,6 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
     aimed = aim(all_shots, np.repeat(truths, shots, axis=0), servo_joints(problem))
     joints = aimed.problem.joints + rng.normal(size=(count * shots, problem.robot.n)) * problem.noise.joint
     met = np.asarray((aimed.hit & aimed.ahead).reshape(count, shots).all(axis=1))
-    if problem.tool.kind != "laser":
+    if not problem.tool.columns:
         spots = np.zeros_like(spots)
     return Readings(joints.reshape(count, shots, -1), spots, met)

@@ -88,7 +88,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
         declared = {**run.header.targets, **verified.header.targets}
         kept = {name: declared[name] for name in targets if name in declared}
         header = run.header.model_copy(update={"distances": (), "targets": kept})
-        spots = verified.spots if run.header.tool.kind == "laser" else None
+        spots = verified.spots if run.header.instrument.columns else None
         prediction = AcceptancePrediction(solution, header, verified.joints, targets, spots, entered)
         answer = accept(prediction, solution, _tolerances(run.header, tolerance))
         measured = measured_error(solution, header, verified.joints, targets, spots, entered)

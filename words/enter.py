@@ -61,11 +61,31 @@ def conformity_sentence(result: Result) -> str:
     )
 
 
+_MET = {
+    "conforms": "the required {} at the TCP is met",
+    "does not conform": "the required {} at the TCP is not met",
+    "undecided": "whether the required {} at the TCP is met is not decided",
+}
+
+
+def met_words(conformity: Conformity) -> str:
+    """Whether the robot meets what it must, in a few words."""
+    return _MET[conformity.decision].format(numbers.exact(conformity.required_mm, "mm"))
+
+
+def expected_sentence(conformity: Conformity, after: TcpError) -> str:
+    """Why it does or does not: `after` is the error with the values entered."""
+    return (
+        f"With the values entered the TCP is off by less than {_mm(after.p95_mm)} in 95 % of the workspace;"
+        f" that it is by less than {numbers.exact(conformity.required_mm, 'mm')} has"
+        f" {_probability(conformity.probability)}."
+    )
+
+
 def _decided(conformity: Conformity) -> str:
     return (
         f"Required: 95 % of the workspace within {numbers.exact(conformity.required_mm, 'mm')} at the TCP."
-        f" Expected with the values entered: {_mm(conformity.tcp_95_mm)}, with"
-        f" {_probability(conformity.probability)} that the requirement is met. So"
+        f" With the values entered that has {_probability(conformity.probability)}. So"
         f" {_DECISIONS[conformity.decision]} (JCGM 106: from 95 % on it conforms, up to 5 % it does not)."
     )
 

@@ -10,6 +10,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from ..analysis.answer.findings import (
     FileWarning,
@@ -37,13 +38,13 @@ from ..analysis.observability.causes import (
     ToolRotation,
     worst_direction,
 )
-from ..analysis.observability.check import PlanVerdict
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
-from ..model.files.header import DEFAULT_TARGETS, Header
+from ..model.files.header import Header
+from ..model.instruments.registry import KINDS
 from . import numbers
-from .enter import conformity_sentence
+from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
 from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
@@ -52,6 +53,8 @@ from .observability import reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
 from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
+
+Tone = Verdict | Literal["held"]
 
 _SAFE = re.compile(r"[\w./+@-]+")
 # What writes the offsets for a controller, by its vendor: the command, and the file's name.
@@ -71,7 +74,7 @@ _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a
 class _Case:
     """What a message is made of: of a result, or of a solution while its run is being measured, of which no
     `diagnosis` was made. `off` are placements that the others do not predict, `warnings` sentences that no
-    finding says."""
+    finding says. `met` says of a pass whether the robot meets what it must, `expected` why."""
 
     verdict: Verdict
     stopped: str | None
@@ -86,6 +89,14 @@ class _Case:
     diagnosis: Sequence[Explanation] | None = None
     off: Sequence[HoldOut] = ()
     warnings: Sequence[str] = ()
+    met: str | None = None
+    expected: str | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no robot was measured."""
+        provenance = self.header.get("provenance")
+        return isinstance(provenance, Mapping) and is_simulated(provenance)
 
     @property
     def offsets(self) -> list[ParameterResult]:
@@ -116,6 +127,15 @@ class _Case:
 def message(result: Result) -> Message:
     """The message of an answer."""
     return _message(_case(result), person)
+
+
+def tone(result: Result) -> Tone:
+    """How a message is coloured: a pass is one of a robot that was measured, and that meets what it must."""
+    case = _case(result)
+    if case.verdict != "pass":
+        return case.verdict
+    unmet = result.conformity is not None and result.conformity.decision != "conforms"
+    return "held" if case.simulated else "weak" if unmet else "pass"
 
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
@@ -158,6 +178,8 @@ def _case(result: Result) -> _Case:
     rows = () if result.placements.leave_one_out is None else result.placements.leave_one_out.rows
     adjusted = holm([1.0 if row.p_value is None else row.p_value for row in rows])
     off = sorted((p, k) for k, p in enumerate(adjusted) if p < LACK_OF_FIT)
+    judged = result.conformity if result.verdict == "pass" else None
+    after = None if result.entered is None else result.entered.tcp_after
     return _Case(
         verdict=result.verdict,
         stopped=None if fit.converged else fit.reason,
@@ -172,6 +194,8 @@ def _case(result: Result) -> _Case:
         diagnosis=result.diagnosis,
         off=[rows[k] for _, k in off],
         warnings=tuple(_warnings(result)),
+        met=None if judged is None else met_words(judged),
+        expected=None if judged is None or after is None else expected_sentence(judged, after),
     )
 
 
@@ -200,7 +224,7 @@ def _warnings(result: Result) -> Iterator[str]:
         yield f"{capital(unchecked)}."
     if result.verdict == "pass" and (missed := unnoticed_sentence(result.power)) is not None:
         yield missed
-    if "required" in result.inputs.header:
+    if "required" in result.inputs.header and (result.verdict != "pass" or result.conformity is None):
         yield conformity_sentence(result)
     if not offsets:
         return
@@ -215,7 +239,7 @@ def _warnings(result: Result) -> Iterator[str]:
 def _message(case: _Case, name: Namer) -> Message:
     worst = case.worst
     return Message(
-        verdict=f"{verdict_word(case.verdict, case.header)}. {_determined(case, name)}",
+        verdict=f"{_judged(case)}. {_determined(case, name)}",
         worst=None if worst is None else _worst(case, worst, name),
         cause=_cause(case, name),
         action=_action(case),
@@ -232,12 +256,11 @@ def _worst(case: _Case, row: ParameterResult, name: Namer) -> WorstOffset:
     )
 
 
-def verdict_word(verdict: PlanVerdict, header: Mapping[str, object]) -> str:
-    """The verdict's word; that of a simulated run says so."""
-    provenance = header.get("provenance")
-    word = VERDICT_WORDS[verdict]
-    simulated = isinstance(provenance, Mapping) and is_simulated(provenance)
-    return f"Simulated: {word.lower()}" if simulated else word
+def _judged(case: _Case) -> str:
+    """The verdict's word, that of a simulated run as such; and whether the robot meets what it must."""
+    word = VERDICT_WORDS[case.verdict]
+    word = f"Simulated: {word.lower()}" if case.simulated else word
+    return word if case.met is None else f"{word}; {case.met}"
 
 
 def _value(case: _Case, row: ParameterResult) -> str:
@@ -302,7 +325,7 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
         cause = worst_direction(case.null_space, row.name).cause
         why = by_tolerances(cause, row.tolerance_share) or reason(cause, name)
         return f"{name(row.name)}: {why}" if row.status == "weak" else why
-    return None
+    return case.expected
 
 
 _DISPLACED = (Displacement, RecordingStep)
@@ -353,6 +376,10 @@ def _action(case: _Case) -> Action:
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
     if not case.offsets:
         return Action("Enter nothing: no offset is estimated.", None)
+    if case.simulated:
+        return Action(
+            "Enter nothing: no robot was measured. Measure yours, by this plan or a new one.", _plan(case)
+        )
     command, file = export_command(case.vendor)
     return Action(
         "Write the values to enter into a file for this robot.", f"zerobeam {command} {run} -o {file}"
@@ -407,7 +434,7 @@ def _plan(case: _Case) -> str | None:
         return None
     ((target, target_row),) = targets.items()
     guess = target_row.get("guess_mm") if isinstance(target_row, dict) else None
-    if target not in DEFAULT_TARGETS.values() or not isinstance(guess, list | tuple):
+    if target not in {kind.target for kind in KINDS.values()} or not isinstance(guess, list | tuple):
         return None
     coordinates = ",".join(f"{float(value):g}" for value in guess)
     return f"zerobeam plan optimal --header {run_argument(case.run)} --target={coordinates} -o plan.yaml"

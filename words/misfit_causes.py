@@ -135,9 +135,10 @@ def mend(explanation: Explanation) -> str:
         case "units":
             return f"Import the recording again with the right --units, {_AGAIN}."
         case "coupling":
+            counted, how = ("ground", "add") if explanation.amount > 0 else ("link", "subtract")
             return (
-                f"State in the robot file what joint {explanation.joints[-1]} is counted from (pendant,"
-                f" encoder), {_AGAIN}."
+                f"Joint 3 was read with another counting: import the recording with --j3 {counted}, or {how}"
+                f" joint 2 {'to' if how == 'add' else 'from'} joint 3 in the run, {_AGAIN}."
             )
         case "rows":
             return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."

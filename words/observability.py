@@ -32,8 +32,8 @@ from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
 from ..analysis.observability.power import NOTICED, DetectionPower
+from ..model.instruments.registry import kind_of
 from ..model.likelihood.parameters import Group
-from ..model.likelihood.tool import ToolKind
 from . import numbers
 from .wording import Namer, counted, label, listed, shown
 
@@ -57,12 +57,17 @@ def reason(cause: Cause, name: Namer = str) -> str:
     match cause:
         case Held(by="base frame") | BaseFrame():
             return _BASE_FRAME
-        case Held(by="tool rotation") | ToolRotation("laser", _, None):
+        case Held(by="tool rotation"):
             return _TOOL_ROTATION
-        case ToolRotation("laser", joint, float(known_to)):
+        case ToolRotation(tool, joint, known_to):
+            told = kind_of(tool).words
+            if known_to is None and kind_of(tool).turns:
+                return _TOOL_ROTATION
+            if known_to is None:
+                return f"joint {joint} and a free {told.part} rotate together: only the sum of both moves it"
             return (
-                f"a rotation of joint {joint} is equivalent to a tilt of the laser, which is known to"
-                f" {numbers.exact(known_to, numbers.unit_of('deg'))} (tool.sigma)"
+                f"a rotation of joint {joint} is equivalent to a {told.motion}, which is known to"
+                f" {numbers.exact(known_to, numbers.unit_of(told.unit))} (tool.sigma)"
             )
         case Held(by="first link"):
             return "it moves the arm and every target alike, as the choice of the base frame does"
@@ -98,15 +103,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
             )
         case OnAxis(tool, joint):
             return (
-                f"the {_tool(tool)} lies on or near the axis of joint {joint}: a rotation of that joint"
-                " hardly moves it"
-            )
-        case ToolRotation(_, joint, None):
-            return f"joint {joint} and a free probe tip rotate together: only the sum of both moves the tip"
-        case ToolRotation(_, joint, known_to):
-            return (
-                f"a rotation of joint {joint} is equivalent to a shift of the probe tip, which is known to"
-                f" {numbers.exact(known_to or 0.0, 'mm')} (tool.sigma)"
+                f"the {kind_of(tool).words.part} lies on or near the axis of joint {joint}: a rotation of"
+                " that joint hardly moves it"
             )
         case CommonMotion():
             return _common_motion(cause)
@@ -163,8 +161,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "state one of the two, or add measurements with shorter and longer beams"
         case OnAxis(tool, joint):
             return (
-                f"mount the tool so that the {_tool(tool)} is off the axis of joint {joint}, or hold"
-                f" {name(f'delta{joint}')}"
+                f"mount the tool so that the {kind_of(tool).words.part} is off the axis of joint {joint}, or"
+                f" hold {name(f'delta{joint}')}"
             )
         case CommonMotion():
             return _vary(cause)
@@ -195,10 +193,6 @@ def _counts(cause: TooFewMeasurements) -> str:
     total = sum(cause.unknowns.values())
     unknowns = f"{listed(parts)}, {total} in all," if len(parts) > 1 else parts[0]
     return f"{measured} {gives} {counted(cause.numbers, 'number')}; {unknowns} must be determined"
-
-
-def _tool(kind: ToolKind) -> str:
-    return "beam" if kind == "laser" else "probe tip"
 
 
 def _local_optima(cause: LocalOptima, name: Namer) -> str:

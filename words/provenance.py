@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from ..model.instruments.kind import Instrument
 from .wording import shown
 
 SERIAL, DATE, OPERATOR = "Robot, serial number", "Date of the measurements", "Calibrated by"
@@ -43,22 +44,10 @@ CERTIFICATE_KEYS = {
     "traceability": "Traceability",
     "authorised_by": AUTHORISED,
 }
-INSTRUMENTS = {
-    "laser": (
-        ("PSD, maker and serial number", ("psd", "psd serial", "psd serial number")),
-        ("PSD, calibration certificate", ("psd certificate",)),
-        ("Laser, maker and serial number", ("laser", "laser serial", "laser serial number")),
-        ("Laser, calibration certificate", ("laser certificate",)),
-    ),
-    "probe": (
-        ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
-        ("Probe, calibration certificate", ("probe certificate",)),
-    ),
-}
 
 
 def by_plain_key(provenance: Mapping[str, object]) -> dict[str, object]:
-    """The provenance with its keys as `KEYS` and `INSTRUMENTS` have them."""
+    """The provenance with its keys as `KEYS` and the words of the instruments have them."""
     return {re.sub(r"[\s_-]+", " ", key).strip().casefold(): value for key, value in provenance.items()}
 
 
@@ -72,9 +61,9 @@ def first_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
     return next((shown(str(provenance[key])) for key in keys if key in provenance), "")
 
 
-def instrument(provenance: Mapping[str, object], tool: str) -> str:
-    """The instruments of a laser or a probe, their makers and serial numbers; "" where none is stated."""
-    rows = [keys for name, keys in INSTRUMENTS[tool] if "serial" in name]
+def instrument(provenance: Mapping[str, object], kind: type[Instrument]) -> str:
+    """The instruments of a kind, their makers and serial numbers; "" where none is stated."""
+    rows = [keys for name, keys in kind.words.traced if "serial" in name]
     return ", ".join(text for text in (provenance_entry(provenance, keys) for keys in rows) if text)
 
 

@@ -7,8 +7,9 @@ answer is None, and every None has one stated meaning.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
+from ...model.instruments.kind import Instrument
+from ...model.instruments.registry import kind_of
 from ..covariance import OffsetsWithoutPrior
 from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
@@ -98,9 +99,9 @@ class Inputs:
     vendor: str | None = None
 
     @property
-    def tool(self) -> Literal["laser", "probe"]:
-        """The kind of the tool."""
-        return "laser" if self._of("tool").get("kind", "laser") == "laser" else "probe"
+    def instrument(self) -> type[Instrument]:
+        """The kind of the instrument on the flange."""
+        return kind_of(str(self._of("tool")["kind"]))
 
     @property
     def calibrated(self) -> bool:

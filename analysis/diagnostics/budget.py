@@ -12,6 +12,7 @@ reports.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from ...model.arrays import NORMAL_95, Matrix
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
-from ..posterior.posterior import PosteriorParameter, PosteriorSummary
+from ..posterior.posterior import Ends, PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than
 
@@ -59,7 +60,7 @@ class LinearCheck:
 
     `d_low` and `d_high` are the distances of their ends, `tolerance` half a unit in the last of `digits`
     significant digits of the std: two, or one where the draws cannot decide by two. `ends_std` is how well
-    they give the posterior's ends; `validated` is None where that is too poor to decide at all.
+    they give the posterior's ends; `validated` is None where that is too poor to decide at all: `too_large`.
     """
 
     digits: int
@@ -68,6 +69,12 @@ class LinearCheck:
     d_high: float
     ends_std: float
     validated: bool | None
+
+    @property
+    def too_large(self) -> float:
+        """How many times the Monte Carlo error is what decides; up to 1 it does."""
+        left = abs(self.tolerance - max(self.d_low, self.d_high))
+        return _SURE * self.ends_std / max(min(self.tolerance, left), 1e-300)
 
 
 @dataclass(frozen=True)
@@ -93,26 +100,43 @@ class Budget:
         require_no_more_than(self.name, self.status, budget=self.std)
 
 
+def _determined(solution: Solution) -> list[int]:
+    items = solution.problem.parameters.items
+    return [i for i in solution.known if items[i].group in ("offset", "tool")]
+
+
+def _interval(solution: Solution, i: int) -> tuple[float, float, float]:
+    """The estimate of parameter `i`, its std and half its 95 % interval."""
+    parameters, fit = solution.problem.parameters, solution.fit
+    variance = float(fit.covariance.diagonal()[parameters.among_free[i]])
+    std = math.sqrt(variance) * float(parameters.prior_std[i] * parameters.display[i])
+    return parameters.items[i].shown(float(fit.x[i])), std, float(solution.quantiles[i]) * std
+
+
+def more_draws(solution: Solution, ends: Mapping[str, Ends]) -> float:
+    """By what factor more draws with these `ends` would decide all linear checks; 1 or less: they do."""
+    names = solution.problem.parameters.names
+    checks = [check_linear(*_interval(solution, i), ends[names[i]]) for i in _determined(solution)]
+    return max((check.too_large**2 for check in checks), default=0.0)
+
+
 def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...]:
     """One for every offset and tool parameter that the data determine."""
-    problem, fit = solution.problem, solution.fit
-    parameters = problem.parameters
-    determined = [i for i in solution.known if parameters.items[i].group in ("offset", "tool")]
+    parameters = solution.problem.parameters
+    determined = _determined(solution)
     if not determined:
         return ()
     index = np.array(determined)
     at = parameters.among_free[index]
     scale = parameters.prior_std[index] * parameters.display[index]
     sources, parts = _sources(solution, at)
-    variances = np.diag(fit.covariance)[at]
-    dof = effective_dof(fit)[at]
+    variances = np.diag(solution.fit.covariance)[at]
+    dof = effective_dof(solution.fit)[at]
     draws = {row.name: row for row in posterior.parameters or () if row.source == "data"}
     budgets = []
     for j, i in enumerate(determined):
         item = parameters.items[i]
-        std = float(np.sqrt(variances[j]) * scale[j])
-        factor = float(solution.quantiles[i])
-        value = item.shown(float(fit.x[i]))
+        value, std, half = _interval(solution, i)
         rows = []
         for source, part in zip(sources, parts[:, j].tolist(), strict=True):
             contribution = math.copysign(math.sqrt(abs(part)), part) * float(scale[j])
@@ -127,11 +151,9 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
                 std=std,
                 rows=tuple(rows),
                 dof=float(dof[j]) if np.isfinite(dof[j]) else None,
-                coverage_factor=factor,
-                expanded=factor * std,
-                check=check_linear(value, std, factor * std, draws[item.name])
-                if item.name in draws
-                else None,
+                coverage_factor=float(solution.quantiles[i]),
+                expanded=half,
+                check=check_linear(value, std, half, draws[item.name].ends) if item.name in draws else None,
             )
         )
     return tuple(budgets)
@@ -217,19 +239,23 @@ def _of_factor(status: Status, variance: float) -> tuple[Literal["A", "B"], floa
     return kind, 1 / (2 * variance) if variance > 0 else None
 
 
-def check_linear(value: float, std: float, half: float, row: PosteriorParameter) -> LinearCheck:
-    """`value` ± `half` with the standard uncertainty `std` against the quantiles of the draws."""
-    d_low, d_high = abs(value - half - row.q2_5), abs(value + half - row.q97_5)
+def check_linear(value: float, std: float, half: float, ends: Ends) -> LinearCheck:
+    """`value` ± `half` with the standard uncertainty `std` against the quantiles of the draws.
+
+    It is decided where twice the standard error of the draws' ends is within the tolerance (JCGM 101, 7.9.4)
+    and leaves no doubt.
+    """
+    d_low, d_high = abs(value - half - ends.q2_5), abs(value + half - ends.q97_5)
     # A quantile's standard error is that of its probability over the density there, taken for a normal's.
-    probability = math.sqrt(_TWO_SIDED * (1 - _TWO_SIDED) / row.ess_tail)
+    probability = math.sqrt(_TWO_SIDED * (1 - _TWO_SIDED) / ends.ess_tail)
     density = math.exp(-(NORMAL_95**2) / 2) / math.sqrt(2 * math.pi)
-    ends_std = probability / density * row.std
+    ends_std = probability / density * ends.std
 
     def at(digits: int) -> LinearCheck:
         last = int(f"{std:.{digits - 1}e}".split("e")[1]) - (digits - 1)
-        tolerance, worst, sure = 0.5 * 10.0**last, max(d_low, d_high), _SURE * ends_std
-        validated = True if worst + sure <= tolerance else False if worst - sure > tolerance else None
-        return LinearCheck(digits, tolerance, d_low, d_high, ends_std, validated)
+        check = LinearCheck(digits, 0.5 * 10.0**last, d_low, d_high, ends_std, None)
+        validated = max(d_low, d_high) < check.tolerance if check.too_large <= 1 else None
+        return replace(check, validated=validated)
 
     two = at(2)
     return two if two.validated is not None else at(1)

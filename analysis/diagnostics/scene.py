@@ -71,14 +71,14 @@ def scene(solution: Solution) -> RunScene | None:
     between = parts.targets[problem.target_index[chosen]] - origin
     length = (between * direction).sum(axis=1)
     end = origin + np.where(length >= 0, length, np.linalg.norm(between, axis=1))[:, None] * direction
-    laser = problem.tool.kind == "laser"
+    beam = problem.tool.beam
     return RunScene(
         shots=tuple(
             SceneShot(
                 shot=problem.shot_numbers[i],
                 target=problem.targets[problem.target_index[i]],
                 links=(*(_point(joint_position) for joint_position in points[row].T), _point(origin[row])),
-                beam_to=_point(end[row]) if laser else None,
+                beam_to=_point(end[row]) if beam else None,
                 ahead=bool(length[row] >= 0),
             )
             for row, i in enumerate(chosen)

@@ -14,10 +14,11 @@ import casadi as ca
 import numpy as np
 
 from ...model.arrays import Index, Matrix
+from ...model.instruments.kind import Instrument
 from ...model.kinematics.robot import Joint, JointKind, Robot
+from ...model.likelihood.constraint import residual
 from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
-from ...model.likelihood.tool import Tool
 from ..estimation.levenberg_marquardt import least_squares, levenberg_marquardt
 from .robot_variants import with_axes_along_z
 
@@ -109,10 +110,9 @@ def _transforms(robot: Robot) -> Matrix:
 class _ToolKey:
     """A tool, equal to all that are the same."""
 
-    def __init__(self, tool: Tool) -> None:
+    def __init__(self, tool: Instrument) -> None:
         self.tool = tool
-        direction = () if tool.direction is None else tuple(tool.direction.tolist())
-        self.key = (tool.kind, tool.exact, tuple(tool.point.tolist()), direction)
+        self.key = tool.key
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -135,15 +135,9 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     joints = tuple(Joint("", kind, at, along, 0.0, 0.0) for kind, at in zip(kinds, fixed, strict=False))
     robot = Robot("", joints, fixed[-1])
     q, delta, target = ca.SX.sym("q", n), ca.SX.sym("delta", n), ca.SX.sym("target", 3)
-    spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.free_axes))
+    spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.unknowns))
     turns = robot.turns(q + delta)
-    target_in_flange, stations = robot.in_flange(turns, target)
-    if tool.kind == "laser":
-        point, _, across = tool.beam(unknown)
-    else:
-        point, across = tool.tip(unknown), ca.SX.eye(3)
-    residual = across.T @ (target_in_flange - point) - spot
-    by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
-    jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(residual, unknown))
+    left, by_joints, by_target = residual(robot, turns, tool, target, unknown, spot)
+    jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(left, unknown))
     inputs = [transforms, q, spot, delta, target, unknown]
-    return ca.Function("screen", inputs, ca.cse([ca.densify(residual), ca.densify(jacobian)]))
+    return ca.Function("screen", inputs, ca.cse([ca.densify(left), ca.densify(jacobian)]))

@@ -556,7 +556,7 @@ def _noise(linear: Linear) -> Iterator[Suspect]:
 def _spots(linear: Linear) -> Iterator[Suspect]:
     """Other axes of the spots: exact, as residuals are linear in them."""
     problem = linear.problem
-    if problem.tool.kind != "laser" or not problem.spots.any():
+    if not problem.tool.columns or not problem.spots.any():
         return
     price = float(np.log(len(_TURNED)))
     for name, axes in _TURNED.items():

@@ -134,7 +134,7 @@ def _sandwich(middles: _Middles, jacobian: Matrix, by_shots: Sequence[Matrix]) -
         moved[:, shots, :, rows] += by_shot.transpose(1, 0, 3, 2)
     by_noise = middles.centred(moved.transpose(0, 3, 4, 1, 2).reshape(count, len(rows), 3, -1))
     by_noise = by_noise.reshape(count, jacobian.shape[1], -1) * np.tile(problem.noise.joint, problem.shots)
-    if problem.tool.kind == "probe":
+    if not problem.tool.beam:
         # The ball does not sit quite at the centre of its socket: each tip is off by as much, any way.
         size = jacobian.shape[1]
         apart = middles.centred(np.eye(size).reshape(1, -1, 3, size)).reshape(1, size, size)
@@ -162,8 +162,9 @@ class _Middles:
     @classmethod
     def of(cls, problem: Problem) -> tuple[_Middles | None, str | None]:
         """The pairs that have a middle, and a sentence on those that have none."""
-        if problem.tool.kind == "probe":
-            note = "a probe has points, not beams: the scatter of the tip's positions is minimised"
+        if not problem.tool.beam:
+            of = problem.tool.name
+            note = f"a {of} has points, not beams: the scatter of the tip's positions is minimised"
             return cls(problem, (np.arange(problem.shots),)), note
         first, second, every = _pairs(problem)
         message = None

@@ -61,9 +61,9 @@ def aim_plan(plan: Plan) -> AimedPlan:
 
 
 def servo_joints(problem: Problem) -> Matrix:
-    """(n,) weights of the joints that a servo turns: the last three for a beam, all for a probe."""
+    """(n,) weights of the joints that a servo turns: the last three for a beam, else all."""
     weights = np.ones(problem.robot.n)
-    if problem.tool.kind == "laser":
+    if problem.tool.beam:
         weights[:-_WRIST] = 0.0
     return weights
 

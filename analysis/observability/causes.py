@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
-from ...model.likelihood.tool import ToolKind
 from ..status import Status
 
 MOST = 0.5  # of a variance that tolerances set: they are its reason
@@ -82,7 +81,7 @@ class NoiseSplit:
 class OnAxis:
     """The beam or tip lies on the axis of `joint`."""
 
-    tool: ToolKind
+    tool: str
     joint: int
 
 
@@ -91,7 +90,7 @@ class ToolRotation:
     """The last joint and the tool rotate together (section 3.1 of the paper): a free one, or one that is
     `known_to` a sigma (degrees of a laser's direction, mm of a probe's tip)."""
 
-    tool: ToolKind
+    tool: str
     joint: int
     known_to: float | None = None
 
@@ -196,7 +195,8 @@ class NullDirection:
     """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
     What has a tolerance has no part in it: it is known up to that, whatever the data say.
 
-    `data_std` is its std without prior, in prior stds along it; None for an exact gauge.
+    `data_std` is its std without prior, in prior stds along it; None for an exact gauge. `slight` have a part
+    in it that is too small for the combination, and no bound all the same.
     Of the kind `optima` it is the way from the best local optimum to another, and `data_std` its length.
     """
 
@@ -204,6 +204,7 @@ class NullDirection:
     kind: Literal["exact", "noise", "optima"]
     cause: Cause
     data_std: float | None = None
+    slight: tuple[str, ...] = ()
 
 
 def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:
@@ -211,7 +212,9 @@ def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirec
 
     A parameter is part of the way to another optimum only if it would be determined without that optimum.
     """
-    taking_part = [direction for direction in null_space if name in direction.combination]
+    taking_part = [
+        direction for direction in null_space if name in direction.combination or name in direction.slight
+    ]
     taking_part = [direction for direction in taking_part if direction.kind == "optima"] or taking_part
     if not taking_part:
         return NullDirection({name: 1.0}, "noise", NotResolvable())
@@ -220,7 +223,7 @@ def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirec
 
 def _share(direction: NullDirection, name: str) -> float:
     """Std that the direction gives to one of its parameters, in prior stds (infinite for a gauge)."""
-    if direction.data_std is None:
+    if direction.data_std is None or name in direction.slight:
         return math.inf
     weights = direction.combination
     return abs(weights[name]) * direction.data_std / math.hypot(*weights.values())

@@ -87,7 +87,7 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(offset(0) | targets, BaseFrame())
     if problem.noise.separate:
         yield Mechanism(parameters.group("noise"), NoiseSplit())
-    yield Mechanism(offset(n - 1), OnAxis(problem.tool.kind, n))
+    yield Mechanism(offset(n - 1), OnAxis(problem.tool.name, n))
     if tool.any() and free[n - 1]:
         yield Mechanism(offset(n - 1) | tool, _tool_rotation(problem))
     spread = np.ptp(problem.joints, axis=0) * problem.robot.display
@@ -109,9 +109,8 @@ def _tool_rotation(problem: Problem) -> ToolRotation:
     """The last joint and the tool: free, or within a stated sigma."""
     tool = problem.tool
     if not tool.calibrated:
-        return ToolRotation(tool.kind, problem.robot.n)
-    known_to = float(np.degrees(tool.tilt_std)) if tool.kind == "laser" else tool.shift_std
-    return ToolRotation(tool.kind, problem.robot.n, known_to)
+        return ToolRotation(tool.name, problem.robot.n)
+    return ToolRotation(tool.name, problem.robot.n, tool.known_to)
 
 
 def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:
@@ -150,7 +149,7 @@ def unexplained(problem: Problem) -> Mechanism:
     few = too_few_measurements(problem)
     if few is not None:
         return few
-    one_position = problem.tool.kind == "probe" and len(problem.targets) == 1
+    one_position = not problem.tool.beam and len(problem.targets) == 1
     return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
 
 
@@ -375,10 +374,24 @@ def _exact_directions(judged: _Judged) -> list[NullDirection]:
             left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
     rest = unexplained(problem)
     named += [(column, rest) for column in left.T]
-    return [
+    directions = [
         _named(judged, direction, "exact" if i < judged.gauge.dimension else "noise", mechanism)
         for i, (direction, mechanism) in enumerate(named)
     ]
+    return _with_slight(judged, directions, [direction for direction, _ in named])
+
+
+def _with_slight(
+    judged: _Judged, directions: list[NullDirection], vectors: list[Matrix]
+) -> list[NullDirection]:
+    """The directions of the null space, their `vectors` (m,) given, with what of it is in no combination."""
+    slight: dict[int, list[str]] = {}
+    for row in np.flatnonzero(judged.gauge.part | judged.gauge.exact_part):
+        name = judged.untolerated[row].name
+        if directions and not any(name in direction.combination for direction in directions):
+            most = int(np.argmax([abs(vector[row]) for vector in vectors]))
+            slight.setdefault(most, []).append(name)
+    return [replace(each, slight=tuple(slight.get(k, ()))) for k, each in enumerate(directions)]
 
 
 def _noise_directions(judged: _Judged) -> list[NullDirection]:

@@ -6,9 +6,10 @@ The walkers live in the coordinates of `coordinates`, whitened by the fit: near 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,15 @@ from .sampler import RHAT_GATE, IndependenceProposal, Sampled, degrees_of_freedo
 _KEPT_PER_WALKER = 400
 
 
+class Ends(NamedTuple):
+    """The ends of the 95 % interval of some draws, their std, and the effective sample size of the tails."""
+
+    std: float
+    q2_5: float
+    q97_5: float
+    ess_tail: float
+
+
 @dataclass(frozen=True)
 class PosteriorParameter:
     """Summary of one parameter's draws. Where `source` is `prior` (the data do not determine it) mean, std
@@ -45,6 +55,10 @@ class PosteriorParameter:
     ess_tail: float
     rhat: float
     mcse_mean: float
+
+    @property
+    def ends(self) -> Ends:
+        return Ends(self.std, self.q2_5, self.q97_5, self.ess_tail)
 
 
 @dataclass(frozen=True)
@@ -178,10 +192,15 @@ def sample_posterior(
     *,
     seed: int,
     ess: float = 1000.0,
+    short_by: Callable[[Mapping[str, Ends]], float] | None = None,
     progress: ShareDone | None = None,
 ) -> tuple[PosteriorSummary, Draws]:
     """The posterior around a fit: its summary, gated by R-hat and ESS, and the draws in the units that people
-    read."""
+    read.
+
+    `short_by` says of the ends of the known offsets and tool parameters, by name, how many times as many
+    draws they need (`sample_density`).
+    """
     began = time.perf_counter()
     problem, fit = solution.problem, solution.fit
     density = Density(problem)
@@ -196,11 +215,29 @@ def sample_posterior(
         x = coordinates.to_parameters(whitening.undo(values.reshape(-1, len(fit.z))))
         return np.asarray(problem.parameters.shown(x)[:, problem.parameters.free].reshape(values.shape))
 
+    needed = [
+        (j, item.name)
+        for j, (item, state) in enumerate(_free(solution.problem, solution.status))
+        if known(state) and item.group in ("offset", "tool")
+    ]
+
+    def short(judged: Matrix) -> float:
+        if short_by is None:
+            return 0.0
+        return short_by({name: _ends(_chains(judged[..., j])) for j, name in needed})
+
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
     # The kernel lets go of Python's lock, so that the cores that are there share its rows.
     sampled = sample_density(
-        log_density, proposal, seed=seed, ess=ess, threads=threads(), judged=shown, progress=progress
+        log_density,
+        proposal,
+        seed=seed,
+        ess=ess,
+        threads=threads(),
+        judged=shown,
+        short_by=short,
+        progress=progress,
     )
     return _summarised(
         problem, shown(sampled.values), sampled, solution.status, ess, time.perf_counter() - began
@@ -216,10 +253,9 @@ def _summarised(
     seconds: float,
 ) -> tuple[PosteriorSummary, Draws]:
     """Draws and summary in the units that people read."""
-    parameters = problem.parameters
     ensembles, walkers, steps, _ = shown.shape
     rhat, bulk = sampled.rhat, sampled.ess_bulk
-    free = [(item, state) for item, state in zip(parameters.items, status, strict=True) if not item.held]
+    free = _free(problem, status)
     converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
     rows = tuple(
         _row(item, state == "unidentifiable", shown[..., j], float(rhat[j]), float(bulk[j]))
@@ -251,6 +287,22 @@ def _summarised(
     return summary, draws
 
 
+def _free(problem: Problem, status: tuple[Status, ...]) -> list[tuple[Parameter, Status]]:
+    return [
+        (item, state) for item, state in zip(problem.parameters.items, status, strict=True) if not item.held
+    ]
+
+
+def _chains(draws: Matrix) -> Matrix:
+    """(ensembles, walkers, steps) as (chains, steps)."""
+    return draws.reshape(-1, draws.shape[2])
+
+
+def _ends(chains: Matrix) -> Ends:
+    low, high = np.quantile(chains, [0.025, 0.975]).tolist()
+    return Ends(float(chains.std(ddof=1)), low, high, tail_effective(chains))
+
+
 def _prior_only(item: Parameter) -> PriorOnly:
     logarithmic = item.group == "noise"
     display = 1.0 if logarithmic else item.display
@@ -260,30 +312,30 @@ def _prior_only(item: Parameter) -> PriorOnly:
 def _row(
     item: Parameter, unidentifiable: bool, draws: NDArray[np.float64], rhat: float, bulk: float
 ) -> PosteriorParameter:
-    chains = draws.reshape(-1, draws.shape[2])
-    tail = tail_effective(chains)
+    chains = _chains(draws)
+    ends = _ends(chains)
     if unidentifiable:
         # The draws may be narrow for all that: what the priors of other parameters make of this one. Only
         # its own prior is stated, and exactly, so that no spread can be taken for knowledge from the data.
         prior = NormalDist(item.prior_mean, item.prior_std)
         low, middle, high = (item.shown(prior.inv_cdf(q)) for q in (0.025, 0.5, 0.975))
         mean, std = item.shown_prior
+        ends = ends._replace(std=std, q2_5=low, q97_5=high)
         mcse = 0.0
     else:
-        mean, std = float(chains.mean()), float(chains.std(ddof=1))
-        low, middle, high = (float(q) for q in np.quantile(chains, [0.025, 0.5, 0.975]))
+        mean, middle = float(chains.mean()), float(np.median(chains))
         mcse = error_of_mean(chains)
     return PosteriorParameter(
         name=item.name,
         unit=item.unit,
         source="prior" if unidentifiable else "data",
         mean=mean,
-        std=std,
-        q2_5=low,
+        std=ends.std,
+        q2_5=ends.q2_5,
         q50=middle,
-        q97_5=high,
+        q97_5=ends.q97_5,
         ess_bulk=bulk,
-        ess_tail=tail,
+        ess_tail=ends.ess_tail,
         rhat=rhat,
         mcse_mean=mcse,
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...model.arrays import Index, Mask, Matrix, ShareDone
 from .convergence import effective, nested_rhat, normal_scores
+from .lean_emcee import lean_emcee
 from .triangular_map import TriangularMap
 
 LogDensity = Callable[[Matrix], Matrix]
@@ -175,6 +176,8 @@ MAPPED_SHARE = 0.3
 _MAPPED_ROUNDS = (6, 12)
 _FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
+DECIDING = 100_000  # draws, up to which more are taken for what the effective sample size does not decide
+_BLOCK = 2.0  # times the draws so far, at most, in one block of these
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
 
 
@@ -220,8 +223,7 @@ class Moves:
 
     def advance(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
         """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
-        import emcee
-
+        emcee = lean_emcee()
         moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
         sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
         sampler.log_prob_fn = log_density  # emcee's own prints a traceback at Ctrl-C
@@ -247,8 +249,10 @@ class _Run:
         seed: int,
         pool: ThreadPoolExecutor,
         judged: Callable[[Matrix], Matrix],
+        short_by: Callable[[Matrix], float],
     ) -> None:
-        self._log_density, self._pool, self._judged = log_density, pool, judged
+        self._log_density, self._pool = log_density, pool
+        self._judged, self._short_by = judged, short_by
         self._first = self._proposal = proposal
         self._transport: TriangularMap | None = None
         self.random = np.random.default_rng(seed)
@@ -342,6 +346,11 @@ class _Run:
             return _MAPPED_LOOK
         return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
 
+    def _settled(self, judged: Matrix, rhat: Matrix) -> bool:
+        # Where the map does not reach, no walker tells; a poor acceptance does.
+        reaches = self._transport is None or self._independent >= GOOD
+        return float(rhat.max()) <= RHAT_GATE and drift(judged) <= _DRIFT_GATE and reaches
+
     def grow(
         self, starts: Matrix, ess: float, limit: int, progress: Callable[[float, bool], None]
     ) -> Sampled:
@@ -362,15 +371,27 @@ class _Run:
             reached = float(bulk.min())
             expected = total * needed / max(reached, 1.0)
             progress(min(reached / needed, 1.0) if expected <= limit else total / limit, expected <= limit)
-            # Where the map does not reach, no walker tells; a poor acceptance does.
-            reaches = self._transport is None or self._independent >= GOOD
-            settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE and reaches
-            enough = reached >= needed
+            settled, enough = self._settled(looked_at, rhat), reached >= needed
             if (enough and settled) or total >= limit:
-                return Sampled(values, rhat, bulk, enough, settled)
+                sampled = Sampled(values, rhat, bulk, enough, settled)
+                return self._decide(sampled, looked_at) if enough and settled else sampled
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
             factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
             total = min(max(int(np.ceil(factor * total)), total + ROUND), limit)
+
+    def _decide(self, sampled: Sampled, judged: Matrix) -> Sampled:
+        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are `DECIDING`."""
+        values = sampled.values
+        ensembles, walkers, steps, _ = values.shape
+        limit = DECIDING // (ensembles * walkers)
+        while steps < limit and (factor := self._short_by(judged)) > 1:
+            steps = min(max(int(np.ceil(min(factor, _BLOCK) * steps)), steps + ROUND), limit)
+            values = np.concatenate([values, self.advance(values[:, :, -1], steps - values.shape[2])], axis=2)
+            judged = self._judged(values)
+        if values is sampled.values:
+            return sampled
+        rhat, bulk = diagnostics(judged)
+        return Sampled(values, rhat, bulk, True, self._settled(judged, rhat))
 
 
 def sample_density(
@@ -381,6 +402,7 @@ def sample_density(
     ess: float,
     threads: int = 1,
     judged: Callable[[Matrix], Matrix] = lambda values: values,
+    short_by: Callable[[Matrix], float] = lambda judged: 0.0,
     progress: ShareDone | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
@@ -388,7 +410,8 @@ def sample_density(
     The proposal is refitted during the burn-in, then frozen. A run that would take long continues in mapped
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
     share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
-    coordinates in which R-hat, ESS and drift are taken. -inf, inf and NaN of the density are
+    coordinates in which R-hat, ESS and drift are taken; `short_by` says of these how many times as many draws
+    another question needs, which gets up to `DECIDING` in all. -inf, inf and NaN of the density are
     impossible points, all alike.
     """
     best, plain_part = [0.0], 0.0
@@ -408,7 +431,7 @@ def sample_density(
     few = max(_WALKERS[0], 2 * len(proposal.location) + 2)
     walkers = max(few, 2 * (min(int(ess / _STEPS_PLANNED), _WALKERS[1]) // 2))
     with ThreadPoolExecutor(max_workers=threads) as pool:
-        run = _Run(log_density, proposal, seed, pool, judged)
+        run = _Run(log_density, proposal, seed, pool, judged, short_by)
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))

@@ -35,9 +35,10 @@ from ..estimation.fit import LikelihoodFit
 _NOTHING = 1e-18  # a correlation below rounding
 SIGNIFICANCE = 0.01  # p-value below which a correlation is used
 _FEWEST = 4  # measurements of a recording with a correlation of its own
-_GRID = np.array(
-    [-0.98, -0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98]
-)
+_LIMIT = 0.98  # of a correlation, either way
+_ANGLES = (np.arange(20) + 0.5) * np.pi / 20
+_NODES = np.tanh(np.arctanh(_LIMIT) * np.cos(_ANGLES))  # Chebyshev's, of artanh rho / artanh of the limit
+_SERIES = np.cos(np.arange(20)[:, None] * _ANGLES) * np.where(np.arange(20) > 0, 2, 1)[:, None] / 20
 _WIDEST = 0.5  # half a 95 % interval of a correlation, from which on it is not determined
 LARGE = 600  # residuals of a recording whose covariance is no longer written out
 _LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
@@ -331,10 +332,10 @@ def _log_evidence(rows: Matrix, ends: Sequence[tuple[int, int]], d: int, rho: fl
 
 class RecordingLag(NamedTuple):
     """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
-    sum of squares; `products` and `squares` (grid,) what they are expected to be for the correlations of the
-    grid; `size` n d. Of the covariance of the residuals without correlation: its trace `left`, that of
-    neighbours as a share of it `bias`, and `forms`: `square` as a sum of chi-squares by its weights (n d,),
-    `product` in the same errors by its matrix (n d, n d); None of a long recording."""
+    sum of squares; `products` and `squares` (nodes,) what they are expected to be for a correlation rho, as
+    Chebyshev series in artanh rho; `size` n d. Of the covariance of the residuals without correlation: its
+    trace `left`, that of neighbours as a share of it `bias`, and `forms`: `square` as a sum of chi-squares by
+    its weights (n d,), `product` in the same errors by its matrix (n d, n d); None of a long recording."""
 
     shots: int
     product: float
@@ -349,26 +350,26 @@ class RecordingLag(NamedTuple):
 
 def lags(recorded: RecordingSet) -> dict[int, RecordingLag]:
     """The sums of the recordings that are long enough, by their index."""
-    by_rho = [(float(rho), recorded.shared(float(rho))) for rho in _GRID]
-    none = int(np.argmin(np.abs(_GRID)))
+    by_rho = [(rho, recorded.shared(rho)) for rho in _NODES.tolist()]
+    none = recorded.shared(0.0)
     result = {}
     for i, recording in enumerate(recorded.every):
         d, residual = recording.residual.shape[1], recording.residual
-        left, neighbours = traces(recording, *by_rho[none])
+        left, neighbours = traces(recording, 0.0, none)
         # A fit that takes up all errors leaves rounding.
         if recording.shots < _FEWEST or left < _LEFT * recording.shots * d:
             continue
-        expected = [traces(recording, *at) for at in by_rho]
+        squares, products = (_SERIES @ np.array([traces(recording, *at) for at in by_rho])).T
         result[i] = RecordingLag(
             recording.shots,
             float((residual[1:] * residual[:-1]).sum()),
             float((residual**2).sum()),
-            np.array([products for _, products in expected]),
-            np.array([squares for squares, _ in expected]),
+            products,
+            squares,
             recording.shots * d,
             left,
             neighbours / left,
-            _forms(covariance(recording, *by_rho[none]), d) if recording.shots * d <= LARGE else None,
+            _forms(covariance(recording, 0.0, none), d) if recording.shots * d <= LARGE else None,
         )
     return result
 
@@ -414,20 +415,28 @@ def correlation(lags: Sequence[RecordingLag]) -> tuple[float | None, float]:
     ratio = _ratio(lags)
     weights = np.concatenate([_values(lag, ratio) for lag in lags])
     half = NORMAL_95 * float(np.sqrt(2 * (weights**2).sum())) / sum(lag.left for lag in lags)
-    low, rho, high = np.interp(ratio + half * np.array([-1, 0, 1]), _expected(lags), _GRID).tolist()
-    # An interval that reaches the end of the grid is as wide as the part of it that is seen, or wider.
-    determined = high - low < 2 * _WIDEST and _GRID[0] < rho < _GRID[-1]
+    low, rho, high = (_solved(lags, ratio + apart) for apart in (-half, 0.0, half))
+    # An interval that reaches a limit is as wide as the part of it that is seen, or wider.
+    determined = high - low < 2 * _WIDEST and abs(rho) < _LIMIT
     return (rho if determined else None), _above_zero(weights)
 
 
 def rho_of(lags: Sequence[RecordingLag]) -> float:
-    """`correlation` without its p-value, at the end of the grid where it is beyond."""
-    return float(np.interp(_ratio(lags), _expected(lags), _GRID))
+    """`correlation` without its p-value, at the limit where it is beyond."""
+    return _solved(lags, _ratio(lags))
 
 
-def _expected(lags: Sequence[RecordingLag]) -> Matrix:
-    """(grid,) the ratio of the expected sums."""
-    return np.asarray(sum(lag.products for lag in lags) / sum(lag.squares for lag in lags))
+def _solved(lags: Sequence[RecordingLag], ratio: float) -> float:
+    """The correlation for which the ratio of the expected sums is this one; the limit if it is beyond."""
+    series = np.sum([lag.products - ratio * lag.squares for lag in lags], axis=0)
+
+    def difference(share: float) -> float:
+        return float(np.polynomial.chebyshev.chebval(share, series))
+
+    for end in (-1.0, 1.0):
+        if end * difference(end) <= 0:
+            return end * _LIMIT
+    return float(np.tanh(np.arctanh(_LIMIT) * scipy.optimize.brentq(difference, -1.0, 1.0)))
 
 
 def _ratio(lags: Sequence[RecordingLag]) -> float:

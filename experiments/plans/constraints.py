@@ -99,21 +99,21 @@ class Conditions:
 
         Distances between links take the most time: they come last.
         """
-        laser, view, clearance = self._problem.tool.kind == "laser", self._view, self._clearance
+        beam, view, clearance = self._problem.tool.beam, self._view, self._clearance
         yield "limits", lambda rows: np.asarray(self.beyond(rows).any(axis=1))
-        if laser:
+        if beam:
             yield "behind", lambda rows: self.length[rows] <= 0
-            if (beam := view.beam) is not None:
+            if (length := view.beam) is not None:
                 yield (
                     "beam_mm",
-                    lambda rows: (self.length[rows] < beam[0]) | (self.length[rows] > beam[1]),
+                    lambda rows: (self.length[rows] < length[0]) | (self.length[rows] > length[1]),
                 )
             if view.facing is not None:
                 yield "facing", lambda rows: self.incidence[rows] > view.acceptance
         if clearance is not None:
             yield "itself", lambda rows: clearance.hits_itself(self.joints[rows])
             yield "cell", lambda rows: clearance.hits_cell(self.joints[rows])
-            if laser:
+            if beam:
                 yield "beam", self._blocked
 
     def beyond(self, rows: Index) -> Mask:

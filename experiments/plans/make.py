@@ -13,7 +13,7 @@ from ...analysis.observability.check import Check
 from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.arguments import checked
-from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget
+from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import Plan, read_plan, write_plan
 from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
 from ...model.files.robot_file import load_robot, rebased
@@ -190,8 +190,8 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
 
 
 def _target_name(header: Header) -> str:
-    """Of a probe `socket`, or `psd` where its header says so."""
-    return "psd" if "psd" in header.targets else DEFAULT_TARGETS[header.tool.kind]
+    """The kind's own, or `psd` where the header says so."""
+    return "psd" if "psd" in header.targets else header.instrument.target
 
 
 def _with_target(request: PlanRequest, folder: Path) -> Header:
@@ -234,7 +234,7 @@ def _constraints(request: PlanRequest) -> StatedConstraints:
             argument="beam_mm",
         )
     constraints: dict[str, object] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
-    if request.header.tool.kind == "laser":
+    if request.header.instrument.beam:
         if request.facing is not None:
             constraints = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **constraints}
         constraints["beam_mm"] = request.beam_mm

@@ -10,6 +10,7 @@ from ...analysis.estimation.levenberg_marquardt import least_squares, levenberg_
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
+from ...model.instruments.registry import names_of
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
@@ -45,8 +46,12 @@ def pattern(
     as `_LINES` says; `span` is its length as a share of the arm's reach. Raises BadInput where a posture
     cannot be reached.
     """
-    if header.tool.kind != "laser":
-        raise BadInput("X- and Y-Pattern are made for a beam", found="tool.kind probe", allowed="laser")
+    if not header.instrument.beam:
+        raise BadInput(
+            "X- and Y-Pattern are made for a beam",
+            found=f"tool.kind {header.tool.kind}",
+            allowed=" or ".join(names_of(beam=True)),
+        )
     arm = reach(robot)
     forward, above, usual = _LINES[which]
     span = usual if span is None else span

@@ -104,8 +104,7 @@ def arm_sent(belief: Belief, shot: int, joints: Matrix, *, lit: bool) -> ArmSent
     (points,) = belief.call("skeleton", joints)
     origin, direction = belief.beam(joints)
     along = float((belief.target - origin) @ direction)
-    laser = belief.problem.tool.kind == "laser"
-    beam = [origin, origin + max(along, 0.0) * direction] if laser else [origin]
+    beam = [origin, origin + max(along, 0.0) * direction] if belief.problem.tool.beam else [origin]
     return ArmSent(
         shot=shot,
         joints_deg=_rounded(joints * belief.problem.robot.display, 6),

@@ -41,8 +41,9 @@ class ReplayRig:
                 file=run.path,
                 line=run.header_line,
             )
-        if run.header.tool.kind != "laser":
-            raise BadInput("a probe's run cannot be replayed: it has no spots", file=run.path)
+        if not run.header.instrument.columns:
+            kind = run.header.tool.kind
+            raise BadInput(f"a {kind}'s run cannot be replayed: it has no spots", file=run.path)
         self._name, self._display = run.path.name, plan.robot.display
         remedy = "replay it with the plan that it was made with"
         require_planned(plan, run, "the recording was not made with this plan", remedy)
@@ -105,7 +106,7 @@ class ReplayRig:
 def require_planned(plan: Plan, run: Run, message: str, remedy: str, *, anywhere: bool = False) -> None:
     """BadInput for the first measurement that is not of the plan: by its number, its target, and with a laser
     by the joints that no servo turns, unless it may be `anywhere`."""
-    kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.tool.kind == "laser" else slice(0)
+    kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.instrument.beam else slice(0)
     planned_deg, count = plan.postures * plan.robot.display, len(plan.postures)
     for shot, line in zip(run.shots, run.lines, strict=True):
         number = shot.shot % count  # a closing measurement is in the posture of the first

@@ -26,6 +26,7 @@ from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
 from ...analysis.status import Status, known, require_no_more_than
 from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
+from ...model.files.arguments import Probe
 from ...model.files.header import EXACT, Header
 from ...model.files.plan import Plan
 from ...model.kinematics.robot import Robot
@@ -245,7 +246,7 @@ def _probe(seed: int) -> GeometryPlanStudied:
         distances.append({"between": between, "mm": _SOCKETS_APART_MM, "sigma_mm": 0.1})
     content = {
         "robot": "panda",
-        "tool": {"kind": "probe", "calibrated": False, "point_mm": [0, 0, 130]},
+        "tool": Probe(point_mm=(0, 0, 130), calibrated=False).content(),
         "noise": {"joint_deg": 0.01, "spot_mm": 0.1},
         "targets": targets,
         "geometry": EXACT,
@@ -260,7 +261,7 @@ def _probe(seed: int) -> GeometryPlanStudied:
         names += [name] * len(random_postures)
     with_distances = Header.model_validate({**content, "distances": distances})
     return GeometryPlanStudied(
-        "probe",
+        "sockets",
         f"probe with a free tip, {len(_PLACEMENTS)} pairs of sockets, {_PER_SOCKET} random postures at each",
         _plan(with_tolerance(with_distances, TYPICAL), robot, np.concatenate(postures), names),
         TYPICAL,

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.arrays import Matrix
+from ...model.files.arguments import Laser
 from ...model.files.header import EXACT, Header
 from ...model.files.robot_file import load_robot
 from ...model.kinematics.robot import Robot
@@ -26,7 +27,7 @@ def laser_header(joint_deg: float, spot_mm: float, sigma_mm: float | None = None
     return Header.model_validate(
         {
             "robot": "irb1600",
-            "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+            "tool": Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)).content(),
             "noise": {"joint_deg": joint_deg, "spot_mm": spot_mm},
             "targets": {"psd": psd},
             "geometry": EXACT,

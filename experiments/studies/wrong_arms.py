@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.arrays import Matrix
+from ...model.instruments.kind import Instrument
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import Geometry
-from ...model.likelihood.tool import Tool
 
 OFFSET_DEG, BACKLASH_DEG, SPOT_MM = 0.5, 0.01, 2.0  # of the arms; of the spots about the centre
 _GUESS_MM = 5.0  # how far the PSD is from its guess
@@ -53,7 +53,7 @@ class Course:
 
 
 def typical(
-    robot: Robot, geometry: Geometry, tool: Tool, target: Matrix, count: int, rng: np.random.Generator
+    robot: Robot, geometry: Geometry, tool: Instrument, target: Matrix, count: int, rng: np.random.Generator
 ) -> Course:
     """A random arm with deviations of the sizes that `geometry` and `tool` state, for `count` measurements.
     Offset 1 is 0: the base frame is that of the arm."""
@@ -87,7 +87,12 @@ def typical(
 
 
 def recorded(
-    course: Course, postures: Matrix, noise: Matrix, spot_noise: float, tool: Tool, rng: np.random.Generator
+    course: Course,
+    postures: Matrix,
+    noise: Matrix,
+    spot_noise: float,
+    tool: Instrument,
+    rng: np.random.Generator,
 ) -> tuple[Matrix, Matrix] | None:
     """Joints (N, n) rad and spots (N, 2) mm as recorded near `postures` (N, n), with the std `noise` (n,) of
     a joint reading; None where a posture cannot bring its beam onto the target."""
@@ -182,7 +187,7 @@ def _chain(fixed: Matrix, axes: Matrix, robot: Robot, theta: Matrix) -> tuple[Ma
     return pose, np.stack(places, axis=1), np.stack(directions, axis=1)
 
 
-def _aimed(course: Course, postures: Matrix, tool: Tool) -> Matrix | None:
+def _aimed(course: Course, postures: Matrix, tool: Instrument) -> Matrix | None:
     """(N, n) the true positions nearest to `postures` that have the target at the spots."""
     fixed, axes = _with_links(course)
     across = _across(course.direction, tool)
@@ -203,7 +208,7 @@ def _aimed(course: Course, postures: Matrix, tool: Tool) -> Matrix | None:
     return theta if (off < 1e-6).all() and ahead.all() else None
 
 
-def _across(direction: Matrix, tool: Tool) -> Matrix:
+def _across(direction: Matrix, tool: Instrument) -> Matrix:
     """(N, 2, 3) the axes of the spot: the two coordinate axes across the nominal beam, made square to it."""
     assert tool.direction is not None
     axis = int(np.argmax(np.abs(tool.direction)))

@@ -20,6 +20,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix, Progress
+from ...model.files.arguments import Laser
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
 from ...model.likelihood.problem import Problem
@@ -161,7 +162,7 @@ def header_of(robot: str) -> Header:
     return Header.model_validate(
         {
             "robot": robot,
-            "tool": {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+            "tool": Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)).content(),
             "noise": {"joint_deg": _JOINT_DEG, "spot_mm": _SPOT_MM},
             "targets": {"psd": {"guess_mm": list(_TARGETS[robot]), "sigma_mm": 30.0}},
         }

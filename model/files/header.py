@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AliasChoices, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..instruments.kind import Instrument
+from ..instruments.registry import KINDS, kind_of, names_of
 from ..kinematics.robot import Robot
 from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .reading import KeyPath, shown
@@ -182,7 +184,6 @@ GeometryOfArm = Annotated[
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
-DEFAULT_TARGETS = {"laser": "psd", "probe": "socket"}  # by the tool, where no target is named anywhere
 
 
 def _free_text(value: object) -> object:
@@ -260,16 +261,16 @@ class StatedSigma(FileModel):
     )
 
 
-# Of a tool that is not calibrated, by its kind: tilt_deg, shift_mm.
-_UNCALIBRATED = {"laser": (3.0, 10.0), "probe": (3.0, 50.0)}
+if TYPE_CHECKING:
+    ToolKind = str
+else:
+    ToolKind = Literal[tuple(KINDS)]
 
 
 class StatedTool(FileModel):
     """What the flange carries."""
 
-    kind: Literal["laser", "probe"] = Field(
-        description="laser: a beam that must pass the target; probe: a tip that must meet it"
-    )
+    kind: ToolKind = Field(description="; ".join(f"{name}: {kind.words.is_}" for name, kind in KINDS.items()))
     calibrated: bool = Field(default=True, description="false: the tool is estimated along with the offsets")
     point_mm: Vector = Field(
         description="a point on the beam, or the tip of the probe, in the flange frame, millimetres"
@@ -285,19 +286,19 @@ class StatedTool(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        stated_sigma = "sigma" in self.model_fields_set
-        if self.kind == "laser" and self.direction is None:
+        stated_sigma, beam = "sigma" in self.model_fields_set, kind_of(self.kind).beam
+        if beam and self.direction is None:
             raise refusal(
                 "tool.direction is missing",
-                found="a laser without the direction of its beam",
+                found=f"a {self.kind} without the direction of its beam",
                 remedy="add the beam's direction in the flange frame, such as [1, 0, 0]",
             )
-        if self.kind == "probe" and self.direction is not None:
+        if not beam and self.direction is not None:
             raise refusal(
-                "tool.direction is stated for a probe, which has none",
+                f"tool.direction is stated for a {self.kind}, which has none",
                 key=("direction",),
                 found=f"direction: {shown(self.direction)}",
-                remedy="remove it, or state kind: laser",
+                remedy=f"remove it, or state kind: {' or '.join(names_of(beam=True))}",
             )
         if self.direction is not None and without_length(self.direction):
             raise refusal(
@@ -306,9 +307,9 @@ class StatedTool(FileModel):
                 found=shown(self.direction),
                 allowed="any vector but zero",
             )
-        if self.kind == "probe" and stated_sigma and "tilt_deg" in self.sigma.model_fields_set:
+        if not beam and stated_sigma and "tilt_deg" in self.sigma.model_fields_set:
             raise refusal(
-                "tool.sigma.tilt_deg is stated for a probe, which has no direction",
+                f"tool.sigma.tilt_deg is stated for a {self.kind}, which has no direction",
                 key=("sigma", "tilt_deg"),
                 allowed="shift_mm",
                 remedy="remove it",
@@ -317,7 +318,7 @@ class StatedTool(FileModel):
             # The default depends on the kind. It does not count as stated, so that it is not written out with
             # the header.
             fields = self.sigma.model_fields_set if stated_sigma else set()
-            tilt_deg, shift_mm = _UNCALIBRATED[self.kind]
+            tilt_deg, shift_mm = kind_of(self.kind).free_sigma
             sigma = StatedSigma.model_construct(
                 _fields_set=fields,
                 tilt_deg=self.sigma.tilt_deg if "tilt_deg" in fields else tilt_deg,
@@ -509,10 +510,15 @@ class Header(FileModel):
         return self.tool.calibrated and self.arm is None and not with_sigma
 
     @property
+    def instrument(self) -> type[Instrument]:
+        """The kind of the instrument on the flange."""
+        return kind_of(self.tool.kind)
+
+    @property
     def only_target(self) -> str:
         """The name of a run's target where none is stated for a measurement: the header's first, or the
         default of the tool."""
-        return next(iter(self.targets), DEFAULT_TARGETS[self.tool.kind])
+        return next(iter(self.targets), self.instrument.target)
 
 
 def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, object]:

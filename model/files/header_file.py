@@ -14,6 +14,7 @@ from pathlib import Path
 from pydantic import Field
 
 from ..errors import BadInput
+from ..instruments.registry import kind_of
 from .confinement import TOLERANCES
 from .header import EXACT, Header, StatedGeometry, StatedSigma, StatedTool, Switch
 from .reading import KeyPath, read_yaml
@@ -128,7 +129,7 @@ def _completed(tool: StatedTool, typical: PlantToolSigma) -> StatedTool:
     if not tool.calibrated:
         return tool
     values = {"shift_mm": typical.mm}
-    if tool.kind == "laser":
+    if kind_of(tool.kind).beam:
         values["tilt_deg"] = typical.tilt_deg
     if "sigma" in tool.model_fields_set:
         values |= tool.sigma.model_dump(exclude_unset=True)

@@ -81,8 +81,8 @@ def check_limits(
         counting = limit.counting and f", {limit.counting}"
         warnings.append(
             f"joint {i + 1} is outside its limits ({limit.lower:.6g} to {limit.upper:.6g}"
-            f" {robot.joints[i].unit}{counting}), up to {limit.value:.6g}, in {len(rows)} of {len(joints)}"
-            f" {noun}s: " + ", ".join(str(numbers[row]) for row in rows)
+            f" {robot.joints[i].unit}{counting}), up to {limit.value:.6g} {robot.joints[i].unit}, in"
+            f" {len(rows)} of {len(joints)} {noun}s: " + ", ".join(str(numbers[row]) for row in rows)
         )
     return (*warnings, hint) if hint else tuple(warnings)
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from ..instruments.registry import names_of
 from .header import Header
 from .reading import shown
 from .shot import JointValues
@@ -152,11 +153,11 @@ class PlanFile(Header):
     @model_validator(mode="after")
     def _suit_the_tool(self) -> Self:
         beam_keys = [key for key in BEAM_ONLY if getattr(self.constraints, key) is not None]
-        if self.tool.kind == "probe" and beam_keys:
+        if beam_keys and not self.instrument.beam:
             raise refusal(
-                f"constraints.{beam_keys[0]} is stated for a probe, which has no beam",
+                f"constraints.{beam_keys[0]} is stated for a {self.tool.kind}, which has no beam",
                 key=("constraints", beam_keys[0]),
                 allowed="margin_deg, obstacles",
-                remedy="remove it, or state tool.kind: laser",
+                remedy=f"remove it, or state tool.kind: {' or '.join(names_of(beam=True))}",
             )
         return self

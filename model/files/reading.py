@@ -24,6 +24,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from ..errors import BadInput
+from ..instruments.registry import KINDS
 from .confinement import require_within
 
 KeyPath = tuple[str | int, ...]
@@ -134,8 +135,7 @@ def _near_file(path: Path) -> str | None:
 
 # What people call a thing, and the word for it here, where that is among those allowed.
 _MEANT = {
-    **dict.fromkeys(("ball", "sphere", "tip", "touch", "pin", "stylus", "tcp", "contact"), "probe"),
-    **dict.fromkeys(("beam", "pointer", "psd", "light"), "laser"),
+    **{word: name for name, kind in KINDS.items() for word in kind.also_called},
     **dict.fromkeys(("point", "position", "offset", "origin", "tip_mm", "tcp_mm", "ball_mm"), "point_mm"),
     **dict.fromkeys(("min", "lower_limit", "min_deg"), "lower_deg"),
     **dict.fromkeys(("max", "upper_limit", "max_deg"), "upper_deg"),

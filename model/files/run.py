@@ -152,8 +152,8 @@ class Run:
         positions = joint_positions(joints, "joints", arm, unit)
         count, spots = len(positions), None
         if spots_mm is not None:
-            if parsed.tool.kind == "probe":
-                raise BadInput("a probe has no spots", allowed="None", argument="spots_mm")
+            if not parsed.instrument.columns:
+                raise BadInput(f"a {parsed.tool.kind} has no spots", allowed="None", argument="spots_mm")
             spots = array(spots_mm, "spots_mm", columns=2, meaning="dx, dy of each measurement")
             require_count("spots_mm", len(spots), count, "joints")
         shots = []

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ..errors import BadInput
+from ..instruments.registry import names_of
 from ..kinematics.robot import Robot
 from .header import Header
 from .limits import check_limits, require_joint_count
@@ -136,11 +137,11 @@ def check_shots(
 def check_shot(header: Header, robot: Robot, shot: Shot, *, file: Path | None, line: int | None) -> None:
     """BadInput for a measurement with too few or too many joints, or a spot that its tool cannot have."""
     require_joint_count(shot.joints_deg, robot, f"measurement {shot.shot}", file, line)
-    if shot.spot_mm is not None and header.tool.kind == "probe":
+    if shot.spot_mm is not None and not header.instrument.columns:
         raise BadInput(
-            f"measurement {shot.shot} has a spot, but a probe makes none",
+            f"measurement {shot.shot} has a spot, but a {header.tool.kind} makes none",
             found=f"spot_mm: {shown(shot.spot_mm)}",
-            remedy="remove spot_mm, or state tool.kind: laser",
+            remedy=f"remove spot_mm, or state tool.kind: {' or '.join(names_of(beam=True))}",
             file=file,
             line=line,
         )

@@ -15,7 +15,7 @@ by delta is the Jacobian by q as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -23,10 +23,10 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from ..instruments.kind import Instrument
 from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
-from .tool import Tool
 
 
 class Posture:
@@ -56,9 +56,9 @@ class Posture:
         rotation, translation = self.pose
         return translation + rotation @ point
 
-    def beam(self, tool: Tool, unknown: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Origin and direction (3, 1) of a laser's beam in the base frame."""
-        point, direction, _ = tool.beam(unknown)
+    def beam(self, tool: Instrument, unknown: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Origin and direction (3, 1) of a beam in the base frame; what is no beam has the direction 0."""
+        point, direction = tool.ray(unknown)
         return self.in_base(point), self.pose[0] @ direction
 
     def inputs(self, **others: ca.SX) -> dict[str, ca.SX]:
@@ -104,7 +104,7 @@ class ShotFunctions:
     """
 
     robot: Robot
-    tool: Tool
+    tool: Instrument
     log_det: Literal["none", "relative", "whole"] = "none"
     geometry: Geometry = NOMINAL
     _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
@@ -149,21 +149,16 @@ _MOST_MADE = 32
 
 def shot_functions(
     robot: Robot,
-    tool: Tool,
+    tool: Instrument,
     log_det: Literal["none", "relative", "whole"] = "none",
     geometry: Geometry = NOMINAL,
 ) -> ShotFunctions:
     """Those of this arm and tool, made once for all that are the same: to build and compile them takes longer
     than most of what is asked of them."""
-    numbers = [part for joint in robot.joints for part in (joint.fixed, joint.axis)] + [
-        robot.flange,
-        tool.point,
-    ]
-    if tool.direction is not None:
-        numbers.append(tool.direction)
-    kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.exact), log_det]
+    numbers = [part for joint in robot.joints for part in (joint.fixed, joint.axis)] + [robot.flange]
+    kinds = [joint.kind for joint in robot.joints] + [log_det]
     key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
-    key += geometry.key
+    key += tool.key + geometry.key
     if key not in _made:
         if len(_made) == _MOST_MADE:
             _made.pop(next(iter(_made)))
@@ -173,6 +168,19 @@ def shot_functions(
         # The functions are the same whatever the tolerances, but these are asked of their geometry.
         return ShotFunctions(robot, tool, log_det, geometry, made._functions, made._kernels)
     return made
+
+
+def residual(
+    robot: Robot, turns: Sequence[Turn], tool: Instrument, target: ca.SX, unknown: ca.SX, reading: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """What is predicted of a reading (d,), less the reading, and its Jacobians by the joints (d, n) and by
+    the target (d, 3)."""
+    seen, stations = robot.in_flange(turns, target)
+    at = ca.SX.sym("seen", 3)
+    predicted = tool.predict(at, unknown)
+    across = ca.jacobian(predicted, at).T
+    predicted, across = ca.substitute([predicted, across], [at], [seen])
+    return (predicted - reading, *robot.in_flange_jacobian(turns, stations, across))
 
 
 class _Shot:
@@ -188,16 +196,12 @@ class _Shot:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
         self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
-        self.unknown = ca.SX.sym("tool", len(tool.free_axes))
+        self.unknown = ca.SX.sym("tool", len(tool.unknowns))
         robot = geometry.moved(functions.robot, self.arm[n:])
         turns = turned(geometry.bent(functions.robot, self.arm, recorded))
-        target_in_flange, stations = robot.in_flange(turns, self.target)
-        if tool.kind == "laser":
-            point, _, across = tool.beam(self.unknown)
-        else:
-            point, across = tool.tip(self.unknown), ca.SX.eye(3)
-        self.residual = across.T @ (target_in_flange - point) - self.spot
-        self.by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
+        self.residual, self.by_joints, by_target = residual(
+            robot, turns, tool, self.target, self.unknown, self.spot
+        )
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
@@ -318,16 +322,13 @@ def _placed(functions: ShotFunctions) -> ca.Function:
 
 def _beam(functions: ShotFunctions) -> ca.Function:
     posture, tool = functions.posture, functions.tool
-    unknown = ca.SX.sym("tool", len(tool.free_axes))
-    if tool.kind == "laser":
-        origin, direction = posture.beam(tool, unknown)
-    else:
-        origin, direction = posture.in_base(tool.tip(unknown)), ca.SX.zeros(3)
+    unknown = ca.SX.sym("tool", len(tool.unknowns))
+    origin, direction = posture.beam(tool, unknown)
     return _function("beam", posture.inputs(tool=unknown), {"origin": origin, "direction": direction})
 
 
 def _hit(functions: ShotFunctions) -> ca.Function:
-    posture, unknown = functions.posture, ca.SX.sym("tool", len(functions.tool.free_axes))
+    posture, unknown = functions.posture, ca.SX.sym("tool", len(functions.tool.unknowns))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
     origin, direction = posture.beam(functions.tool, unknown)
     length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
@@ -355,7 +356,7 @@ def _midpoint(functions: ShotFunctions) -> ca.Function:
     """
     one = functions.posture
     other = Posture(functions.robot, functions.geometry, one.arm)
-    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
+    unknown = ca.SX.sym("tool", len(functions.tool.unknowns))
     (o1, u1), (o2, u2) = (posture.beam(functions.tool, unknown) for posture in (one, other))
     between, cosine = o2 - o1, ca.dot(u1, u2)
     sine_squared = ca.sumsqr(ca.cross(u1, u2))

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..files.header import StatedTolerance
+from ..instruments.kind import Instrument
 from ..kinematics.robot import Robot
 from .geometry import Geometry
 from .noise import NoiseModel
-from .tool import Tool
 
 if TYPE_CHECKING:
     from ..files.header import Header
@@ -108,7 +108,7 @@ class Parameters:
     def build(
         cls,
         robot: Robot,
-        tool: Tool,
+        tool: Instrument,
         noise: NoiseModel,
         geometry: Geometry,
         header: Header,
@@ -130,7 +130,7 @@ class Parameters:
             )
         )
 
-    def with_geometry(self, geometry: Geometry, robot: Robot, tool: Tool) -> Parameters:
+    def with_geometry(self, geometry: Geometry, robot: Robot, tool: Instrument) -> Parameters:
         """These parameters with those of `geometry` in place of their own geometry parameters."""
         rest = self.without("geometry").items
         geometry_items = _of_geometry(geometry, robot, tool, StatedTolerance())
@@ -285,7 +285,9 @@ def _offsets(robot: Robot, header: Header) -> Iterator[Parameter]:
         yield Parameter(f"delta{i}", "offset", f"joint{i}", "offset", unit, 0.0, std, tol)
 
 
-def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTolerance) -> Iterator[Parameter]:
+def _of_geometry(
+    geometry: Geometry, robot: Robot, tool: Instrument, known: StatedTolerance
+) -> Iterator[Parameter]:
     """The geometry's; `known` is up to where one counts as identified.
 
     Gauges are held: what moves all that follows, the targets too; and what the last link does to the tool,
@@ -345,18 +347,11 @@ def _known_to_sigma(header: Header, robot: Robot) -> bool:
     return estimated and "sigma" in header.tool.model_fields_set
 
 
-def _of_tool(tool: Tool, header: Header, *, known: bool) -> Iterator[Parameter]:
+def _of_tool(tool: Instrument, header: Header, *, known: bool) -> Iterator[Parameter]:
     """The tool's; `known` where the standard deviations of its prior are tolerances."""
-    nominal = dict(zip("xyz", tool.point.tolist(), strict=True))
-    for axis in tool.free_axes:
-        name, mean = f"tool.{axis}", nominal.get(axis, 0.0)
-        unit: Unit
-        if axis.startswith("tilt"):
-            tol = float(np.radians(header.tolerance.tilt_deg))
-            unit, std = "deg", tool.tilt_std
-        else:
-            tol, unit, std = header.tolerance.length_mm, "mm", tool.shift_std
-        yield Parameter(name, "tool", "tool", axis, unit, mean, std, tol, tolerated=known)
+    enough = {"deg": float(np.radians(header.tolerance.tilt_deg)), "mm": header.tolerance.length_mm}
+    for axis, unit, mean, std in tool.unknowns:
+        yield Parameter(f"tool.{axis}", "tool", "tool", axis, unit, mean, std, enough[unit], tolerated=known)
 
 
 def _noise_factors() -> Iterator[Parameter]:
@@ -365,12 +360,12 @@ def _noise_factors() -> Iterator[Parameter]:
 
 
 def _held(
-    listed: Sequence[str] | None, robot: Robot, tool: Tool, items: Sequence[Parameter]
+    listed: Sequence[str] | None, robot: Robot, tool: Instrument, items: Sequence[Parameter]
 ) -> dict[str, HeldBy]:
     """What is held, and by what: the method's own choice unless the header states a list."""
     method: dict[str, HeldBy] = {"delta1": "base frame"}
     names = [item.name for item in items]
-    if tool.kind == "laser" and not tool.calibrated:
+    if tool.turns and not tool.calibrated:
         method[f"delta{robot.n}"] = "tool rotation"
     if listed is None:
         return method

@@ -19,12 +19,12 @@ from ..arrays import Index, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
 from ..files.shot import check_distances
+from ..instruments.kind import Instrument
 from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
 from .geometry import Geometry
 from .noise import NoiseModel
 from .parameters import Parameters
-from .tool import Tool
 
 if TYPE_CHECKING:
     from ..files.header import Header
@@ -86,7 +86,7 @@ class Problem:
     """
 
     robot: Robot
-    tool: Tool
+    tool: Instrument
     noise: NoiseModel
     parameters: Parameters
     functions: ShotFunctions
@@ -110,7 +110,7 @@ class Problem:
         shot_numbers: Sequence[int] | None = None,
     ) -> Problem:
         """From a header and recorded (or planned) shots; `targets` names the target of each shot."""
-        tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
+        tool, noise = instrument(header), NoiseModel.from_header(header, robot)
         geometry = Geometry.from_header(header, robot)
         names = tuple(dict.fromkeys(targets))
         return cls(
@@ -131,7 +131,7 @@ class Problem:
 
     @classmethod
     def from_run(cls, run: Run) -> Problem:
-        spots = run.spots if run.header.tool.kind == "laser" else None
+        spots = run.spots if run.header.instrument.columns else None
         numbers = [shot.shot for shot in run.shots]
         targets = [shot.target for shot in run.shots]
         with located(run.path, run.header_line):
@@ -413,6 +413,20 @@ class Problem:
             np.repeat(tool, shots, axis=0),
         )
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
+
+
+def instrument(header: Header) -> Instrument:
+    """That on the flange, as a header states it."""
+    tool = header.tool
+    direction = None if tool.direction is None else np.array(tool.direction, dtype=float)
+    return header.instrument(
+        calibrated=tool.calibrated,
+        point=np.array(tool.point_mm, dtype=float),
+        direction=None if direction is None else direction / np.linalg.norm(direction),
+        tilt_std=float(np.radians(tool.sigma.tilt_deg)),
+        shift_std=tool.sigma.shift_mm,
+        tolerated=not header.exact_tool,
+    )
 
 
 def rms_length(residual: Matrix) -> float:

@@ -22,10 +22,10 @@ from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signatu
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
+from ...model.instruments.registry import kind_of
 from ...words.provenance import (
     CERTIFICATE_KEYS,
     DATE,
-    INSTRUMENTS,
     KEYS,
     SIMULATED,
     by_plain_key,
@@ -129,7 +129,7 @@ def _form(header: Json) -> Json:
         **{key: provenance_entry(provenance, KEYS[name]) or None for key, name in CERTIFICATE_KEYS.items()},
         "instruments": [
             {"name": name, "text": provenance_entry(provenance, keys) or None}
-            for name, keys in INSTRUMENTS[header["tool"]["kind"]]
+            for name, keys in kind_of(header["tool"]["kind"]).words.traced
         ],
     }
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...analysis.status import known
 from ...experiments.history.signing import grouped
+from ...model.instruments.registry import kind_of
 from ...words import numbers
 from ...words.acceptance import ACCEPTANCE_WORDS, RULE
 from ...words.geometry import tolerance_words
@@ -161,15 +162,10 @@ def _size(error: Mapping[str, float]) -> str:
 
 
 def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    laser = certificate["assumed"]["tool"]["kind"] == "laser"
-    instrument = (
-        "a laser on the flange and a position-sensitive detector in the cell"
-        if laser
-        else "a probe on the flange and fixed points in the cell"
-    )
+    method = kind_of(certificate["assumed"]["tool"]["kind"]).words.method
     yield (
         "Method",
-        f"The offsets are estimated from {certificate['shots']} measurements with {instrument}, with what is"
+        f"The offsets are estimated from {certificate['shots']} measurements with {method}, with what is"
         " listed below as prior (Gao, Liu, Xi, Shen 2014; zerobeam"
         f" {shown(certificate['zerobeam'])}). No distance or pose was measured independently.",
     )

@@ -33,11 +33,6 @@ from .plan_page import Postures, posture_in_scene, postures_of, verdict_on
 
 _DIGITS = {"deg": 3, "mm": 3, "rad": 5, "pulse": 0}  # decimals, as pendants show them
 _FIELD = "\u2009".join(["_"] * 9)
-_TO_DO = (
-    "Go to the posture slowly; look at cables, stops and people. Jog the wrist in small steps until the PSD"
-    " reads zero in both directions. Look at its sum signal: too little light is no reading. Write down the"
-    " joints as the controller shows them, to its last digit, and go on."
-)
 
 
 def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> bytes:
@@ -45,8 +40,8 @@ def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> byte
     the robot file or `j3`. BadInput where neither says what joint 3 is counted from."""
     plan, postures = aimed.plan, postures_of(aimed)
     pendant = pendant_of(plan.robot, j3)
-    laser = plan.header.tool.kind == "laser"
-    pictures = {f"posture-{i}": _picture(plan, postures, i, laser) for i in range(len(plan.postures))}
+    tool = plan.header.instrument
+    pictures = {f"posture-{i}": _picture(plan, postures, i) for i in range(len(plan.postures))}
     targets = listed([clipped(name, 24) for name in plan.target_names])
     page = Page(
         title=f"Operator's sheet: {clipped(check.inputs.plan, 60)}",
@@ -56,12 +51,12 @@ def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> byte
         notes=[
             "The way from posture to posture is not checked for obstacles. First time: reduced speed, a hand"
             " on the enabling switch.",
-            _TO_DO if laser else "Lead the probe into its socket, and write down the joints.",
+            tool.words.to_do,
             *([] if pendant.sentence is None else [sentence(f"As on the pendant, {pendant.sentence}.")]),
         ],
         sections=[
             section_of("In their order", _overview(plan, postures, pendant)),
-            *(_posture(plan, postures, i, laser, pendant) for i in range(len(plan.postures))),
+            *(_posture(plan, postures, i, pendant) for i in range(len(plan.postures))),
         ],
         facts=[
             ("Robot, serial number", _FIELD),
@@ -100,13 +95,14 @@ def _millimetres(value: float) -> str:
     return numbers.with_unit(numbers.fixed(float(value), 0), "mm")
 
 
-def _posture(plan: Plan, postures: Postures, i: int, laser: bool, pendant: Pendant) -> Section:
+def _posture(plan: Plan, postures: Postures, i: int, pendant: Pendant) -> Section:
+    tool = plan.header.instrument
     reach = float(np.linalg.norm(postures.origin[i][:2]))
     where = [
-        ("Laser at" if laser else "Probe at", _coordinates(postures.origin[i])),
+        (f"{sentence(tool.name)[:-1]} at", _coordinates(postures.origin[i])),
         ("Distance from axis z", _millimetres(reach)),
     ]
-    if laser:
+    if tool.beam:
         where.append(("Beam to the target", _millimetres(postures.length[i])))
     rows: list[Row] = [
         row_of(f"by way of {k}", *_joints(pendant, between))
@@ -118,7 +114,7 @@ def _posture(plan: Plan, postures: Postures, i: int, laser: bool, pendant: Penda
     ]
     table = table_of(f"Joints at posture {i}", [("", "left"), *_names(pendant)], rows)
     filled: Sequence[tuple[str, str]] = [
-        *([("PSD x, y (mm), sum signal", _FIELD)] if laser else []),
+        *((field, _FIELD) for field in tool.words.fields),
         ("Time, remarks", _FIELD),
     ]
     note = None
@@ -134,16 +130,15 @@ def _coordinates(point: np.ndarray) -> str:
     return f"{coordinates}\u00a0mm (x, y, z of the base)"
 
 
-def _picture(plan: Plan, postures: Postures, i: int, laser: bool) -> Picture:
+def _picture(plan: Plan, postures: Postures, i: int) -> Picture:
     """One posture, drawn as the first one of a page is."""
     posed = posture_in_scene(plan, postures, i, f"posture {i}")
     target = plan.target_index[i]
     placed = Placed(plan.target_names[target], postures.targets[target], "nominal")
     scene = Scene3D([posed], [placed], floor_of(plan.robot))
-    what = " and its beam to the target" if laser else ", the probe at the target"
     view = turnable(
         scene,
-        alt=f"The arm in posture {i}{what}.",
+        alt=f"The arm in posture {i}, with {plan.header.instrument.words.posture}.",
         caption=f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
         paper="",
     )

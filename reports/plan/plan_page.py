@@ -86,7 +86,7 @@ def postures_of(aimed_plan: AimedPlan) -> Postures:
 
 
 def plan_scene(plan: Plan, postures: Postures) -> Scene3D:
-    """The scene of a plan; there is no beam for a probe."""
+    """The scene of a plan."""
     count = len(plan.postures)
     return Scene3D(
         [posture_in_scene(plan, postures, i, f"posture {i} (of 0 to {count - 1})") for i in range(count)],
@@ -96,7 +96,7 @@ def plan_scene(plan: Plan, postures: Postures) -> Scene3D:
 
 
 def posture_in_scene(plan: Plan, postures: Postures, i: int, name: str) -> Posed:
-    end = postures.end[i] if plan.header.tool.kind == "laser" else None
+    end = postures.end[i] if plan.header.instrument.beam else None
     return Posed(name, postures.arm[i], postures.origin[i], end, bool(postures.reaches[i]))
 
 
@@ -124,12 +124,11 @@ def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
         f"{clipped(name, 24)} at {', '.join(numbers.fixed(value, 0) for value in at)}\u00a0mm"
         for name, at in zip(plan.target_names, postures.targets.tolist(), strict=True)
     ]
-    laser = plan.header.tool.kind == "laser"
-    what = "and its beam to the target" if laser else "with the probe at the target"
     few = f" Drawn on paper: the first {MOST_DRAWN} postures." if count > MOST_DRAWN else ""
+    what = plan.header.instrument.words.posture
     return turnable(
         scene,
-        alt=f"The arm as a line through its joints in {counted(count, 'posture')}, {what}, above a floor"
+        alt=f"The arm as a line through its joints in {counted(count, 'posture')}, with {what}, above a floor"
         f" grid. Targets (x, y, z in the base frame): {listed(targets)}."
         " The table of postures on this page says the same in numbers.",
         caption=f"{scene.grid_words}; x, y and z are the base frame."
@@ -250,10 +249,10 @@ def _about_postures(check: Check, postures: Postures) -> str:
 
 
 def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
-    laser = plan.header.tool.kind == "laser"
+    with_beam = plan.header.instrument.beam
     columns = [("posture", "right"), ("target", "left")]
     columns += [(f"joint {j + 1}", "right") for j in range(plan.robot.n)]
-    columns += [("beam length", "right")] if laser else []
+    columns += [("beam length", "right")] if with_beam else []
     columns += [("off before aiming", "right")]
     near = f"below {numbers.exact(_NEAR_MM, 'mm')}"
     rows = []
@@ -263,10 +262,19 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
             for value, joint in zip(postures.joints[i], plan.robot.joints, strict=True)
         ]
         length = numbers.with_unit(numbers.fixed(float(postures.length[i]), 0), "mm")
-        beam = [length if postures.reaches[i] else "behind it" if posture.hit else "misses"] if laser else []
+        beam = length if postures.reaches[i] else "behind it" if posture.hit else "misses"
         off = near if posture.off_mm < _NEAR_MM else numbers.significant(posture.off_mm, 2, "mm")
         tone = "" if postures.reaches[i] else "weak"
-        rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, *beam, off, tone=tone))
+        rows.append(
+            row_of(
+                str(posture.posture),
+                clipped(posture.target, 24),
+                *joints,
+                *([beam] if with_beam else []),
+                off,
+                tone=tone,
+            )
+        )
     return table_of("Postures, turned onto their targets", columns, rows)
 
 

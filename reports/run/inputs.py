@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...analysis.answer.result import Inputs, Result
+from ...model.instruments.registry import kind_of
 from ...words.provenance import (
     DATE,
-    INSTRUMENTS,
     KEYS,
     MEASURED,
     OPERATOR,
@@ -78,7 +78,7 @@ _SIGNED = ("Approved by", "Date of approval", "Signature")
 def traceability_section(result: Result) -> Section:
     """A form with a field a row; what nobody has stated is left empty."""
     provenance = by_plain_key(result.inputs.provenance)
-    fields = [*MEASURED, *INSTRUMENTS[result.inputs.tool]]
+    fields = [*MEASURED, *result.inputs.instrument.words.traced]
     rows = [row_of(name, provenance_entry(provenance, keys)) for name, keys in fields]
     rows += [row_of("SHA-256 of the run", result.inputs.sha256)]
     rows += [row_of(name, "") for name in _SIGNED]
@@ -94,12 +94,10 @@ def origin_of(header: Mapping[str, Any]) -> dict[str, str]:
     the rig; an empty text where it says nothing."""
     entries = header.get("provenance")
     provenance = by_plain_key(entries if isinstance(entries, dict) else {})
-    tool = header.get("tool")
-    kind = "probe" if isinstance(tool, dict) and tool.get("kind") == "probe" else "laser"
     return {
         "serial": provenance_entry(provenance, KEYS[SERIAL]),
         "when": provenance_entry(provenance, KEYS[DATE]),
         "who": provenance_entry(provenance, KEYS[OPERATOR]),
-        "instrument": instrument(provenance, kind),
+        "instrument": instrument(provenance, kind_of(header["tool"]["kind"])),
         "origin": provenance_entry(provenance, ("origin",)),
     }

@@ -195,10 +195,10 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
         for key, unit in (("offset_deg", "deg"), ("length_mm", "mm")):
             if isinstance(tolerance.get(key), int | float):
                 tolerances.append(numbers.exact(float(tolerance[key]), unit))
-    within = f"the tolerance ({', '.join(tolerances)})" if tolerances else "the tolerance"
+    within = " or ".join(tolerances) or "the tolerance"
     meaning: dict[Status, str] = {
-        "identified": f"determined by the data without prior, standard uncertainty within {within}",
-        "weak": f"weakly observable: determined by the data, standard uncertainty beyond {within}",
+        "identified": f"the measurements determine it, standard uncertainty u within {within}",
+        "weak": f"weakly observable: the measurements determine it, u beyond {within}",
         "unvalidated": (
             "the data determine a number, but the model does not describe the measurements: neither estimate"
             " nor uncertainty can be relied on"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.message import message
+from ...words.message import message, tone
 from ...words.result_json import dumps, to_json
 from ...words.wording import clipped, counted
 from ..output import whole_folder
@@ -66,7 +66,7 @@ def report_page(result: Result) -> Page:
     return Page(
         f"Joint offsets of {clipped(inputs.robot)}",
         f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
-        Verdict(result.verdict, "", ""),
+        Verdict(tone(result), "", ""),
         [],
         [section for section in sections if section is not None],
         head_facts(result),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.budget import Budget, BudgetRow
+from ...model.instruments.kind import Instrument
 from ...words import numbers
 from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
@@ -61,14 +62,14 @@ def _lead(result: Result) -> str:
     return text
 
 
-def source_words(row: BudgetRow, tool: str) -> str:
-    """A source in words; `tool` is the tool's kind."""
+def source_words(row: BudgetRow, instrument: type[Instrument]) -> str:
+    """A source in words."""
     names = [label(name, _NAME) for name in row.of]
     match row.kind:
         case "joint":
             return f"joint {names[0]}"
         case "spot":
-            return "spot" if tool == "laser" else "seat of the tip"
+            return instrument.words.reading
         case "prior" | "target":
             return f"prior of {names[0]}"
         case "distance":
@@ -88,7 +89,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     if len(ranked) - len(kept) == 1:
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
-    tool, k = result.inputs.tool, result.coverage_factor
+    instrument, k = result.inputs.instrument, result.coverage_factor
     heads = [(f"{label(budget.name)} ({numbers.symbol(budget.unit)})", "right") for budget in budgets]
     shown = []
     for i in sorted(kept):
@@ -98,14 +99,14 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
             _contribution(column[i].contribution, column[i].share, b)
             for column, b in zip(rows, budgets, strict=True)
         ]
-        shown.append(row_of(source_words(source, tool), std, *cells))
+        shown.append(row_of(source_words(source, instrument), std, *cells))
     note = None
     if others:
         below = max(math.floor(100 * largest[others[0]]) + 1, round(100 * MINOR))
         name = f"{len(others)} others, each <{numbers.NO_BREAK}{below}{numbers.NO_BREAK}%"
         cells = [_together([column[i] for i in others], b) for column, b in zip(rows, budgets, strict=True)]
         shown.append(row_of(name, "", *cells))
-        note = Paragraph(f"The others: {listed([source_words(rows[0][i], tool) for i in others], 6)}.")
+        note = Paragraph(f"The others: {listed([source_words(rows[0][i], instrument) for i in others], 6)}.")
     shown += [
         row_of("combined u", "", *(numbers.spread(b.std) for b in budgets)),
         row_of("ν effective", "", *(_dof(b.dof) for b in budgets)),
@@ -117,16 +118,20 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
         note,
-        _sensitivities(of, tool, rows, sorted(kept), heads),
+        _sensitivities(of, instrument, rows, sorted(kept), heads),
     ]
 
 
 def _sensitivities(
-    of: str, tool: str, rows: Sequence[Sequence[BudgetRow]], kept: list[int], heads: list[tuple[str, str]]
+    of: str,
+    instrument: type[Instrument],
+    rows: Sequence[Sequence[BudgetRow]],
+    kept: list[int],
+    heads: list[tuple[str, str]],
 ) -> Table | None:
     shown = [
         row_of(
-            source_words(rows[0][i], tool),
+            source_words(rows[0][i], instrument),
             f"per {numbers.symbol(rows[0][i].unit or '')}",
             *(numbers.or_words(column[i].sensitivity, "", digits=2) for column in rows),
         )
@@ -187,10 +192,11 @@ def _check(result: Result) -> list[Block | None]:
     for budget, check in checked:
         unit = budget.unit
         digits = f"to {check.digits} digit{'s' if check.digits > 1 else ''}"
+        too_large = f"Monte Carlo error {numbers.significant(check.too_large, 2)} times too large"
         word, mark = {
             True: (f"yes, {digits}", "identified"),
             False: (f"no, not {digits}", "weak"),
-            None: ("inconclusive: Monte Carlo error too large", ""),
+            None: (f"inconclusive: {too_large}", ""),
         }[check.validated]
         ends = (check.d_low, check.d_high, check.tolerance)
         rows.append(
@@ -218,5 +224,8 @@ def _check(result: Result) -> list[Block | None]:
     if any(check.validated is False for _, check in checked):
         about += " Where the answer is no, use the posterior’s interval."
     if any(check.validated is None for _, check in checked):
-        about += " Where it is inconclusive, more draws might decide (--ess 20000)."
+        about += (
+            " Where it is inconclusive, the ends are so close to δ that"
+            f" {result.posterior.draws} draws do not decide."
+        )
     return [Paragraph(about), table_of("Linear intervals against the posterior", columns, rows)]

@@ -178,7 +178,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Verdict:
-    """`key` is `pass`, `weak` or `degenerate`."""
+    """`key` is `pass`, `weak`, `degenerate`, `misfit`; `held` of what was simulated."""
 
     key: str
     word: str

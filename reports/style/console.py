@@ -27,6 +27,7 @@ VERDICT_STYLE = {
     "weak": "bold yellow",
     "degenerate": "bold magenta",
     "misfit": "bold red",
+    "held": "bold",
     "violated": "bold red",
 }
 

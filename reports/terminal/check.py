@@ -12,9 +12,9 @@ from rich.text import Text
 from ...analysis.answer.message import Message
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
-from ...analysis.status import Verdict
 from ...words import numbers
 from ...words.geometry import check_lines
+from ...words.message import Tone
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
@@ -70,9 +70,9 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
     )
 
 
-def print_message(console: Console, verdict: Verdict, message: Message) -> None:
+def print_message(console: Console, tone: Tone, message: Message) -> None:
     """The message of an answer: what is read first."""
-    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[verdict]))
+    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[tone]))
     for text in (message.cause, None if message.worst is None else message.worst.text):
         if text is not None:
             console.print(Text(sentence(text)))

@@ -3,7 +3,7 @@ promises of their offsets."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -15,6 +15,8 @@ from scipy import stats
 
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.solution import require_noise_data
+from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem
 
 TARGET = (900.0, 0.0, 0.0)
@@ -23,39 +25,54 @@ LEVEL = 1e-3  # of a test that is right
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Of arms: `misfit` (A,), errors of the offsets in their u (A, 5), nan where they have none."""
+    """Of arms: `misfit` (A,), errors of the offsets in their u (A, 5), nan where they have none, and the half
+    widths `k` (A, 5) of their 95 % intervals in u."""
 
     misfit: np.ndarray
     z: np.ndarray
+    k: np.ndarray
 
     @property
     def rms(self) -> float:
         return float(np.sqrt(np.nanmean(self.z[~self.misfit] ** 2)))
 
+    def held(self, share: float = 1.0) -> np.ndarray:
+        """(A', 5) of the arms that are no misfit, whether that share of an interval holds the truth."""
+        return (np.abs(self.z) < share * self.k)[~self.misfit]
+
     @property
     def coverage(self) -> float:
-        z = self.z[~self.misfit]
-        return float((np.abs(z[np.isfinite(z)]) < stats.norm.ppf(0.975)).mean())
+        return float(self.held()[np.isfinite(self.z[~self.misfit])].mean())
 
 
 @cache
-def outcome(measurements: int, count: int, factor: float = 1.0, geometry: str | None = None) -> Outcome:
-    """`count` arms that deviate by `factor` times the typical sizes, each measured that often and solved with
-    that `geometry` in the header."""
-    stated: dict[str, Any] = {"geometry": geometry}
+def outcome(
+    measurements: int,
+    count: int,
+    factor: float = 1.0,
+    geometry: str | None = None,
+    scale: str = "known",
+) -> Outcome:
+    """`count` arms that deviate by `factor` times the typical sizes (0: in nothing), each measured that often
+    and solved with that `geometry` and `noise.scale` in the header."""
+    stated: dict[str, Any] = {"geometry": geometry, "noise": {"scale": scale}}
     own = header(target=TARGET, **stated)
     rng = np.random.default_rng(2014)
     postures = varied_postures(header(target=TARGET), irb1600(), TARGET, measurements, seed=7)
-    arms = Arms.at_random(count, rng, Sizes().times(factor))
+    sizes = Sizes().times(factor)
+    arms = Arms.at_random(count, rng, sizes if factor else replace(sizes, lost_deg=0.0))
     joints, hit = arms.recorded(postures, np.array(TARGET), rng)
-    misfit, z = np.zeros(count, dtype=bool), np.full((count, 5), np.nan)
+    misfit, z, k95 = np.zeros(count, dtype=bool), np.full((count, 5), np.nan), np.zeros((count, 5))
     with one_blas_thread():
         for k in range(count):
             seen = joints[k][hit[k]]
-            solution = solve_run(Problem.build(own, irb1600(), seen, ["psd"] * len(seen)), own)
+            problem = Problem.build(own, irb1600(), seen, ["psd"] * len(seen))
+            require_noise_data(problem)
+            solution = solve_run(problem, own)
             misfit[k] = solution.misfit is not None
             z[k] = (solution.fit.x - _with(arms.offsets[k], len(solution.fit.x)))[1:6] / solution.std[1:6]
-    return Outcome(misfit, z)
+            k95[k] = solution.quantiles[1:6]
+    return Outcome(misfit, z, k95)
 
 
 def _with(offsets: np.ndarray, size: int) -> np.ndarray:
@@ -95,3 +112,33 @@ def test_four_hundred_arms(measurements: int) -> None:
 def test_a_hundred_arms_three_times_as_far_off_seldom_pass(measurements: int, most: float) -> None:
     """Seven measurements leave six degrees of freedom: too few to notice every one."""
     assert 1 - outcome(measurements, 100, 3.0).misfit.mean() <= most
+
+
+def _require_coverage(found: Outcome) -> None:
+    """The intervals of each of the five offsets hold the truth in 95 % of the arms, by binomial limits."""
+    held = found.held()
+    low, high = stats.binom.ppf([LEVEL / 10, 1 - LEVEL / 10], len(held), 0.95)
+    assert low <= held.sum(axis=0).min()
+    assert held.sum(axis=0).max() <= high
+    # Control: a quarter of them does not.
+    assert found.held(0.25).sum(axis=0).min() < low
+
+
+@pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+def test_intervals_hold_with_every_noise_scale(scale: str) -> None:
+    _require_coverage(outcome(12, 8, 0.0, "exact", scale))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("measurements", [7, 12, 20, 30])
+@pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+@pytest.mark.parametrize(("geometry", "factor"), [("exact", 0.0), (None, 1.0)])
+def test_intervals_hold_with_every_noise_scale_and_arm(
+    geometry: str | None, factor: float, scale: str, measurements: int
+) -> None:
+    if geometry is None and scale == "estimated" and measurements < 22:
+        with pytest.raises(BadInput, match="noise scale cannot be estimated"):
+            outcome(measurements, 1, factor, geometry, scale)
+        return
+    slow = geometry is None and scale == "separate"
+    _require_coverage(outcome(measurements, 80 if slow else 200, factor, geometry, scale))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cells import good_plan
 from command_line import zerobeam
 
 from zerobeam.analysis import ladder
@@ -57,6 +58,11 @@ def test_what_the_geometry_can_fit_exactly_says_nothing_of_the_noise(tmp_path: P
         "14 numbers from 7 measurements for 8 unknowns, and 37 parameters of geometry and tool deviate within"
         " their tolerances"
     )
+    assert caught.value.allowed == "more numbers than unknowns and deviations: 23 measurements"
+    assert caught.value.remedy is not None
+    assert "separate" in caught.value.remedy
+    plan = good_plan(23, geometry=None, noise={"scale": "estimated"})
+    assert Problem.from_plan(plan).noise_estimable
 
 
 @pytest.mark.parametrize(("divisor", "dof"), [(1.5, 1), (1.7, 0)])

@@ -22,9 +22,9 @@ from plain_model import (
     miss,
 )
 
+from zerobeam.model.instruments.kind import Instrument
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.geometry import Geometry
-from zerobeam.model.likelihood.tool import Tool
 
 Value = np.ndarray | complex
 Link = Callable[[Mapping[str, Value]], np.ndarray]
@@ -202,7 +202,7 @@ class UncertainArm:
         theta = self.true_joints(q, arm[..., :n], arm[..., n:])
         return self.chain.frames(theta, self.grouped(arm[..., n:]))[-1]
 
-    def miss(self, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+    def miss(self, tool: Instrument, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
         """As of `plain_model`; `free` is offsets, geometry, target, tool in one vector."""
         n, g = q.shape[-1], len(self.names)
         values, rest = free[..., : n + g], free[..., n + g :]
@@ -210,7 +210,7 @@ class UncertainArm:
         return miss(lambda _: self.pose(q, values), tool, q, spot, rest)
 
     def covariance(
-        self, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
+        self, tool: Instrument, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
     ) -> np.ndarray:
         """S (..., d, d), the joints' noise by the columns of the offsets, as the package takes it."""
         n, g = q.shape[-1], len(self.names)

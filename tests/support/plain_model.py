@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
+from zerobeam.model.instruments.kind import Instrument
 from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
-from zerobeam.model.likelihood.tool import Tool
 
 Pose = Callable[[np.ndarray], np.ndarray]
 
@@ -209,7 +209,7 @@ def across(nominal: np.ndarray, u: np.ndarray) -> np.ndarray:
     return np.stack([b1, np.sign(nominal[axis]) * np.cross(u, b1)], axis=-1)
 
 
-def beam(tool: Tool, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def beam(tool: Instrument, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """p, u of a laser: u = normalise(u0 + tan(tilt1) b1 + tan(tilt2) b2), p = p0 + shift1 b1 + shift2 b2."""
     p, u = tool.point, tool.direction
     if unknowns.shape[-1]:
@@ -220,7 +220,7 @@ def beam(tool: Tool, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return p, u
 
 
-def miss(pose: Pose, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+def miss(pose: Pose, tool: Instrument, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
     """m (..., d) of section 1: y = R'(P - t); B'(y - p) - s of a beam, y - p of a probe.
 
     `free` is delta, target, tool in one vector.
@@ -229,7 +229,7 @@ def miss(pose: Pose, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarr
     delta, target, unknowns = free[..., :n], free[..., n : n + 3], free[..., n + 3 :]
     flange = pose(q + delta)
     y = _rows_times(flange[..., :3, :3], target - flange[..., :3, 3])
-    if tool.kind == "probe":
+    if tool.name == "probe":
         return y - (unknowns if unknowns.shape[-1] else tool.point)
     p, u = beam(tool, unknowns)
     return _rows_times(across(tool.direction, u), y - p) - spot
@@ -240,7 +240,7 @@ def _rows_times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return (np.swapaxes(matrices, -1, -2) @ vectors[..., None])[..., 0]
 
 
-def by_joints(own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+def by_joints(own: Arm, tool: Instrument, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
     """(..., d, n) derivative of the miss by the recorded joints, without any step error.
 
     The miss is a sine of each turn and linear in each slide: half the difference of its values a quarter turn
@@ -253,7 +253,7 @@ def by_joints(own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.nd
 
 
 def covariance(
-    own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
+    own: Arm, tool: Instrument, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
 ) -> np.ndarray:
     """S (..., d, d) of section 1: joint noise through the miss, and spot noise; `variances` (..., n + 1)."""
     jacobian = by_joints(own, tool, q, spot, free)
@@ -262,7 +262,7 @@ def covariance(
 
 
 def terms(
-    own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
+    own: Arm, tool: Instrument, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
 ) -> np.ndarray:
     """(..., 2) m' S^-1 m and the whole log det S of one shot."""
     m, s = miss(own.pose, tool, q, spot, free), covariance(own, tool, q, spot, free, variances)

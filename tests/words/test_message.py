@@ -24,12 +24,14 @@ from zerobeam.analysis.solution import Solution, solve
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.calibration import NotValidated, calibration
 from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import Run, header_of_run, read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result
-from zerobeam.words.message import message, message_so_far
+from zerobeam.words import numbers
+from zerobeam.words.message import message, message_so_far, tone
 from zerobeam.words.next_steps import next_steps
 from zerobeam.words.result_json import to_json
 
@@ -39,7 +41,12 @@ GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
 @functools.cache
 def analysed(name: str) -> zb.Analysed:
     return zb.analyse(
-        {"good": lambda: read_run(GOOD), "x": lambda: read_run(X_PATTERN), "swapped": swapped}[name](),
+        {
+            "good": lambda: read_run(GOOD),
+            "measured": measured,
+            "x": lambda: read_run(X_PATTERN),
+            "swapped": swapped,
+        }[name](),
         ess=100,
     )
 
@@ -54,6 +61,13 @@ def swapped() -> Run:
     return run_of(run.header.model_copy(update={"provenance": {}}), shots)
 
 
+def measured(**header: object) -> Run:
+    """The good run, of no stated origin."""
+    run = read_run(GOOD)
+    stated = run.header.model_dump(exclude_unset=True, by_alias=True) | {"provenance": {}, **header}
+    return run_of(Header.model_validate(stated), run.shots)
+
+
 def displaced(mm: float, seed: int = 0) -> Run:
     """Thirty measurements of an uncertain arm, the target elsewhere from the seventeenth on."""
     plan, rng = good_plan(30), np.random.default_rng(seed)
@@ -65,17 +79,39 @@ def displaced(mm: float, seed: int = 0) -> Run:
 
 
 def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
-    result = analysed("good").result
+    result = analysed("measured").result
     said = message(result)
     worst = max(
         (row for row in result.parameters if row.group == "offset" and row.std), key=lambda row: row.std or 0
     )
-    assert said.verdict.startswith("Simulated: pass. J2 (δ2)")
+    assert said.verdict.startswith("Pass. J2 (δ2)")
+    assert tone(result) == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None
     assert (said.worst.name, said.worst.value) == (worst.name, 2 * (worst.std or 0.0))
     assert said.cause is None
-    assert said.action.command == "zerobeam export rapid good.jsonl -o offsets.mod"
+    assert said.action.command == "zerobeam export rapid run.jsonl -o offsets.mod"
+
+
+def test_a_pass_of_no_robot_has_nothing_to_enter() -> None:
+    result = analysed("good").result
+    said = message(result)
+    assert said.verdict.startswith("Simulated: pass. J2 (δ2)")
+    assert tone(result) == "held"
+    assert said.action.text.startswith("Enter nothing: no robot was measured")
+    assert (said.action.command or "").startswith("zerobeam plan optimal --header good.jsonl --target=")
+
+
+@pytest.mark.parametrize(("tcp_mm", "met", "colour"), [(0.5, "is not met", "weak"), (50.0, "is met", "pass")])
+def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, met, colour) -> None:
+    result = zb.analyse(measured(required={"tcp_mm": tcp_mm}), ess=100).result
+    said = message(result)
+    assert said.verdict.startswith(f"Pass; the required {tcp_mm:g}\u00a0mm at the TCP {met}. J2 (δ2)")
+    assert tone(result) == colour
+    assert result.entered is not None
+    assert result.entered.tcp_after is not None
+    shown = numbers.significant(result.entered.tcp_after.p95_mm, 2, "mm")
+    assert (said.cause or "").startswith(f"With the values entered the TCP is off by less than {shown} in 95")
 
 
 def test_a_degenerate_run_names_the_mechanism_and_plans_with_its_own_header() -> None:

@@ -320,7 +320,7 @@ class _Placed(Document):
 
 def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureScene]:
     scene_plan, postures = aimed.plan, postures_of(aimed)
-    laser = scene_plan.header.tool.kind == "laser"
+    beam = scene_plan.header.instrument.beam
     joints = postures.joints * scene_plan.robot.display
     broken_in = [[broken for broken in violations if broken.posture == i] for i in range(len(joints))]
     return [
@@ -328,7 +328,7 @@ def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureSce
             joints_deg=rounded(joints[i], 9),
             skeleton=rounded(postures.arm[i], 3),
             tool=rounded(postures.origin[i], 3),
-            beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if laser else None,
+            beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if beam else None,
             target=rounded(postures.targets[scene_plan.target_index[i]], 3),
             target_name=scene_plan.targets[i],
             reaches=bool(postures.reaches[i]),

@@ -90,7 +90,7 @@ class Judge:
 
     def __init__(self, plan: Plan, pendant: Pendant) -> None:
         self._plan, self._pendant = plan, pendant
-        self._aiming = Aiming(plan) if plan.header.tool.kind == "laser" else None
+        self._aiming = Aiming(plan) if plan.header.instrument.beam else None
         self._kept = np.ones(plan.robot.n, dtype=bool) if self._aiming is None else ~self._aiming.joints
         self._planned = plan.postures * plan.robot.display
         self._turning = np.array([joint.kind == "revolute" for joint in plan.robot.joints])

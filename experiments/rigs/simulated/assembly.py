@@ -12,12 +12,12 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.reading import KeyPath, did_you_mean
+from ....model.instruments.kind import Instrument
 from ....model.kinematics.orientation import roll_pitch_yaw
 from ....model.kinematics.robot import Robot, same_arm, shift
 from ....model.likelihood.constraint import ShotFunctions, shot_functions
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.problem import Problem
-from ....model.likelihood.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth
@@ -203,9 +203,9 @@ def turned(rpy_deg: Sequence[float]) -> Matrix:
 
 
 def _require_fit(plan: Plan, cell: CellFile) -> None:
-    if plan.header.tool.kind != "laser":
+    if not plan.header.instrument.beam:
         raise BadInput(
-            "a simulated cell has a laser and PSDs, the plan's tool is a probe",
+            "a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.tool.kind}",
             found=f"tool.kind: {plan.header.tool.kind}",
             remedy="run the plan without --cell: its measurements are then led by hand",
         )
@@ -344,7 +344,7 @@ def _psd(cell: CellFile, placed: PlacedPsd, directions: Matrix) -> Psd:
     )
 
 
-def _camera(settings: CameraInCell, tool: Tool) -> Camera:
+def _camera(settings: CameraInCell, tool: Instrument) -> Camera:
     """The camera of a cell: beside the beam, along it."""
     point, direction, across = tool.nominal_beam()
     mount = np.eye(4)

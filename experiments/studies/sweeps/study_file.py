@@ -48,7 +48,7 @@ from ....model.kinematics.robot import Robot
 from ....model.likelihood.geometry import Geometry
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.parameters import Parameters
-from ....model.likelihood.tool import Tool
+from ....model.likelihood.problem import instrument
 from ....words import numbers
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
@@ -497,7 +497,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
     with located(document.file, line(("held",))):
-        tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
+        tool, noise = instrument(header), NoiseModel.from_header(header, robot)
         Parameters.build(robot, tool, noise, Geometry.from_header(header, robot), header, [TARGET])
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
     return Case(at, words, settings, header, robot)

@@ -24,7 +24,9 @@ from scipy import stats
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.budget import budget, check_linear
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
-from zerobeam.analysis.posterior.posterior import UNSAMPLED, PosteriorParameter
+from zerobeam.analysis.posterior.convergence import tail_effective
+from zerobeam.analysis.posterior.posterior import UNSAMPLED, Ends, PosteriorParameter
+from zerobeam.analysis.posterior.sampler import DECIDING, IndependenceProposal, sample_density
 from zerobeam.analysis.solution import judge
 from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.density import Density
@@ -282,7 +284,7 @@ def test_validation_of_the_linear_interval():
     half = 0.04
 
     def check(off, ess=1e7):
-        return check_linear(0.5, 0.0203, half, posterior_row(0.5 - half, 0.5 + half + off, ess))
+        return check_linear(0.5, 0.0203, half, posterior_row(0.5 - half, 0.5 + half + off, ess).ends)
 
     near = check(0.0003)
     assert (near.validated, near.digits) == (True, 2)
@@ -294,12 +296,60 @@ def test_validation_of_the_linear_interval():
     assert few.ends_std == pytest.approx(2.671 * 0.0203 / math.sqrt(2000), rel=1e-3)
     assert (few.validated, few.digits, few.tolerance) == (True, 1, pytest.approx(0.005))
     assert check(0.0003, ess=50).validated is None
-    assert (check(0.03, ess=2000).validated, check(0.03, ess=2000).digits) == (False, 2)
+    # Twice the standard error is 0.0153, and the ends leave 0.0047 to the tolerance.
+    assert check(0.0003, ess=50).too_large == pytest.approx(3.26, abs=0.01)
+    assert (check(0.03, ess=2000).validated, check(0.03, ess=2000).digits) == (False, 1)
+    # 0.0031 is 2.6 standard errors, but the draws do not decide by two digits, whatever they are.
+    assert (check(0.0031, ess=2000).validated, check(0.0031, ess=2000).digits) == (None, 1)
+    assert (check(0.0020, ess=2000).validated, check(0.0020, ess=2000).digits) == (True, 1)
+
+
+def decided(skew, seed=1):
+    """The check of 0 ± 1.96 · 0.09 against draws of 0.09 (z + skew (z² - 1)), z a unit normal, and how many
+    draws there were."""
+
+    def shown(z):
+        return 0.09 * (z + skew * (z**2 - 1))
+
+    def check(judged):
+        chains = judged.reshape(-1, judged.shape[2])
+        low, high = np.quantile(chains, [0.025, 0.975])
+        ends = Ends(chains.std(), low, high, tail_effective(chains))
+        return check_linear(0.0, 0.09, 1.959964 * 0.09, ends)
+
+    sampled = sample_density(
+        lambda z: -(z[:, 0] ** 2) / 2,
+        IndependenceProposal(np.zeros(1), np.eye(1), 6.0),
+        seed=seed,
+        ess=400,
+        judged=shown,
+        short_by=lambda judged: check(judged).too_large ** 2,
+    )
+    return check(shown(sampled.values)), sampled.values.size
+
+
+def test_the_draws_that_a_check_needs_are_taken():
+    """u = 0.09 leaves 0.005 as tolerance, which the draws for an ESS of 400 do not decide."""
+    few = sample_density(
+        lambda z: -(z[:, 0] ** 2) / 2, IndependenceProposal(np.zeros(1), np.eye(1), 6.0), seed=1, ess=400
+    ).values.size
+    normal, draws = decided(0.0)
+    assert (normal.validated, normal.digits) == (True, 1)
+    assert few < draws < DECIDING
+    # An end is off by 2.84 times the skew: 0.28 u.
+    skewed, draws = decided(0.1)
+    assert (skewed.validated, skewed.d_high) == (False, pytest.approx(0.0256, abs=5 * skewed.ends_std))
+    assert draws < DECIDING
+    # Exactly at the tolerance nothing decides.
+    close, draws = decided(0.005 / 0.09 / 2.84)
+    assert close.validated is None
+    assert close.too_large > 1
+    assert 0.95 * DECIDING < draws <= DECIDING
 
 
 @pytest.mark.parametrize(("std", "tolerance"), [(0.0996, 0.005), (0.094, 0.0005), (9.96, 0.5), (130.0, 5.0)])
 def test_the_tolerance_follows_the_rounded_uncertainty(std, tolerance):
-    found = check_linear(0.0, std, 2 * std, posterior_row(-2 * std, 2 * std, std=std, ess=1e12))
+    found = check_linear(0.0, std, 2 * std, posterior_row(-2 * std, 2 * std, std=std, ess=1e12).ends)
     assert found.tolerance == pytest.approx(tolerance)
 
 
@@ -307,7 +357,7 @@ def test_the_standard_error_of_an_end():
     draws = np.random.default_rng(1).normal(size=(2000, 1000))
     ends = np.quantile(draws, 0.975, axis=1)
     row = posterior_row(-1.96, 1.96, ess=1000.0, std=1.0)
-    assert check_linear(0.0, 1.0, 1.96, row).ends_std == pytest.approx(ends.std(), rel=0.1)
+    assert check_linear(0.0, 1.0, 1.96, row.ends).ends_std == pytest.approx(ends.std(), rel=0.1)
 
 
 def test_the_posterior_of_the_prior_is_not_compared():

@@ -11,7 +11,7 @@ from zerobeam.model.likelihood.problem import Problem
 
 def without(plan, problem, i):
     keep = [k for k in range(problem.shots) if k != i]
-    spots = problem.spots[keep] if problem.tool.kind == "laser" else None
+    spots = problem.spots[keep] if problem.tool.name == "laser" else None
     return Problem.build(plan.header, plan.robot, problem.joints[keep], ["psd"] * len(keep), spots)
 
 

@@ -387,7 +387,7 @@ def test_check_and_analysis_agree_on_the_x_pattern_of_a_typical_arm(seed: int) -
     measured, live = solve(problem), so_far(problem)
     assert planned.verdict == measured.verdict == live.verdict == "degenerate"
     rows = {row.name: row for row in planned.parameters}
-    for name in ("delta2", "psd.x", "psd.z"):
+    for name in ("delta2", "psd.x", "psd.y", "psd.z"):
         causes = [rows[name].cause, measured[name].cause, live[name].cause]
         assert [rows[name].status, measured[name].status, live[name].status] == ["unidentifiable"] * 3
         for cause in causes:
@@ -403,6 +403,25 @@ def test_check_and_analysis_agree_on_the_x_pattern_of_a_typical_arm(seed: int) -
         facts.null_space[0].combination for facts in (planned.identifiability, measured.identified.facts)
     ]
     assert set(firsts[0]) == set(firsts[1]) == {"delta2", "psd.x", "psd.z"}
+
+
+@pytest.mark.parametrize("geometry", ["exact", None])
+@pytest.mark.parametrize("at_deg", [-0.0008, 0.05])
+def test_a_part_too_small_to_be_listed_has_the_reason_of_its_direction(
+    at_deg: float, geometry: str | None
+) -> None:
+    """Joint 1 rests beside 0, so that the axis of joint 2 is not quite the y axis: a rotation about it moves
+    psd.y a little too, and without a bound."""
+    problem = Problem.from_plan(pattern_plan("x", geometry=geometry))
+    joints = problem.joints.copy()
+    joints[:, 0] = np.radians(at_deg)
+    identified = identify(problem.moved(joints, problem.spots), problem.nominal())
+    (direction, *_) = identified.facts.null_space
+    assert "psd.y" not in direction.combination
+    for item, status in zip(problem.parameters.items, identified.status, strict=True):
+        if item.name in ("delta2", "psd.x", "psd.y", "psd.z"):
+            assert status == "unidentifiable"
+            assert isinstance(cause_for(identified.facts.null_space, item, status), CommonMotion)
 
 
 def test_what_a_plan_of_a_typical_arm_comes_to_without_a_posture() -> None:

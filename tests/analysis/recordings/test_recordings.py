@@ -104,6 +104,26 @@ def test_the_correlation_is_unbiased(solution: Solution, rho: float) -> None:
     assert plain.mean() < rho - 3.3 * plain.std() / np.sqrt(runs)
 
 
+@pytest.mark.parametrize("rho", [-0.6, 0.0, 0.3])
+def test_the_correlation_is_that_of_the_ratio_that_was_found(solution: Solution, rho: float) -> None:
+    """By the traces themselves, without the series."""
+    own = of_errors(solution, errors(np.random.default_rng(9), rho))
+    recorded = recordings(own.fit)
+
+    def apart(rho: float, kept: slice) -> float:
+        of = recorded.every[kept]
+        squares, products = np.sum([traces(one, rho, recorded.shared(rho)) for one in of], axis=0)
+        product = sum((one.residual[1:] * one.residual[:-1]).sum() for one in of)
+        return float(products / squares - product / sum((one.residual**2).sum() for one in of))
+
+    every = list(lags(recorded).values())
+    for kept in (slice(0, 1), slice(0, 3)):
+        found = rho_of(every[kept])
+        assert abs(apart(found, kept)) < 5e-5
+        # It is determined.
+        assert correlation(every[kept])[0] == found
+
+
 def test_the_false_alarm_rate_is_as_stated(solution: Solution) -> None:
     runs = 400
     found = lagged(solution, 0.0, runs, 2)

@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from plain_model import DESIGNED, arm
 
+from zerobeam.model.instruments.registry import kind_of
 from zerobeam.model.likelihood import c_source, kernel
 from zerobeam.model.likelihood.c_source import (
     NoSource,
@@ -16,7 +17,6 @@ from zerobeam.model.likelihood.c_source import (
 )
 from zerobeam.model.likelihood.constraint import ShotFunctions
 from zerobeam.model.likelihood.kernel import Kernel
-from zerobeam.model.likelihood.tool import Tool
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
 
@@ -165,8 +165,7 @@ def test_the_same_function_gives_the_same_source():
 
 def shot_functions(name, folder, log_det="none"):
     laser = name != "gantry"
-    tool = Tool(
-        "laser" if laser else "probe",
+    tool = kind_of("laser" if laser else "probe")(
         False,
         np.array([12.0, -7.0, 65.0]),
         np.array([0.6, 0.0, 0.8]) if laser else None,
@@ -185,7 +184,7 @@ def draws(functions, rng, *shape):
         rng.normal(size=(*shape, tool.residual_size)),
         rng.normal(scale=3, size=(*shape, robot.n)) / unit,
         rng.uniform(-1500, 1500, (*shape, 3)),
-        rng.normal(scale=0.05, size=(*shape, len(tool.free_axes))),
+        rng.normal(scale=0.05, size=(*shape, len(tool.unknowns))),
     )
 
 

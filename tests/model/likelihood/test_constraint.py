@@ -17,10 +17,10 @@ from plain_model import (
     unit,
 )
 
+from zerobeam.model.instruments.registry import kind_of
 from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood import kernel
 from zerobeam.model.likelihood.constraint import ShotFunctions
-from zerobeam.model.likelihood.tool import Tool
 
 # Per arm a beam along an axis of the flange or askew to it, forwards or backwards.
 DIRECTION = {
@@ -41,8 +41,7 @@ class Case:
     def __init__(self, own: Arm, name: str, kind: str) -> None:
         self.arm, self.robot, self.n = own, own.robot, own.robot.n
         laser = kind.startswith("laser")
-        self.tool = Tool(
-            "laser" if laser else "probe",
+        self.tool = kind_of("laser" if laser else "probe")(
             "uncalibrated" not in kind,
             np.array([12.0, -7.0, 65.0]),
             unit(np.array(DIRECTION[name])) if laser else None,
@@ -60,7 +59,7 @@ class Case:
     def unknowns(self, rng: np.random.Generator) -> np.ndarray:
         if self.tool.calibrated:
             return np.zeros(0)
-        if self.tool.kind == "probe":
+        if self.tool.name == "probe":
             return self.tool.point + rng.uniform(-30, 30, 3)
         return np.append(rng.uniform(-0.2, 0.2, 2), rng.uniform(-20, 20, 2))
 
@@ -69,7 +68,7 @@ class Case:
 
     def point(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, spot and free = (delta, target, tool): the target is anywhere, so that no residual is small."""
-        spot = rng.uniform(-3, 3, 2) if self.tool.kind == "laser" else np.zeros(3)
+        spot = rng.uniform(-3, 3, 2) if self.tool.name == "laser" else np.zeros(3)
         target = rng.uniform(-2000, 2000, 3)
         free = np.concatenate([self.offsets(rng), target, self.unknowns(rng)])
         return self.arm.random(rng), spot, free
@@ -81,7 +80,7 @@ class Case:
         for q, spot, free in self.points:
             delta, unknowns = free[: self.n], free[self.n + 3 :]
             y = unknowns if len(unknowns) else self.tool.point
-            if self.tool.kind == "laser":
+            if self.tool.name == "laser":
                 p, u = beam(self.tool, unknowns)
                 y = p + rng.uniform(600, 1200) * u
             flange = self.arm.pose(q + delta).real
@@ -117,7 +116,7 @@ class Case:
 
     def steps(self, rad: float = 1e-3, mm: float = 1.0) -> np.ndarray:
         offsets = np.where(self.robot.display == 1, mm, rad)
-        tool = [] if self.tool.calibrated else [mm] * 3 if self.tool.kind == "probe" else [rad, rad, mm, mm]
+        tool = [] if self.tool.calibrated else [mm] * 3 if self.tool.name == "probe" else [rad, rad, mm, mm]
         return np.concatenate([offsets, [mm] * 3, tool])
 
     def variances(self) -> np.ndarray:
@@ -403,7 +402,7 @@ def test_the_last_joint_and_an_uncalibrated_tool_turn_together(cases, arm_name, 
         before, after = case.arm.pose(q + delta).real, case.arm.pose(q + delta + step).real
         back = after[:3, :3].T @ before[:3, :3]
         shift = after[:3, :3].T @ (before[:3, 3] - after[:3, 3])
-        if case.tool.kind == "laser":
+        if case.tool.name == "laser":
             turned = turned_beam(case, unknowns, back, shift)
         else:
             turned = back @ unknowns + shift
@@ -447,7 +446,7 @@ def test_the_beam_in_the_base_frame(case):
         delta, _, unknowns = case.split(free)
         origin, direction = case.call("beam", q, delta, unknowns)
         flange = case.arm.pose(q + delta).real
-        if case.tool.kind == "laser":
+        if case.tool.name == "laser":
             p, u = beam(case.tool, unknowns)
         else:
             p, u = (unknowns if len(unknowns) else case.tool.point), np.zeros(3)
@@ -542,7 +541,7 @@ def test_the_midpoint_of_two_skew_beams(cases, arm_name, kind):
 
 def test_a_midpoint_known_by_hand():
     """A beam along x at height 0 and one along y at height 100 are nearest on the z axis."""
-    tool = Tool("laser", True, np.zeros(3), np.array([1.0, 0, 0]), 0.05, 10.0)
+    tool = kind_of("laser")(True, np.zeros(3), np.array([1.0, 0, 0]), 0.05, 10.0)
     joints = tuple(
         Joint(name, kind, np.eye(4), np.array([0.0, 0, 1]), -1e3, 1e3)
         for name, kind in (("turn", "revolute"), ("lift", "prismatic"))

@@ -7,10 +7,10 @@ from plain_geometry import UncertainArm, uncertain
 from plain_model import DESIGNED, arm, beam, by_complex_steps, square, unit
 
 from zerobeam.model.files.header import Header
+from zerobeam.model.instruments.registry import kind_of
 from zerobeam.model.likelihood.constraint import ShotFunctions
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.model.likelihood.tool import Tool
 
 TOOLS = ("free laser", "free probe")
 POINTS = 2
@@ -25,7 +25,7 @@ class Case:
         laser = kind == "free laser"
         direction = unit(np.array([0.1, -0.2, 1.0])) if laser else None
         point = np.array([12.0, -7.0, 65.0])
-        self.tool = Tool("laser" if laser else "probe", False, point, direction, 0.05, 10.0)
+        self.tool = kind_of("laser" if laser else "probe")(False, point, direction, 0.05, 10.0)
         self.functions = ShotFunctions(self.robot, self.tool, geometry=own.geometry)
         rng = np.random.default_rng(sum(map(ord, self.robot.name + kind)))
         self.points = [self.point(rng) for _ in range(POINTS)]
@@ -35,7 +35,7 @@ class Case:
         offsets = rng.uniform(-5, 5, self.n) / self.robot.display
         geometry = rng.uniform(-1, 1, self.g) * np.where(self.own.lengths, 20.0, np.radians(3.0))
         spot, tool = np.zeros(3), self.tool.point + rng.uniform(-30, 30, 3)
-        if self.tool.kind == "laser":
+        if self.tool.name == "laser":
             spot = rng.uniform(-3, 3, 2)
             tool = np.append(rng.uniform(-0.2, 0.2, 2), rng.uniform(-20, 20, 2))
         free = np.concatenate([offsets, geometry, rng.uniform(-2000, 2000, 3), tool])
@@ -51,7 +51,7 @@ class Case:
         for q, spot, free in self.points:
             values, _, tool = self.split(free)
             y = tool
-            if self.tool.kind == "laser":
+            if self.tool.name == "laser":
                 p, u = beam(self.tool, tool)
                 y = p + 800 * u
             flange = self.own.pose(q, values).real

@@ -7,7 +7,7 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.noise import NoiseModel
 from zerobeam.model.likelihood.parameters import IN_RESIDUAL, ORDER, Parameters
-from zerobeam.model.likelihood.tool import Tool
+from zerobeam.model.likelihood.problem import instrument
 from zerobeam.words.observability import reason
 
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
@@ -21,7 +21,7 @@ def build(robot, tool, seen=("psd",), **changes):
     content = {"robot": "irb1600", "tool": tool, "noise": noise, "geometry": "exact", **changes}
     header = Header.model_validate(content)
     geometry = Geometry.from_header(header, robot)
-    tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
+    tool, noise = instrument(header), NoiseModel.from_header(header, robot)
     return Parameters.build(robot, tool, noise, geometry, header, seen)
 
 

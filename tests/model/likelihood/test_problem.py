@@ -12,7 +12,7 @@ from zerobeam.model.likelihood.problem import Distance, Problem
 
 
 def tool_of(problem):
-    kind = problem.tool.kind
+    kind = problem.tool.name
     return TOOLS[kind if problem.tool.calibrated else f"open {kind}"]
 
 
@@ -29,7 +29,7 @@ def made(request, arms):
 
 def test_shapes_and_places(made):
     problem = made.problem
-    n, k, d = 6, len(problem.tool.free_axes), problem.tool.residual_size
+    n, k, d = 6, len(problem.tool.unknowns), problem.tool.residual_size
     assert problem.shots == 8
     assert problem.data_size == 8 * d + 1
     assert problem.targets == ("a", "b")

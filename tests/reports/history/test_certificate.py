@@ -31,6 +31,7 @@ from zerobeam.experiments.history.signing import (
 )
 from zerobeam.experiments.history.store import add, results, whole_answer
 from zerobeam.model.errors import BadInput
+from zerobeam.model.instruments.laser import Laser
 from zerobeam.reports.history.certificate import (
     SCHEMA,
     certificate_json,
@@ -41,7 +42,7 @@ from zerobeam.reports.history.certificate import (
 from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output.html import html
 from zerobeam.words import numbers
-from zerobeam.words.provenance import CERTIFICATE_KEYS, INSTRUMENTS
+from zerobeam.words.provenance import CERTIFICATE_KEYS
 from zerobeam.words.result_json import to_json
 
 pytest.importorskip("cryptography")
@@ -164,7 +165,7 @@ def test_the_first_page_has_what_a_laboratory_must_state(tmp_path: Path) -> None
     assert {key: found["form"][key] for key in STATED} == STATED
     assert found["form"].keys() == {*CERTIFICATE_KEYS, "instruments"}
     names = [name for key, name in CERTIFICATE_KEYS.items() if key != "traceability"]
-    names += [name for name, _ in INSTRUMENTS["laser"]]
+    names += [name for name, _ in Laser.words.traced]
     for said in (*names, *(text for key, text in STATED.items() if key != "traceability"), "Signature"):
         assert said in text, said
     assert "by DKD-K-0815" in pdf_text(folder / "certificate.pdf")

@@ -130,17 +130,18 @@ def test_a_fit_that_did_not_converge_has_no_budget():
 
 
 def test_the_check_is_told_by_its_words():
-    unsure = dataclasses.replace(YES, digits=1, validated=None)
+    unsure = LinearCheck(1, 0.005, 0.002, 0.004, 0.001, None)
     failed = dataclasses.replace(YES, validated=False)
     budgets = [made("delta2", 0.02), made("delta3", 0.02, check=unsure), made("delta4", 0.02, check=failed)]
     section = budget_section(result(budgets=budgets))
     words = [row[-1] for row in cells(tables(section)[-1]).values()]
-    assert words == ["yes, to 2 digits", "inconclusive: Monte Carlo error too large", "no, not to 2 digits"]
+    undecided = "inconclusive: Monte Carlo error 2.0 times too large"
+    assert words == ["yes, to 2 digits", undecided, "no, not to 2 digits"]
     assert "use the posterior’s interval" in paragraphs(section)
-    assert "--ess" in paragraphs(section)
+    assert f"{EXAMPLES['good'].posterior.draws} draws do not decide" in paragraphs(section)
     good = paragraphs(budget_section(result()))
     assert "use the posterior’s interval" not in good
-    assert "--ess" not in good
+    assert "do not decide" not in good
     section = budget_section(result(budgets=[made("delta2", 0.02, check=None)]))
     assert "not checked against the posterior" in paragraphs(section)
     assert len(tables(section)) == 2

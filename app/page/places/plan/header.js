@@ -32,7 +32,7 @@ function fieldsOf(plan, label, key, unit, change) {
 
 export function headerFields(parent, plan, change) {
   const rows = [
-    ...fieldsOf(plan, plan.tool && plan.tool.kind === "probe" ? "Tip" : "Laser", ["tool", "point_mm"], "mm", change),
+    ...fieldsOf(plan, plan.tool && plan.tool.direction ? "Laser" : "Tip", ["tool", "point_mm"], "mm", change),
     ...fieldsOf(plan, "Beam", ["tool", "direction"], "", change),
     ...fieldsOf(plan, "Noise of a joint", ["noise", "joint_deg"], "°", change),
     ...fieldsOf(plan, "Noise of the spot", ["noise", "spot_mm"], "mm", change),

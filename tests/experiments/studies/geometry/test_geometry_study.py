@@ -172,7 +172,7 @@ def test_the_whole_study_agrees() -> None:
     assert answer.agrees, answer.headline
     plans = {plan.name: plan for plan in answer.plans}
     assert len(plans) == 2 * len(MEASUREMENTS) + len(CLOSE_MEASUREMENTS) + 1
-    last = by_name(plans["probe"])["freed"].parameters[-1]
+    last = by_name(plans["sockets"])["freed"].parameters[-1]
     assert (last.name, last.status, last.rmse) == ("delta7", "unidentifiable", None)
     # Twelve measurements chosen for free geometry (issue 15): worst u at most 0.012 degrees.
     worst = max(row.freed or np.inf for row in plans["12, freed"].checked)

@@ -1,0 +1,1 @@
+"""What is measured with: one file a kind of instrument, and the registry of all of them."""

@@ -1,0 +1,19 @@
+"""The kinds of instruments that there are, by name."""
+
+from __future__ import annotations
+
+from .kind import Instrument
+from .laser import Laser
+from .probe import Probe
+
+KINDS: dict[str, type[Instrument]] = {kind.name: kind for kind in (Laser, Probe)}
+
+
+def kind_of(name: str) -> type[Instrument]:
+    """The kind of that name; KeyError where there is none."""
+    return KINDS[name]
+
+
+def names_of(*, beam: bool) -> list[str]:
+    """The kinds that are beams, or that are none."""
+    return [name for name, kind in KINDS.items() if kind.beam == beam]
