@@ -123,7 +123,7 @@ def candidates(
         joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
         drawn += _BATCH
         turnable = problem.moved(joints)
-        if problem.tool.kind == "laser":
+        if problem.tool.beam:
             before = ahead(turnable, x)
             turnable = turnable.select(np.flatnonzero(before))
             removed[_REASONS["behind"]] += int((~before).sum())
