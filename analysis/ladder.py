@@ -16,7 +16,6 @@ import numpy as np
 
 from ..model.files.header import Header
 from ..model.likelihood.density import Density
-from ..model.likelihood.geometry import NOMINAL, Geometry
 from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
 from .estimation.tolerance_factors import Factors, with_factors, with_open_factors
@@ -81,18 +80,14 @@ def climb_ladder(
     declared, whole = header.arm, problem.geometry
     if declared is None:
         return (fit_likelihood(problem, seed=seed) if fit is None else fit), (), None
-    kept = whole.without("gravity").without("harmonics")
-    nominal = fit_likelihood(problem.with_geometry(NOMINAL), starts=0, seed=seed)
-    links = fit_likelihood(problem.with_geometry(kept), seed=seed)
-    rungs, fit = [_rung("offsets", nominal, kept=False), _rung("geometry", links, kept=True)], links
-    more: list[tuple[RungName, Geometry]] = []
-    if whole.gravity is not None:
-        more.append(("gravity", whole.without("harmonics")))
-    if whole.harmonics:
-        more.append(("harmonics", whole))
-    for k, (name, geometry) in enumerate(more):
+    nominal = fit_likelihood(_up_to(problem, "offsets"), starts=0, seed=seed)
+    fit = fit_likelihood(_up_to(problem, "geometry"), seed=seed)
+    rungs = [_rung("offsets", nominal, kept=False), _rung("geometry", fit, kept=True)]
+    more: list[RungName] = ["gravity"] if whole.gravity is not None else []
+    more += ["harmonics"] if whole.harmonics else []
+    for k, name in enumerate(more):
         progress((k + 1) / (len(more) + 1))
-        fit = from_near(problem.with_geometry(geometry), fit)
+        fit = fit_from(_up_to(problem, name), fit.x)
         rungs.append(_rung(name, fit, kept=True))
     factors = None
     if declared.scale == "estimated" and fit.converged:
@@ -101,19 +96,21 @@ def climb_ladder(
     return fit, tuple(rungs) if comparable else (), factors
 
 
+_BENDING = frozenset({"gravity", "cos", "sin"})
+
+
+def _up_to(problem: Problem, rung: RungName) -> Problem:
+    """The problem with what the rungs above add held at 0: all share the functions of the whole geometry."""
+    held = {"geometry": _BENDING, "gravity": _BENDING - {"gravity"}, "harmonics": frozenset[str]()}
+    places = problem.parameters.group("geometry")
+    if rung != "offsets":
+        places &= np.array([item.axis in held[rung] for item in problem.parameters.items])
+    return replace(problem, parameters=problem.parameters.holding(places)) if places.any() else problem
+
+
 def _rung(name: RungName, fit: LikelihoodFit, *, kept: bool) -> Rung:
     free = int(fit.problem.parameters.free.sum())
     return Rung(name, free, held_out_rms(fit), log_evidence(fit), kept)
-
-
-def from_near(problem: Problem, near: LikelihoodFit) -> LikelihoodFit:
-    """The fit of `problem`, begun at the mode of one that has some of its parameters."""
-    known = near.problem.parameters
-    x = problem.parameters.prior_mean.copy()
-    for name, value in zip(known.names, near.x, strict=True):
-        if name in problem.parameters.names:
-            x[problem.parameters.index(name)] = value
-    return fit_from(problem, x)
 
 
 def log_evidence(fit: LikelihoodFit) -> float:

@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, plain, say
+from .late_imports import when_used
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EFBIG, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -128,6 +129,8 @@ def carried_out() -> int:
     Every error that is the user's is one message, no traceback.
     """
     warnings.showwarning = _warn
+    # SciPy asks NumPy for all that it has, emcee for a file format: these take as long as an analysis.
+    when_used("numpy.f2py", "numpy.testing", "h5py")
     with guarded_streams() as lost:
         status = _status()
         error = lost()

@@ -85,6 +85,7 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
     return with_targets(levenberg_marquardt(least_squares(residual), z[None], tolerance=1e-12).x[0])
 
 
+_SAME_TOP = 0.01  # posterior stds: the way up ends within a thousandth of the top
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
 _TOGETHER = 250  # fits side by side in one thread: what a core keeps near
@@ -117,6 +118,11 @@ class Fits:
     def std(self) -> Matrix:
         """(W, f) of the free parameters, scaled by their priors."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    def of_rows(self, rows: Index) -> Fits:
+        """Those of some rows, as often as they are named."""
+        parts = {item.name: getattr(self, item.name)[rows] for item in fields(self) if item.name != "reason"}
+        return Fits(**parts, reason=tuple(self.reason[k] for k in rows.tolist()))
 
 
 class Optimum(NamedTuple):
@@ -375,14 +381,17 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
 
 def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
     climb = Climb(density, of, len(start))
-    top = climb.polished(climb.up(climb.coordinates.from_parameters(start, climb.of)))
-    x, by_v = climb.coordinates.at(top.v, climb.of)
+    minima = climb.up(climb.coordinates.from_parameters(start, of))
+    first, tops = np.unique(_same_top(minima, of), return_inverse=True)
+    of = of[first]
+    top = Climb(density, of, len(first)).polished(minima.of_rows(first))
+    x, by_v = climb.coordinates.at(top.v, of)
     covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1)
-    weight = unbiased_weight(density, x, climb.of)
-    return Fits(
+    weight = unbiased_weight(density, x, of)
+    fits = Fits(
         x,
         density.scaled(x),
-        reweighted(density, x, covariance, weight / density.noise_weight(x, climb.of)),
+        reweighted(density, x, covariance, weight / density.noise_weight(x, of)),
         weight,
         top.value,
         top.gradient,
@@ -390,6 +399,23 @@ def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
         top.converged,
         top.reason,
     )
+    return fits if len(first) == len(start) else fits.of_rows(tops)
+
+
+def _same_top(minima: Minima, of: Index) -> Index:
+    """(W,) the first row of the same data set that ended on the same top, by Fisher's information there."""
+    same = np.arange(len(of))
+    tops: dict[int, list[int]] = {}
+    for row in np.flatnonzero(minima.converged).tolist():
+        known = tops.setdefault(int(of[row]), [])
+        way = minima.x[known] - minima.x[row]
+        apart = np.einsum("ki,kij,kj->k", way, minima.curvature[known], way)
+        near = np.flatnonzero(apart < _SAME_TOP**2)
+        if len(near):
+            same[row] = known[near[0]]
+        else:
+            known.append(row)
+    return same
 
 
 def reweighted(density: Density, x: Matrix, covariance: Matrix, ratio: Matrix) -> Matrix:

@@ -45,6 +45,18 @@ class Minima(NamedTuple):
     converged: NDArray[np.bool_]
     reason: list[str]
 
+    def of_rows(self, rows: Index) -> Minima:
+        """Those of some rows."""
+        return Minima(
+            self.x[rows],
+            self.cost[rows],
+            self.slope[rows],
+            self.curvature[rows],
+            self.iterations[rows],
+            self.converged[rows],
+            [self.reason[k] for k in rows.tolist()],
+        )
+
     def keep(self, rows: Index, x: Matrix, cost: Matrix, slope: Matrix, curvature: Matrix) -> None:
         """Keep the state of these rows."""
         self.x[rows], self.cost[rows] = x, cost

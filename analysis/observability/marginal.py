@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from ...model.arrays import Mask, Matrix
 
@@ -31,7 +30,7 @@ class Marginal(NamedTuple):
         ordered = np.hstack([jacobian[:, tolerated], jacobian[:, ~tolerated]])
         factor: Matrix = np.asarray(np.linalg.qr(ordered, mode="r"))
         right = np.hstack([-factor[:count, count:], np.eye(count)])
-        solved = scipy.linalg.solve_triangular(factor[:count, :count], right)
+        solved = np.asarray(np.linalg.solve(factor[:count, :count], right), dtype=float)
         left = jacobian.shape[1] - count
         return cls(factor[count:, count:], solved[:, :left], np.linalg.norm(solved[:, left:], axis=1))
 

@@ -6,6 +6,8 @@ ArviZ itself takes longer to load than a run to analyse.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import scipy
 
@@ -21,10 +23,17 @@ def normal_scores(draws: Matrix) -> Matrix:
     ordered = flat[order]
     first = np.append(True, ordered[1:] != ordered[:-1])
     ends = np.append(np.flatnonzero(first), flat.size)
-    ranks = np.empty(flat.size)
-    ranks[order] = np.repeat((ends[:-1] + ends[1:] + 1) / 2, np.diff(ends))
-    scores: Matrix = scipy.special.ndtri((ranks - 0.375) / (flat.size + 0.25))
+    scores = np.empty(flat.size)
+    scores[order] = np.repeat(_scores(flat.size)[ends[:-1] + ends[1:] - 1], np.diff(ends))
     return scores.reshape(draws.shape)
+
+
+@lru_cache(maxsize=4)
+def _scores(count: int) -> Matrix:
+    """(2 count - 1,) of so many draws the normal scores at the ranks 1, 1.5, 2, … count."""
+    ranks = np.arange(2, 2 * count + 1) / 2
+    scores: Matrix = scipy.special.ndtri((ranks - 0.375) / (count + 0.25))
+    return scores
 
 
 def nested_rhat(chains: Matrix) -> float:

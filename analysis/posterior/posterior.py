@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Literal, NamedTuple
@@ -239,28 +240,22 @@ def sample_posterior(
         short_by=short,
         progress=progress,
     )
-    return _summarised(
-        problem, shown(sampled.values), sampled, solution.status, ess, time.perf_counter() - began
-    )
+    return _summarised(problem, sampled, solution.status, ess, time.perf_counter() - began)
 
 
 def _summarised(
-    problem: Problem,
-    shown: Matrix,
-    sampled: Sampled,
-    status: tuple[Status, ...],
-    ess: float,
-    seconds: float,
+    problem: Problem, sampled: Sampled, status: tuple[Status, ...], ess: float, seconds: float
 ) -> tuple[PosteriorSummary, Draws]:
     """Draws and summary in the units that people read."""
+    shown = sampled.judged
     ensembles, walkers, steps, _ = shown.shape
     rhat, bulk = sampled.rhat, sampled.ess_bulk
     free = _free(problem, status)
     converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
-    rows = tuple(
-        _row(item, state == "unidentifiable", shown[..., j], float(rhat[j]), float(bulk[j]))
-        for j, (item, state) in enumerate(free)
-    )
+    by_parameter = np.moveaxis(shown, -1, 0).copy()
+    items, unidentifiable = zip(*((item, state == "unidentifiable") for item, state in free), strict=True)
+    with ThreadPoolExecutor(threads()) as pool:
+        rows = tuple(pool.map(_row, items, unidentifiable, by_parameter, rhat.tolist(), bulk.tolist()))
     summary = PosteriorSummary(
         converged=converged,
         drifts=not sampled.settled and bool(rhat.max() <= RHAT_GATE),

@@ -8,7 +8,7 @@ budget.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,6 +21,8 @@ from .lean_emcee import lean_emcee
 from .triangular_map import TriangularMap
 
 LogDensity = Callable[[Matrix], Matrix]
+# A function of each of many arrays, as `map`.
+Mapping = Callable[[Callable[[Matrix], Any], Iterable[Matrix]], Iterable[Any]]
 _ROWS = 16_384  # of one call of the density
 
 
@@ -165,6 +167,7 @@ GOOD = 0.5  # of the proposals accepted: the proposal is close to the density
 SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
 _PULLS = 12  # halvings of the way to the proposal's location
 _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
+_MANY_WALKERS = 64  # of an ensemble: where there are more, and proposals are accepted, fewer steps suffice
 _MAPPED_LOOK = 100
 _DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
 _PLAIN_STEPS = 250
@@ -183,7 +186,8 @@ _TURNOVER = 2  # effective draws for each walker: on average it has left its sta
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
+    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates, `judged`
+    those in which R-hat, ESS and drift are taken.
 
     `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
     was required. `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the
@@ -191,6 +195,7 @@ class Sampled:
     """
 
     values: Matrix
+    judged: Matrix
     rhat: Matrix
     ess_bulk: Matrix
     enough: bool
@@ -322,7 +327,7 @@ class _Run:
         for count in range(1, rounds[1] + 1):
             values = self.advance(values[:, :, -1], ROUND)
             self.refit(values[:, :, ROUND // 2 :], self._transport is not None)
-            settled = self._independent < best + SETTLED and drift(values) < _DRIFT_GATE
+            settled = self._independent < best + SETTLED and drift(values, self._pool.map) < _DRIFT_GATE
             if count >= rounds[0] and settled:
                 break
             best = max(best, self._independent)
@@ -344,12 +349,14 @@ class _Run:
         """How many steps until the first diagnostics: many autocorrelation times of a walker."""
         if self._transport is not None:
             return _MAPPED_LOOK
-        return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
+        if self._independent < GOOD:
+            return _FIRST_LOOK
+        return min(max(_FIRST_LOOK // 2, _FIRST_LOOK * _MANY_WALKERS // walkers), _FIRST_LOOK)
 
     def _settled(self, judged: Matrix, rhat: Matrix) -> bool:
         # Where the map does not reach, no walker tells; a poor acceptance does.
         reaches = self._transport is None or self._independent >= GOOD
-        return float(rhat.max()) <= RHAT_GATE and drift(judged) <= _DRIFT_GATE and reaches
+        return float(rhat.max()) <= RHAT_GATE and drift(judged, self._pool.map) <= _DRIFT_GATE and reaches
 
     def grow(
         self, starts: Matrix, ess: float, limit: int, progress: Callable[[float, bool], None]
@@ -361,37 +368,51 @@ class _Run:
         """
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
-        values = starts[:, :, None][:, :, :0]
         total = min(self._first_look(walkers), limit)
+        values = self.advance(starts, total)
+        judged = self._judged_each(values)
         while True:
-            last = values[:, :, -1] if values.size else starts
-            values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
-            looked_at = self._judged(values)
-            rhat, bulk = diagnostics(looked_at)
+            rhat, bulk = diagnostics(judged, self._pool.map)
             reached = float(bulk.min())
             expected = total * needed / max(reached, 1.0)
             progress(min(reached / needed, 1.0) if expected <= limit else total / limit, expected <= limit)
-            settled, enough = self._settled(looked_at, rhat), reached >= needed
+            settled, enough = self._settled(judged, rhat), reached >= needed
             if (enough and settled) or total >= limit:
-                sampled = Sampled(values, rhat, bulk, enough, settled)
-                return self._decide(sampled, looked_at) if enough and settled else sampled
+                sampled = Sampled(values, judged, rhat, bulk, enough, settled)
+                return self._decide(sampled) if enough and settled else sampled
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
             factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
             total = min(max(int(np.ceil(factor * total)), total + ROUND), limit)
+            values, judged = self._extended(values, judged, total)
 
-    def _decide(self, sampled: Sampled, judged: Matrix) -> Sampled:
-        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are `DECIDING`."""
-        values = sampled.values
-        ensembles, walkers, steps, _ = values.shape
-        limit = DECIDING // (ensembles * walkers)
+    def _decide(self, sampled: Sampled) -> Sampled:
+        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are `DECIDING`.
+
+        Of many walkers, which are alike, only as many are looked at as have as many draws as before.
+        """
+        values, judged = sampled.values, sampled.judged
+        ensembles, walkers, first, _ = values.shape
+        steps, limit = first, DECIDING // (ensembles * walkers)
         while steps < limit and (factor := self._short_by(judged)) > 1:
             steps = min(max(int(np.ceil(min(factor, _BLOCK) * steps)), steps + ROUND), limit)
-            values = np.concatenate([values, self.advance(values[:, :, -1], steps - values.shape[2])], axis=2)
-            judged = self._judged(values)
-        if values is sampled.values:
+            values, judged = self._extended(values, judged, steps)
+        if steps == first:
             return sampled
-        rhat, bulk = diagnostics(judged)
-        return Sampled(values, rhat, bulk, True, self._settled(judged, rhat))
+        looked_at = judged[:, :: max(min(steps // first, walkers // _WALKERS[0]), 1)]
+        rhat, bulk = diagnostics(looked_at, self._pool.map)
+        bulk *= walkers / looked_at.shape[1]
+        return Sampled(values, judged, rhat, bulk, True, self._settled(looked_at, rhat))
+
+    def _extended(self, values: Matrix, judged: Matrix, steps: int) -> tuple[Matrix, Matrix]:
+        """Chains continued to so many steps, and what is judged of them."""
+        more = self.advance(values[:, :, -1], steps - values.shape[2])
+        pairs = ((values, more), (judged, self._judged_each(more)))
+        longer, longer_judged = (np.concatenate(pair, axis=2) for pair in pairs)
+        return longer, longer_judged
+
+    def _judged_each(self, values: Matrix) -> Matrix:
+        """What is judged of chains (ensembles, walkers, steps, f), by all threads."""
+        return np.stack(list(self._pool.map(self._judged, values)))
 
 
 def sample_density(
@@ -435,7 +456,7 @@ def sample_density(
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
-            sampled = Sampled(values, *diagnostics(judged(values)), False, False)
+            sampled = Sampled(values, judged(values), *diagnostics(judged(values)), False, False)
         else:
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
@@ -462,24 +483,28 @@ def sample_density(
     )
 
 
-def drift(values: Matrix) -> float:
+def drift(values: Matrix, mapped: Mapping = map) -> float:
     """By how many standard errors the second half of the draws lies or spreads elsewhere than the first.
 
     Each walker is compared with itself, the walkers give the error: sees what is far too little for R-hat.
-    The largest over the f coordinates of (ensembles, walkers, steps, f).
+    The largest over the f coordinates of (ensembles, walkers, steps, f), all looked at by `mapped`.
     """
-    half = values.shape[2] // 2
+    return float(np.max(list(mapped(_drift, np.moveaxis(values, -1, 0).copy()))))
+
+
+def _drift(draws: Matrix) -> float:
+    """Of one coordinate's draws (ensembles, walkers, steps)."""
+    half = draws.shape[2] // 2
     largest = 0.0
-    for x in (values, np.abs(values - np.median(values, axis=(0, 1, 2)))):
+    for x in (draws, np.abs(draws - np.median(draws))):
         moved = x[:, :, -half:].mean(axis=2) - x[:, :, :half].mean(axis=2)
-        moved = moved.reshape(-1, moved.shape[-1])
-        error = moved.std(axis=0) / np.sqrt(len(moved))
-        largest = max(largest, float((np.abs(moved.mean(axis=0)) / np.maximum(error, 1e-300)).max()))
+        error = float(moved.std()) / np.sqrt(moved.size)
+        largest = max(largest, float(np.abs(moved.mean())) / max(error, 1e-300))
     return largest
 
 
-def diagnostics(values: Matrix) -> tuple[Matrix, Matrix]:
-    """Nested rank R-hat and bulk ESS (f,) of draws (ensembles, walkers, steps, f).
+def diagnostics(values: Matrix, mapped: Mapping = map) -> tuple[Matrix, Matrix]:
+    """Nested rank R-hat and bulk ESS (f,) of draws (ensembles, walkers, steps, f), all looked at by `mapped`.
 
     R-hat compares the ensembles (walkers of one ensemble are not independent chains: Margossian et al. 2024),
     and the first half of the steps with the second: ensembles that all drift the same way agree, too. The
@@ -488,20 +513,23 @@ def diagnostics(values: Matrix) -> tuple[Matrix, Matrix]:
     """
     thin = -(-values.shape[1] // _LOOK_WALKERS)
     share = values.shape[1] / len(range(0, values.shape[1], thin))
-    values = values[:, ::thin]
-    ensembles, _, steps, size = values.shape
-    rhat, bulk = np.full(size, np.inf), np.zeros(size)
+    each = list(mapped(_rank_statistics, np.moveaxis(values[:, ::thin], -1, 0).copy()))
+    rhat, bulk = np.array(each).T
+    return rhat, share * bulk
+
+
+def _rank_statistics(draws: Matrix) -> tuple[float, float]:
+    """R-hat and bulk ESS of one coordinate's draws (ensembles, walkers, steps)."""
+    ensembles, _, steps = draws.shape
     half = steps // 2
-    for j in range(size if half >= 4 else 0):
-        chains = np.stack([values[:, :, :half, j], values[:, :, -half:, j]])
-        if np.ptp(chains) == 0:
-            continue
-        scores = normal_scores(chains)
-        folded = normal_scores(np.abs(chains - np.median(chains)))
-        rhat[j] = max(
-            nested_rhat(grouped.reshape(groups, -1, half))
-            for z in (scores, folded)
-            for groups, grouped in ((ensembles, z.swapaxes(0, 1)), (2, z))
-        )
-        bulk[j] = share * effective(scores.reshape(-1, half))
-    return rhat, bulk
+    chains = np.stack([draws[..., :half], draws[..., -half:]])
+    if half < 4 or np.ptp(chains) == 0:
+        return np.inf, 0.0
+    scores = normal_scores(chains)
+    folded = normal_scores(np.abs(chains - np.median(chains)))
+    rhat = max(
+        nested_rhat(grouped.reshape(groups, -1, half))
+        for z in (scores, folded)
+        for groups, grouped in ((ensembles, z.swapaxes(0, 1)), (2, z))
+    )
+    return rhat, effective(scores.reshape(-1, half))

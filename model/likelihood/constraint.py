@@ -31,15 +31,15 @@ from .kernel import Kernel
 
 class Posture:
     """Recorded positions `q` (n,), `arm` (a,) joint offsets and geometry parameters, and what follows: the
-    `robot` with its links moved, and the true joint positions `theta` (n,)."""
+    `robot` with its links moved, `recorded` as of `Geometry`, and the true joint positions `theta` (n,)."""
 
     def __init__(self, robot: Robot, geometry: Geometry, arm: ca.SX | None = None) -> None:
         n = robot.n
         self.q = ca.SX.sym("q", n)
         self.arm = ca.SX.sym("arm", n + len(geometry.names)) if arm is None else arm
         self.robot = geometry.moved(robot, self.arm[n:])
-        recorded = geometry.recorded_symbols(robot, self.q)
-        self.theta = self.q + geometry.bent(robot, self.arm, recorded)
+        self.recorded = geometry.recorded_symbols(robot, self.q)
+        self.theta = self.q + geometry.bent(robot, self.arm, self.recorded)
 
     @cached_property
     def pose(self) -> tuple[ca.SX, ca.SX]:
@@ -184,21 +184,17 @@ def residual(
 
 
 class _Shot:
-    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions).
+    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions)."""
 
-    `turned` gives the joints' motions for offsets (n, 1) that hold at this posture, `recorded` what was
-    recorded of it, as `Geometry.recorded`.
-    """
-
-    def __init__(
-        self, functions: ShotFunctions, recorded: ca.SX, turned: Callable[[ca.SX], list[Turn]]
-    ) -> None:
+    def __init__(self, functions: ShotFunctions) -> None:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
+        self.recorded = ca.SX.sym("turns", geometry.recorded_size(functions.robot))
         self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
         self.unknown = ca.SX.sym("tool", len(tool.unknowns))
         robot = geometry.moved(functions.robot, self.arm[n:])
-        turns = turned(geometry.bent(functions.robot, self.arm, recorded))
+        offsets = geometry.bent(functions.robot, self.arm, self.recorded)
+        turns = functions.robot.turns_with_offsets(self.recorded, offsets)
         self.residual, self.by_joints, by_target = residual(
             robot, turns, tool, self.target, self.unknown, self.spot
         )
@@ -218,22 +214,19 @@ def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) ->
 
 
 def _linear(functions: ShotFunctions) -> ca.Function:
-    robot, q = functions.robot, ca.SX.sym("q", functions.robot.n)
-    recorded = functions.geometry.recorded_symbols(robot, q)
-    shot = _Shot(functions, recorded, lambda delta: robot.turns(q + delta))
-    inputs = {"q": q, "spot": shot.spot, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
-    return _function("linear", inputs, {"m": shot.residual, "jacobian": shot.jacobian})
+    posture, shot = functions.posture, functions.weighted
+    others = {"spot": shot.spot, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
+    at_turns = ca.Function("shot", [shot.recorded, *others.values()], [shot.residual, shot.jacobian])
+    residual, jacobian = at_turns(posture.recorded, *others.values())
+    return _function("linear", {"q": posture.q, **others}, {"m": residual, "jacobian": jacobian})
 
 
 class _Weighted(_Shot):
     """A shot with its noise: covariance of the residual, and the two terms of the log-likelihood."""
 
     def __init__(self, functions: ShotFunctions) -> None:
-        robot, n = functions.robot, functions.robot.n
-        self.recorded = ca.SX.sym("turns", functions.geometry.recorded_size(robot))
-        super().__init__(
-            functions, self.recorded, lambda delta: robot.turns_with_offsets(self.recorded, delta)
-        )
+        super().__init__(functions)
+        n = functions.robot.n
         self.weight = ca.SX.sym("weight")
         self.variances, self.stated_variances = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
         self.by_noise = self._covariances(self.variances)
@@ -363,12 +356,10 @@ def _midpoint(functions: ShotFunctions) -> ca.Function:
     along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
     along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
     middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
-    outputs = {
-        "midpoint": middle,
-        "jacobian": ca.jacobian(middle, ca.vertcat(one.arm, unknown)),
-        "by_q1": ca.jacobian(middle, one.q),
-        "by_q2": ca.jacobian(middle, other.q),
-    }
+    by = ca.jacobian(middle, ca.vertcat(one.arm, unknown, one.q, other.q))
+    ends = np.cumsum([0, one.arm.numel() + unknown.numel(), one.q.numel(), other.q.numel()]).tolist()
+    jacobian, by_q1, by_q2 = ca.horzsplit(by, ends)
+    outputs = {"midpoint": middle, "jacobian": jacobian, "by_q1": by_q1, "by_q2": by_q2}
     return _function("midpoint", {"q1": one.q, "q2": other.q, "arm": one.arm, "tool": unknown}, outputs)
 
 

@@ -145,7 +145,8 @@ class Density:
         with_log_det = problem.functions.log_det != "none"
         for k, block in enumerate(self._blocks):
             shots = self._shots_of[k]
-            sums = self._kernel("slopes").sums(self._grid(x, of, shots, k), rows, len(shots))
+            inputs = self._grid(x, of, shots, k)
+            sums = self._kernel("slopes").sums(inputs, rows, len(shots), gram=with_information)
             quad += sums[0]
             by_quad[:, block.free] += sums[2][:, block.local]
             if with_log_det:

@@ -283,14 +283,12 @@ def torques(robot: Robot, q: ca.SX, masses: Matrix, up: Matrix) -> ca.SX:
     at the flange."""
     points, axes = robot.skeleton(q), robot.axes(q)
     result = []
-    for i, joint in enumerate(robot.joints):
-        torque = ca.SX(0)
-        if joint.kind == "revolute":
-            for k in range(i, robot.n):
-                arm = points[:, k + 2] - points[:, i + 1]
-                torque -= float(masses[k]) * ca.dot(axes[:, i], ca.cross(arm, ca.SX(up)))
-        result.append(torque)
-    return ca.vertcat(*result)
+    moment, mass = ca.SX.zeros(3), 0.0  # of the links from joint i on, about the base
+    for i, joint in reversed(list(enumerate(robot.joints))):
+        moment, mass = moment + float(masses[i]) * points[:, i + 2], mass + float(masses[i])
+        torque = -ca.dot(axes[:, i], ca.cross(moment - mass * points[:, i + 1], ca.SX(up)))
+        result.append(torque if joint.kind == "revolute" else ca.SX(0))
+    return ca.vertcat(*reversed(result))
 
 
 def _torques(robot: Robot, masses: Matrix, up: Matrix, rows: Matrix) -> Matrix:

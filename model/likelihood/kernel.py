@@ -170,8 +170,11 @@ class Kernel:
                 raise ValueError(f"{self.function.name()}: {self.function.name_in(k)} {complaint}")
         raise AssertionError("nothing to refuse")
 
-    def sums(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Matrix, ...]:
-        """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape).
+    def sums(
+        self, inputs: Sequence[GridInput], outer: int, inner: int, *, gram: bool = True
+    ) -> tuple[Matrix, ...]:
+        """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape); without
+        `gram` but for w R'R, if there is one.
 
         Raises ValueError for a hoisted input that changes over the inner index, and for one that ends too
         soon: compiled code would read on behind it.
@@ -192,19 +195,22 @@ class Kernel:
                     f"{self.function.name()}: {self.function.name_in(k)} must not change over measurements"
                 )
         if self._library_for(outer * inner) is not None:
-            return self._shape(self._compiled(inputs, outer, inner))
+            flat = self._compiled(inputs, outer, inner)
+            return self._shape(flat if gram or self._gram is None else flat[:, : -self._out[-1]])
         gathered = []
         for grid, size in zip(inputs, self._in, strict=True):
             rows = np.arange(outer) if grid.rows is None else grid.rows
             start = (rows[:, None] * grid.step + grid.offsets.numbers).reshape(-1, 1)
             gathered.append(grid.values.reshape(-1)[start + np.arange(size)])
-        each = self._interpreted(gathered, outer * inner)
+        each = self._interpreted(gathered, outer * inner, gram=gram)
         return self._shape(each.reshape(outer, inner, each.shape[1]).sum(axis=1))
 
     def _shape(self, flat: Matrix) -> tuple[Matrix, ...]:
         """Split (rows, all outputs) into outputs; CasADi stores matrices column by column."""
         result, start = [], 0
         for (rows, columns), size in zip(self._out_shapes, self._out, strict=True):
+            if start == flat.shape[1]:
+                break  # w R'R was not asked for
             block = flat[:, start : start + size]
             start += size
             if columns == 1:
@@ -229,14 +235,14 @@ class Kernel:
         call()
         return result
 
-    def _interpreted(self, inputs: Sequence[Matrix], rows: int) -> Matrix:
+    def _interpreted(self, inputs: Sequence[Matrix], rows: int, *, gram: bool = True) -> Matrix:
         """(rows, all outputs) by the virtual machine of inputs (rows, size) or (size,)."""
         if rows == 0:
             return np.zeros((0, sum(self._out)))
         with self._alone:
-            return self._by_machine(inputs, rows)
+            return self._by_machine(inputs, rows, gram)
 
-    def _by_machine(self, inputs: Sequence[Matrix], rows: int) -> Matrix:
+    def _by_machine(self, inputs: Sequence[Matrix], rows: int, gram: bool) -> Matrix:
         if rows not in self._buffers:
             if len(self._buffers) == _MOST_BUFFERS:
                 self._buffers.pop(next(iter(self._buffers)))
@@ -250,7 +256,8 @@ class Kernel:
         outputs = list(buffers.outputs)
         if self._gram is not None:
             *outputs, weight, root = outputs
-            outputs.append(_lower_gram(weight, root.reshape(rows, *self._gram[::-1])))
+            if gram:
+                outputs.append(_lower_gram(weight, root.reshape(rows, *self._gram[::-1])))
         return np.concatenate(outputs, axis=1)
 
     def ready(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Callable[[], None], Matrix]:

@@ -136,6 +136,15 @@ class Parameters:
         geometry_items = _of_geometry(geometry, robot, tool, StatedTolerance())
         return Parameters((*rest[: robot.n], *geometry_items, *rest[robot.n :]))
 
+    def holding(self, places: NDArray[np.bool_]) -> Parameters:
+        """These parameters with those at `places` (p,) held at their prior means."""
+        return Parameters(
+            tuple(
+                replace(item, held=True) if hold else item
+                for item, hold in zip(self.items, places.tolist(), strict=True)
+            )
+        )
+
     # Blocks
 
     def block(self, group: Group, which: int | None = None) -> slice:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 Json = dict[str, Any]  # of a result.json, or of a certificate
 SCHEMA = "zerobeam/certificate/1"
+_DIGITS = 16  # hexadecimal, of an identification
 _OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
 _INTERVALS = ("name", "unit", "linear", "profile", "posterior")
 
@@ -77,8 +78,7 @@ def certificate_json(
     del row["without_prior"]
     header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
     k = answer.get("coverage_factor") or _coverage_factor(offsets)
-    return {
-        "schema": SCHEMA,
+    content = {
         **row,
         "issued": issued.isoformat(),
         "form": _form(header),
@@ -99,6 +99,13 @@ def certificate_json(
         "notes": answer["notes"],
         "key": {"algorithm": ALGORITHM, "fingerprint": fingerprint},
         "written_by": versions()["zerobeam"],
+    }
+    # ISO/IEC 17025:2017, 7.8.2.1 d: no other certificate has it, whether a laboratory numbers them or not.
+    digest = sha256(json.dumps(content, sort_keys=True).encode())[:_DIGITS]
+    return {
+        "schema": SCHEMA,
+        "identification": content["form"]["certificate_number"] or f"SHA-256 {digest}",
+        **content,
     }
 
 

@@ -48,12 +48,10 @@ _GROUPS = {"offset": "offsets", "target": "targets", "tool": "tool", "geometry":
 
 def certificate_page(certificate: Mapping[str, Any]) -> Page:
     """The display strings of a certificate (`zerobeam/certificate/1`)."""
-    form = certificate["form"]
-    number = form["certificate_number"]
     item = f"{clipped(certificate['model'])}, serial number {clipped(certificate['serial'], 60)}"
     return Page(
         "Certificate of calibration",
-        f"No. {clipped(number, 40)}, {item}" if number else item,
+        f"No. {clipped(certificate['identification'], 40)}, {item}",
         Verdict(
             certificate["verdict"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])
         ),
@@ -100,7 +98,7 @@ def _identified(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return CERTIFICATE_KEYS[key], form[key] or ""
 
     robot = ", ".join(shown(text) for text in (certificate["model"], certificate["vendor"]) if text)
-    yield entry("certificate_number")
+    yield CERTIFICATE_KEYS["certificate_number"], certificate["identification"]
     yield "Date of issue", certificate["issued"]
     yield entry("laboratory")
     yield entry("customer")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -14,7 +15,6 @@ from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
 from ...words.geometry import check_lines
-from ...words.message import Tone
 from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
@@ -22,6 +22,9 @@ from ...words.wording import ended, label, person, sentence
 from ..run.parameters import worth_column
 from ..run.unobservable import direction_words
 from ..style.console import VERDICT_STYLE, marked, note
+
+if TYPE_CHECKING:
+    from ...words.message import Tone
 
 
 def print_check(console: Console, check: Check) -> None:

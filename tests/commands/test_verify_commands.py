@@ -29,8 +29,8 @@ def plan(tmp_path):
 
 def rehearsed(plan, tmp_path, offsets):
     cell = tmp_path / "cell.yaml"
-    laser = "laser: {tilt_deg: [0, 0], shift_mm: [0, 0]}\n"  # that of the calibrated arm
-    cell.write_text(f"schema: zerobeam/cell/1\n{laser}arm: {{offsets_deg: {{{offsets}}}}}\n")
+    laser = "laser: {tilt_deg: [0, 0], shift_mm: [0, 0]}\n"  # that of the calibrated arm, as its links
+    cell.write_text(f"schema: zerobeam/cell/1\n{laser}arm: {{geometry: [], offsets_deg: {{{offsets}}}}}\n")
     new = tmp_path / "new.jsonl"
     how = ["--rig", "simulated", "--no-camera", "--cell", cell, "--seed", 5, "-o", new, "--force"]
     assert zerobeam("run", plan, *how).status in (0, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,11 +33,12 @@ class SimulatedArm:
 
     The controller drives its count to the commanded position, to the nearest step of the encoder; then
 
-        link = count + offset + error - backlash / 2 * direction of the joint's last motion,
+        link = count + offset + bent(count) + error - backlash / 2 * direction of the joint's last motion,
 
-    which is the run's model (true = recorded + delta) where error and backlash are 0. The error of each
-    joint, of std `repeatability`, is friction, gravity and cables: it stays while the arm moves little, so
-    that a servo can take it out, and is drawn again once the arm has travelled more than `redraw`.
+    which is the run's model (true = recorded + delta) where error and backlash are 0: `bent` is what gravity
+    and harmonics add to the offsets. The error of each joint, of std `repeatability`, is friction and cables:
+    it stays while the arm moves little, so that a servo can take it out, and is drawn again once the arm has
+    travelled more than `redraw`.
 
     All (n,) are rad or mm (a second, a second squared): `offsets`, `backlash` (full width), `resolution` of
     the encoders (0: none), `repeatability`, `acceleration`. `speed` is a share of the joints' top speeds.
@@ -52,10 +53,12 @@ class SimulatedArm:
     speed: float
     acceleration: Matrix
     redraw: float = np.radians(2.0)
+    bent: Callable[[Matrix], Matrix] = np.zeros_like
     _rng: np.random.Generator = field(init=False, repr=False)
     _count: Matrix = field(init=False, repr=False)
     _direction: Matrix = field(init=False, repr=False)
     _error: Matrix = field(init=False, repr=False)
+    _bent: Matrix = field(init=False, repr=False)
     _travel: float = field(init=False, repr=False)
 
     def begin(self, rng: np.random.Generator, at: Matrix) -> None:
@@ -63,7 +66,8 @@ class SimulatedArm:
 
         What follows depends on `rng` and `at` alone, not on what was before: a resumed run repeats it.
         """
-        self._rng, self._count = rng, self._steps(at)
+        self._rng = rng
+        self._stop_at(self._steps(at))
         self._direction = np.ones(self.robot.n)
         self._settle()
 
@@ -71,7 +75,7 @@ class SimulatedArm:
         """Go to the joints (n,) as the controller counts, whatever their limits; the seconds it takes."""
         count = self._steps(joints)
         way = count - self._count
-        self._count = count
+        self._stop_at(count)
         self._direction = np.where(way == 0, self._direction, np.sign(way))
         self._travel += float(np.radians(np.abs(way) * self.robot.display).max())
         if self._travel > self.redraw:
@@ -84,7 +88,8 @@ class SimulatedArm:
 
     def link(self) -> Matrix:
         """(n,) where the joints truly are."""
-        return self._count + self.offsets + self._error - self.backlash / 2 * self._direction
+        offsets = self.offsets + self._bent
+        return self._count + offsets + self._error - self.backlash / 2 * self._direction
 
     def duration(self, way: Matrix) -> float:
         """Seconds for the way (n,): the slowest joint sets it, the others keep step.
@@ -102,6 +107,9 @@ class SimulatedArm:
         """The joints (n,) to the nearest step of their encoders."""
         step = np.where(self.resolution > 0, self.resolution, 1.0)
         return np.where(self.resolution > 0, step * np.round(joints / step), joints)
+
+    def _stop_at(self, count: Matrix) -> None:
+        self._count, self._bent = count, self.bent(count)
 
     def _settle(self) -> None:
         self._error = self.repeatability * self._rng.normal(size=self.robot.n)
@@ -139,9 +147,12 @@ class CellParts:
     camera: Camera | None
 
     def provenance(self) -> dict[str, float]:
-        """The true offsets by name with the unit, and the tool where it is not as stated. How links deviate
-        is in the cell file, by other numbers than a header's."""
-        links = {item.name for item in self.truth.problem.parameters.items if item.group == "geometry"}
+        """The true offsets and geometry by name with the unit, and the tool where it is not as stated. Links
+        that the cell file states are there, by other numbers than a header's."""
+        parameters = self.truth.problem.parameters
+        links: set[str] = set()
+        if not self.truth.x[parameters.block("geometry")].any():
+            links = {item.name for item in parameters.items if item.group == "geometry"}
         values = {
             name: value
             for name, value in self.truth.provenance().items()
@@ -164,6 +175,9 @@ def assemble(
     """
     _require_fit(plan, cell)
     drawn = Truth.drawn(plan, rng, cell.arm.drawn_deg)
+    deviations = drawn.problem.parameters.block("geometry")
+    if arm is not None or cell.arm.geometry is not None:
+        drawn.x[deviations] = 0.0
     if arm is not None:
         drawn = drawn.knowing(arm)
         cell = cell.model_copy(update={"arm": cell.arm.model_copy(update={"offsets_deg": None})})
@@ -172,7 +186,6 @@ def assemble(
     centres = {name: _centre(plan, cell, problem, name, rng) for name in problem.targets}
     block, x = problem.parameters.block, drawn.x.copy()
     x[block("offset")] = offsets = _offsets(cell, problem, drawn.x[block("offset")])
-    x[block("geometry")] = 0.0  # how the arm deviates from nominal is stated in the cell file
     for k, name in enumerate(problem.targets):
         x[block("target", k)] = centres[name]
     tool = _tool(cell, np.zeros(4) if problem.tool.exact else drawn.x[block("tool")])
@@ -181,13 +194,17 @@ def assemble(
     aimed = aim(problem, problem.nominal(), servo_joints(problem)).problem
     _, directions = aimed.beams(problem.nominal())
     noise = NoiseModel.from_header(plan.header, plan.robot)
-    robot = geometry_errors(plan.robot, _geometry(cell))
+    robot = geometry_errors(problem.geometry.applied(plan.robot, x[deviations]), _geometry(cell))
+
+    def bent(count: Matrix) -> Matrix:
+        return problem.geometry.added(plan.robot, x[deviations], count)
+
     return CellParts(
         truth=Truth(problem, x),
         functions=shot_functions(robot, beam),
         tool=tool,
         wander=noise.spot if cell.laser.wander_mm is None else cell.laser.wander_mm,
-        arm=_arm(cell, robot, offsets, noise),
+        arm=_arm(cell, robot, offsets, noise, bent),
         centres=centres,
         psds={
             name: _psd(cell, cell.placed(name), directions[problem.target_index == k])
@@ -205,7 +222,7 @@ def turned(rpy_deg: Sequence[float]) -> Matrix:
 def _require_fit(plan: Plan, cell: CellFile) -> None:
     if not plan.header.instrument.beam:
         raise BadInput(
-            "a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.tool.kind}",
+            f"a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.tool.kind}",
             found=f"tool.kind: {plan.header.tool.kind}",
             remedy="run the plan without --cell: its measurements are then led by hand",
         )
@@ -228,7 +245,7 @@ def _require_fit(plan: Plan, cell: CellFile) -> None:
                 remedy=did_you_mean(name, plan.target_names) or "take it out, or correct the name",
             )
     joints: list[tuple[KeyPath, int]] = [
-        (("arm", "geometry", i), error.joint) for i, error in enumerate(cell.arm.geometry)
+        (("arm", "geometry", i), error.joint) for i, error in enumerate(cell.arm.geometry or ())
     ]
     joints += [
         (("faults", i), fault.joint)
@@ -275,7 +292,9 @@ def _tool(cell: CellFile, drawn: Matrix) -> Matrix:
     )
 
 
-def _arm(cell: CellFile, robot: Robot, offsets: Matrix, noise: NoiseModel) -> SimulatedArm:
+def _arm(
+    cell: CellFile, robot: Robot, offsets: Matrix, noise: NoiseModel, bent: Callable[[Matrix], Matrix]
+) -> SimulatedArm:
     def each_joint(value: EachJoint, key: str) -> Matrix:
         values = np.atleast_1d(np.array(value, dtype=float))
         if len(values) not in (1, robot.n):
@@ -298,13 +317,14 @@ def _arm(cell: CellFile, robot: Robot, offsets: Matrix, noise: NoiseModel) -> Si
         else each_joint(settings.repeatability_deg, "repeatability_deg"),
         speed=settings.speed,
         acceleration=settings.acceleration_deg_s2 / robot.display,
+        bent=bent,
     )
 
 
 def _geometry(cell: CellFile) -> dict[int, Matrix]:
     return {
         error.joint - 1: shift(*error.xyz_mm) @ roll_pitch_yaw(*np.radians(error.rpy_deg))
-        for error in cell.arm.geometry
+        for error in cell.arm.geometry or ()
     }
 
 

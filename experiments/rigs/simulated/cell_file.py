@@ -253,8 +253,10 @@ class ArmInCell(FileModel):
         default=0.0002, description="step of the joints' encoders, degrees (mm)"
     )
     backlash_deg: EachJoint = Field(default=0.0, description="backlash of the gears, degrees (mm)")
-    geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] = Field(
-        default=(), description="links that deviate from nominal geometry"
+    geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] | None = Field(
+        default=None,
+        description="links that deviate from nominal geometry, and nothing else; without it links, gravity "
+        "and harmonics are random, from the seed, within the tolerances of the header",
     )
     speed: Fraction = Field(default=0.25, description="share of the joints' top speeds")
     acceleration_deg_s2: Positive = Field(default=300.0, description="of every joint, degrees (mm) / s^2")
@@ -262,7 +264,7 @@ class ArmInCell(FileModel):
 
     @model_validator(mode="after")
     def _one_error_a_link(self) -> Self:
-        joints = [error.joint for error in self.geometry]
+        joints = [error.joint for error in self.geometry or ()]
         for i, joint in enumerate(joints):
             if joint in joints[:i]:
                 raise refusal(

@@ -71,9 +71,9 @@ def test_an_unconverged_posterior_has_no_parameters(monkeypatch, spoilt):
 
     def sampled(*args, **kwargs):
         found = real(*args, **kwargs)
-        values = spoilt(found.values)
-        rhat, bulk = diagnostics(values)
-        return replace(found, values=values, rhat=rhat, ess_bulk=bulk)
+        judged = spoilt(found.judged)
+        rhat, bulk = diagnostics(judged)
+        return replace(found, judged=judged, rhat=rhat, ess_bulk=bulk)
 
     monkeypatch.setattr(posterior, "sample_density", sampled)
     _, _, (summary, draws) = posterior_of(good_plan())

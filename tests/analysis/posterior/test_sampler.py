@@ -401,10 +401,10 @@ def test_the_budget_is_kept(monkeypatch):
 
 
 @pytest.mark.long
-def test_the_effective_size_is_honest():
-    """The variance of means and of squares over 200 seeds is what the ESS says, within 4 of their errors."""
-    size, seeds = 8, 200
-    found = [sample_density(normal, t_at_zero(size, 8.0), seed=s, ess=1000) for s in range(seeds)]
+@pytest.mark.parametrize(("size", "seeds", "nu"), [(8, 200, 8.0), (45, 60, 90.0)])
+def test_the_effective_size_is_honest(size, seeds, nu):
+    """The variance of means and of squares over the seeds is what the ESS says, within 4 of their errors."""
+    found = [sample_density(normal, t_at_zero(size, nu), seed=s, ess=1000) for s in range(seeds)]
     for power, variance in ((1, 1.0), (2, 2.0)):
         means = np.array([(f.values**power).mean(axis=(0, 1, 2)) for f in found]) - (power == 2)
         chains = [f.values[..., j].reshape(-1, f.values.shape[2]) for f in found[:20] for j in range(size)]

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 from asked_to_end import ask, lost, without_reminders
-from cells import OPEN_LASER, PROBE, good_plan, header, irb1600, plan_of
+from cells import OPEN_LASER, PROBE, good_plan, header, irb1600, plan_of, run_of
 from command_line import plan_file
 from run_events import as_json
+from scipy import stats
 from servo_shots import WatchedRig
 
+from zerobeam.analysis.solution import solve
 from zerobeam.experiments.procedure.events import (
     ArmSent,
     MeasurementRecorded,
@@ -100,6 +102,22 @@ def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) 
     assert np.all(np.abs(found - truth) < 4 * std)
     assert np.any(np.abs(truth) > 10 * std)
     assert done.state.consistent
+
+
+def test_a_rehearsal_has_the_residuals_of_a_typical_arm(tmp_path: Path) -> None:
+    """Of six arms chi-squared is that of the degrees of freedom, and with nominal geometry it is a misfit."""
+    typical = read_plan(plan_file(tmp_path / "plan.yaml", good_plan(10, geometry=None)))
+    exact = good_plan(10)
+    squares, dof = 0.0, 0
+    for seed in range(6):
+        shots = carried(typical, tmp_path / f"{seed}.jsonl", seed).shots
+        solution = solve(Problem.from_run(run_of(typical.header, shots)))
+        squares, dof = squares + solution.against_noise.chi2, dof + solution.against_noise.dof
+        nominal = solve(Problem.from_run(run_of(exact.header, shots)))
+        assert nominal.against_noise.p_value is not None
+        assert nominal.against_noise.p_value < 1e-3
+    low, high = stats.chi2.ppf([5e-4, 1 - 5e-4], dof)
+    assert low < squares < high
 
 
 def test_the_recorded_spot_is_where_the_target_stands_across_the_beam(tmp_path: Path, plan: Plan) -> None:

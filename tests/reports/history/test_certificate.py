@@ -135,7 +135,13 @@ def test_another_day_of_issue_gives_another_certificate(tmp_path: Path) -> None:
     own = only(kept(tmp_path, a_result()))
     made = [certificate_json(own, a_result(), "0" * 64, day) for day in (ISSUED, date(2026, 4, 2))]
     assert [one.pop("issued") for one in made] == ["2026-04-01", "2026-04-02"]
+    identified = [one.pop("identification") for one in made]
     assert made[0] == made[1]
+    # Each has an identification of its own, the same whenever it is written.
+    assert re.fullmatch(r"SHA-256 [0-9a-f]{16}", identified[0])
+    assert identified[0] != identified[1]
+    again = certificate_json(own, a_result(), "0" * 64, ISSUED)
+    assert again["identification"] == identified[0]
 
 
 STATED = {
@@ -169,6 +175,7 @@ def test_the_first_page_has_what_a_laboratory_must_state(tmp_path: Path) -> None
     for said in (*names, *(text for key, text in STATED.items() if key != "traceability"), "Signature"):
         assert said in text, said
     assert "by DKD-K-0815" in pdf_text(folder / "certificate.pdf")
+    assert found["identification"] == "K-17"
     blank = written(tmp_path / "blank", a_result())
     form = stated(blank)["form"]
     assert [row["text"] for row in form.pop("instruments")] == [None] * 4
@@ -176,8 +183,9 @@ def test_the_first_page_has_what_a_laboratory_must_state(tmp_path: Path) -> None
     for said in (*names, "Signature"):
         assert said in first_page(blank), said
     shown = (blank / "certificate.html").read_text(encoding="utf-8")
-    # Ten entries, four of instruments, the operator, the signature.
-    assert shown.count('<dd class="blank">') == len(names) + 2
+    # Nine entries, four of instruments, the operator, the signature: the number is that of the contents.
+    assert shown.count('<dd class="blank">') == len(names) + 1
+    assert stated(blank)["identification"] in first_page(blank)
     assert "Not shown: no calibration certificate" in " ".join(pdf_text(blank / "certificate.pdf").split())
 
 

@@ -18,6 +18,7 @@ from scipy import stats
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.experiments.rigs.simulated.assembly import CellParts, SimulatedArm, assemble, geometry_errors
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain, rotation_about, same_arm, shift
@@ -291,17 +292,52 @@ def test_the_provenance_of_an_uncalibrated_tool_is_what_the_beam_is() -> None:
     np.testing.assert_allclose(np.degrees(half.tool[:2]), tilts, atol=1e-9)
 
 
-def test_the_truth_is_where_the_true_beam_hits() -> None:
-    """At the truth's own parameters the model's beams go through the cell's PSD: offsets, tool and place."""
-    plan = good_plan(3, tool=OPEN_LASER)
+@pytest.mark.parametrize("geometry", ["exact", None])
+def test_the_truth_is_where_the_true_beam_hits(geometry: str | None) -> None:
+    """At the truth's own parameters the model's beams go through the cell's PSD: offsets, links, gravity,
+    harmonics, tool and place."""
+    plan = good_plan(3, tool=OPEN_LASER, geometry=geometry)
     made = parts(plan, laser={"shift_mm": [3, 4]}, psd={"placed": {"psd": {"centre_mm": [930, 20, -10]}}})
     aimed = aim(made.truth.problem, made.truth.x, servo_joints(made.truth.problem)).problem
-    link = aimed.joints + made.arm.offsets
+    bent = np.array([made.arm.bent(count) for count in aimed.joints])
     still = np.zeros(6)
-    origin, direction = made.functions.kernel("beam")(link, still, made.tool)
-    off = np.cross(made.centres["psd"] - origin, direction)
-    assert np.linalg.norm(off, axis=1).max() < 1e-5
+
+    def off(link: Matrix) -> float:
+        origin, direction = made.functions.kernel("beam")(link, still, made.tool)
+        return float(np.linalg.norm(np.cross(made.centres["psd"] - origin, direction), axis=1).max())
+
+    assert off(aimed.joints + made.arm.offsets + bent) < 1e-5
+    # Control: what bends the arm is seen.
+    assert (off(aimed.joints + made.arm.offsets) > 0.05) == (geometry is None)
     np.testing.assert_array_equal(made.centres["psd"], [930, 20, -10])
+
+
+def test_an_arm_deviates_as_the_header_says_or_as_the_cell_states() -> None:
+    def links(made: CellParts) -> dict[str, float]:
+        return {name: value for name, value in made.provenance().items() if "true link" in name}
+
+    typical = good_plan(3, geometry=None)
+    drawn = parts(typical)
+    assert drawn.provenance()["true link2.a (mm)"] != 0
+    assert drawn.provenance()["true joint3.gravity (deg)"] != 0
+    assert parts(typical).provenance() == drawn.provenance()
+    assert links(parts(typical, 1)) != links(drawn)
+    # Of a tenth of the tolerances it is a tenth.
+    small = good_plan(3, geometry={"tolerance": {"length_mm": 0.03, "angle_deg": 0.01}})
+    assert [10 * value for value in links(parts(small)).values()] == pytest.approx(
+        list(links(drawn).values())
+    )
+    for nominal in (parts(good_plan(3)), parts(typical, arm={"geometry": []})):
+        assert links(nominal) == {}
+        np.testing.assert_array_equal(nominal.arm.robot.flange, typical.robot.flange)
+        np.testing.assert_array_equal(nominal.arm.bent(np.ones(6)), np.zeros(6))
+    # The arm of another run is that arm.
+    values = {name: item for name, item in drawn.truth.values().items() if name != "delta2"}
+    same = assemble(typical, CellFile(), np.random.default_rng(5), values)
+    np.testing.assert_allclose(same.arm.bent(np.ones(6)), drawn.arm.bent(np.ones(6)), atol=1e-9)
+    assert links(same) == links(drawn)
+    # One of which no links are known had none: it was recorded before there were any.
+    assert links(assemble(typical, CellFile(), np.random.default_rng(5), {"delta2": 0.1})) == {}
 
 
 def test_a_psd_stands_near_the_plans_guess_or_where_it_is_said_to() -> None:

@@ -88,7 +88,15 @@ def test_a_cell_file_that_says_everything_is_read(tmp_path: Path) -> None:
     sha256 = cell.sha256
     assert len(sha256) == 64
     assert cell.camera is not None
-    parts = [cell, cell.arm, *cell.arm.geometry, cell.laser, cell.psd, cell.psd.placed["psd"], cell.camera]
+    parts = [
+        cell,
+        cell.arm,
+        *(cell.arm.geometry or ()),
+        cell.laser,
+        cell.psd,
+        cell.psd.placed["psd"],
+        cell.camera,
+    ]
     for part in parts:
         keys = type(part).model_fields
         assert part.model_fields_set == set(keys)
