@@ -5,7 +5,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -88,6 +88,7 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
 _SAME_TOP = 0.01  # posterior stds: the way up ends within a thousandth of the top
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
+_NOISE_ROUNDS = 2
 _TOGETHER = 250  # fits side by side in one thread: what a core keeps near
 STARTS = 8  # random ones, besides zero offsets
 MANY_STARTS = 64
@@ -208,6 +209,10 @@ def fit_likelihood(
     With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
     same. Raises ValueError where the elimination is not exact.
     """
+    if problem.noise.separate and not eliminate_targets:
+        return _with_noise_factors(
+            problem, problem.nominal(), lambda known, _: fit_likelihood(known, starts=starts, seed=seed)
+        )
     density = density_of(problem)
     z = _start_points(density.size, starts, seed)
     start = start_at(problem, z)
@@ -218,7 +223,7 @@ def fit_likelihood(
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
     if doubtful and fit.p_value is not None and fit.p_value < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
-    return _settled(fit)
+    return fit
 
 
 def _best_of(problem: Problem, fits: Fits, first: int, starts: int) -> LikelihoodFit:
@@ -241,7 +246,7 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
         np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots")
     )
     density = Density(first, joints, spots)
-    if compiled_climb(density, flange_coordinates(density)) is None:
+    if first.noise.separate or compiled_climb(density, flange_coordinates(density)) is None:
         return [fit_likelihood(problem, seed=seed) for problem in problems]
     z = _start_points(density.size, STARTS, seed)
     start = np.concatenate([start_at(problem, z) for problem in problems])
@@ -251,31 +256,52 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
         fit = _best_of(problem, rows, k * len(z), len(z))
         if _has_few_numbers(problem) and fit.p_value is not None and fit.p_value < CONTRADICTED:
             fit = fit_likelihood(problem, seed=seed)  # from more starts
-        fits.append(_settled(fit))
+        fits.append(fit)
     return fits
 
 
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
-    fits = fit_rows(Density(problem), start[None])
-    return _settled(single(problem, fits, 0))
+    if problem.noise.separate:
+        return _with_noise_factors(problem, start, fit_from)
+    return single(problem, fit_rows(Density(problem), start[None]), 0)
 
 
-def _settled(fit: LikelihoodFit) -> LikelihoodFit:
-    """The same; with separate noise factors at their marginal mode: the common mode of noise factors and all
-    else has too small a noise."""
-    if not (fit.problem.noise.separate and fit.converged):
-        return fit
-    x, covariance, settled = marginal_noise(fit.problem, fit.x)
-    density = Density(fit.problem)
+def _with_noise_factors(
+    problem: Problem, start: Matrix, fitted: Callable[[Problem, Matrix], LikelihoodFit]
+) -> LikelihoodFit:
+    """The fit with separate noise factors at their marginal mode, from those of `start` (p,).
+
+    `fitted` fits all else at known noise: at the factors of `start`, then at those that are found there. The
+    common mode of factors and all else is no way to them: where uncertain links can explain every residual
+    its noise is 0.
+    """
+    noise, density, x = problem.parameters.group("noise"), Density(problem), start
+    for _ in range(_NOISE_ROUNDS):
+        known, rest = problem.with_noise_of(x)
+        fit = fitted(known, rest)
+        x = x.copy()
+        x[~noise] = fit.x
+        if not fit.converged:
+            size = density.size
+            return replace(fit, problem=problem, x=x, z=density.scaled(x[None])[0], covariance=np.eye(size))
+        x, covariance, settled = marginal_noise(problem, x)
+    z, std = density.scaled(x[None])[0], np.sqrt(np.diag(covariance))
+    others, of_rest = [], ~noise[problem.parameters.free]
+    for other in fit.others:
+        there, spread = z.copy(), std.copy()
+        there[of_rest], spread[of_rest] = other.z, other.std
+        others.append(Optimum(there, spread, other.below))
     return replace(
         fit,
+        problem=problem,
         x=x,
-        z=density.scaled(x[None])[0],
+        z=z,
         covariance=covariance,
         log_posterior=float(density.log_posterior(x[None])[0]),
         converged=settled,
         reason=fit.reason if settled else "the noise factors did not settle",
+        others=tuple(others),
     )
 
 

@@ -161,6 +161,17 @@ def test_noise_is_not_blamed_for_offsets():
         assert np.degrees(np.abs(fit.x - truth.x)[1:6]).max() < 2
 
 
+def test_links_that_explain_every_residual_leave_the_noise_its_size():
+    """Seven measurements of a typical arm: at the common mode of factors and all else there is no noise."""
+    plan = good_plan(7, geometry=None, noise={"scale": "separate"})
+    for seed in range(3):
+        _, run = simulated(plan, TABLE_2, seed)
+        fit = fit_likelihood(Problem.from_run(run))
+        assert fit.converged
+        assert (np.abs(fit.x[-2:]) < 2).all()
+        assert fit_rows(Density(fit.problem), fit.x[None]).x[0, -2:].max() < -5
+
+
 def numbers_of(value, name):
     """All numbers of a JSON tree that stand with what is called `name`."""
     if isinstance(value, dict):
