@@ -327,9 +327,10 @@ def outlook_lines(check: Check) -> list[str]:
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
-    """Which wrong models a run detects, and the errors of the offsets by those that it may not detect."""
+    """Which wrong models a run detects, and the errors of the offsets by those that it may not detect, if
+    they do harm."""
     noticed = [wrong_words(each) for each in powers if each.noticed]
-    missed = [_missed_words(each) for each in powers if not each.noticed]
+    missed = [_missed_words(each) for each in powers if each.dangerous]
     level = f"{100 * NOTICED:.0f} % or more"
     sentences = (
         [f"A run of this plan detects {listed(noticed)} with a probability of {level}."] if noticed else []
@@ -344,8 +345,8 @@ def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
-    """The wrong models that no plan detects."""
-    missed = [wrong_words(each) for each in powers]
+    """The wrong models that no plan detects, of those that do harm."""
+    missed = [wrong_words(each) for each in powers if each.dangerous]
     return f"No plan with this tool and target detects {listed(missed)}." if missed else None
 
 

@@ -181,11 +181,11 @@ MAPPED_SHARE = 0.3
 _MAPPED_ROUNDS = (6, 12)
 _FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
-DECIDING = 100_000  # draws, up to which more are taken for what the effective sample size does not decide
-_BLOCK, _SPARE = (
-    2.0,
-    1.1,
-)  # times the draws so far, at most, in one block of these; times what is expected to do
+# Draws up to which more are taken for what the effective sample size does not decide: in all, and for each
+# effective one that is asked for.
+DECIDING, DECIDING_EACH = 100_000, 100
+_BLOCK = 2.0  # times the draws so far, at most, in one block of these
+_SPARE = 1.1  # times what is expected to decide
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
 
 
@@ -400,21 +400,21 @@ class _Run:
             settled, enough = self._settled(judged, rhat), reached >= needed
             if (enough and settled) or total >= limit:
                 sampled = Sampled(values, judged, rhat, bulk, enough, settled)
-                return self._decide(sampled) if enough and settled else sampled
+                return self._decide(sampled, ess) if enough and settled else sampled
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
             factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
             total = min(max(int(np.ceil(factor * total)), total + ROUND), limit)
             values, judged = self._extended(values, judged, total)
 
-    def _decide(self, sampled: Sampled) -> Sampled:
-        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are `DECIDING`.
+    def _decide(self, sampled: Sampled, ess: float) -> Sampled:
+        """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are enough for `ess`.
 
         R-hat and ESS stay those of the draws before, which have settled: of all they are better. What the
         tails have found late is looked for in all.
         """
         values, judged = sampled.values, sampled.judged
         ensembles, walkers, first, _ = values.shape
-        steps, limit = first, DECIDING // (ensembles * walkers)
+        steps, limit = first, int(min(DECIDING, DECIDING_EACH * ess)) // (ensembles * walkers)
         while (factor := self._short_by(judged, self._proposed())) > 1 and steps < limit:
             steps = min(max(int(np.ceil(min(_SPARE * factor, _BLOCK) * steps)), steps + ROUND), limit)
             values, judged = self._extended(values, judged, steps)
@@ -456,8 +456,8 @@ def sample_density(
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
     share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
     coordinates in which R-hat, ESS and drift are taken; `short_by` says of these, and of what was proposed,
-    how many times as many draws another question needs, which gets up to `DECIDING` in all. -inf, inf and NaN
-    of the density are impossible points, all alike.
+    how many times as many draws another question needs, which gets up to `DECIDING` in all and
+    `DECIDING_EACH` for each of `ess`. -inf, inf and NaN of the density are impossible points, all alike.
     """
     best, plain_part = [0.0], 0.0
 
