@@ -1,12 +1,19 @@
 """`zerobeam export`: offsets of a run in the form in which they are applied, plans and whole programs."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from ..experiments.makers.maker import Holds, OffsetFile, in_order, makers, program_languages
+from ..experiments.makers.maker import (
+    Holds,
+    OffsetFile,
+    all_have_a_place,
+    in_order,
+    makers,
+    program_languages,
+)
 from .console import EXIT_STATUS, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
@@ -72,7 +79,7 @@ def _offsets_command(kind: OffsetFile) -> Command:
             return {file: head + kind.text(recorded, calibration, **choices)}, ()
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
-        _export(run, file, texts, read, kind.holds, as_data=kind.as_data, **options)
+        _export(run, file, texts, read, kind.holds, kind.no_place, as_data=kind.as_data, **options)
 
     return with_parameters(export, [*options_of(export), *kind_options, *options_of(_export)])
 
@@ -83,6 +90,7 @@ def _export(
     texts: Callable[["Run", "RobotCalibration"], Texts],
     read: Sequence[Path],
     holds: Holds,
+    no_place: Callable[["Run"], Collection[str]] = all_have_a_place,
     *,
     as_data: bool = False,
     allow_weak: AllowWeak = False,
@@ -94,7 +102,8 @@ def _export(
 ) -> None:
     """Judge a run, write what may be applied, say what was written; never over a file that is `read`.
 
-    `holds` and `as_data` are those of the kind of file. Its options are those of every command that calls it.
+    `holds`, `no_place` and `as_data` are those of the kind of file. Its options are those of every command
+    that calls it.
     """
     from ..experiments.makers.calibration import calibration
     from ..experiments.makers.generic.offsets_data import document
@@ -114,6 +123,7 @@ def _export(
         as_data=as_data,
         without=without or (),
         holds=holds,
+        no_place=no_place(recorded),
     )
     files, notes = texts(recorded, judged)
     for path in files:

@@ -78,7 +78,7 @@ def notes(compared: Comparison) -> Iterator[str]:
                 " predicted uncertainties of its other offsets are not reliable either, and the runs are"
                 " compared by their scatter alone. Leave it out to test the others"
             )
-        yield from (f"{run.name}: {sentence_of(finding)}" for finding in run.findings)
+    yield from _of_runs(compared)
     if apart := [row.name for row in compared.offsets if not row.runs]:
         yield f"Not compared: {listed(apart)}. An offset must be identifiable in two runs"
     if weak := sorted(
@@ -121,22 +121,33 @@ def notes(compared: Comparison) -> Iterator[str]:
     )
 
 
+def _of_runs(compared: Comparison) -> Iterator[str]:
+    """What was found of the runs: what is the same of several is said once."""
+    found: dict[str, list[str]] = {}
+    for run in compared.runs:
+        for finding in run.findings:
+            found.setdefault(sentence_of(finding), []).append(run.name)
+    for sentence, names in found.items():
+        every = 1 < len(names) == len(compared.runs)
+        yield f"{'All runs' if every else listed(names)}: {sentence}"
+
+
 def sentence_of(finding: RunFinding) -> str:
     """What was found of a run, to follow its name and a colon."""
     match finding:
         case StatedMisfit(text):
             return text
         case OtherBasins():
-            return "other offsets fit it nearly as well"
+            return "other offsets fit nearly as well"
         case SharedDistances():
             return (
-                "it states distances between targets: where runs share one, its error is the same in all of"
-                " them and they scatter less than predicted"
+                "distances between targets are stated: where runs share one, its error is the same in all"
+                " of them and they scatter less than predicted"
             )
         case SharedTolerances():
             return (
-                "it frees the geometry: what the arm's deviations add is the same in all runs; their scatter"
-                " is tested without it, and more runs do not lower it in the mean"
+                "the geometry is estimated: what the arm's deviations add is the same in all runs; their"
+                " scatter is tested without it, and more runs do not lower it in the mean"
             )
         case PriorInEstimate(name):
             return (

@@ -91,7 +91,7 @@ def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: fl
     """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u. With a
     coverage factor `k` of expanded uncertainties U."""
     std = {row.name: row.std for row in offsets if row.std is not None}
-    units = {row.name: row.unit for row in offsets}
+    units = {row.name: row.unit for row in offsets if row.std is not None}
     considered = _range(geometry.consider, units, k)
     if not std or considered is None:
         return None
@@ -112,7 +112,10 @@ def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow], k: fl
 
 
 def _range(uncertainties: Mapping[str, float | None], units: Mapping[str, str], k: float) -> str | None:
-    """The smallest to the largest, by unit, each `k` times."""
+    """The smallest to the largest, by unit, each `k` times; None where one of those with a unit is not
+    known."""
+    if any(u is None and name in units for name, u in uncertainties.items()):
+        return None
     ranges = []
     for unit in dict.fromkeys(units[name] for name in uncertainties if name in units):
         of_unit = [k * u for name, u in uncertainties.items() if u is not None and units.get(name) == unit]
@@ -168,24 +171,16 @@ def factors_sentence(geometry: GeometryResult) -> str | None:
 
 
 def rung_reason(ladder: Sequence[Rung], i: int) -> str:
-    """Why rung `i` is kept, or not."""
+    """Why rung `i` is kept, or not, and what the measurements say of it, next to the rung below."""
     rung = ladder[i]
-    if rung.rung == "offsets":
+    if not rung.kept:
         return "for comparison"
-    if rung.rung == "geometry":
-        return "stated"
-    best = [lower for lower in ladder[:i] if lower.kept][-1]
-    now, before = rung.held_out_rms_mm, best.held_out_rms_mm
-    if now is None or before is None:
-        return "asked for" if rung.kept else "no second placement to predict"
-    predicts, evidence = now < before, rung.log_evidence > best.log_evidence
-    if predicts and evidence:
-        return "predicts better, evidence rises"
-    if rung.kept:
-        return "asked for"
-    against = [] if predicts else ["predicts no better"]
-    against += [] if evidence else ["evidence falls"]
-    return ", ".join(against)
+    below = ladder[i - 1]
+    said = ["evidence rises" if rung.log_evidence > below.log_evidence else "evidence falls"]
+    if rung.held_out_rms_mm is not None and below.held_out_rms_mm is not None:
+        better = rung.held_out_rms_mm < below.held_out_rms_mm
+        said.insert(0, "predicts better" if better else "predicts no better")
+    return f"with its prior; {', '.join(said)}"
 
 
 def check_lines(check: Check) -> list[str]:

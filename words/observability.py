@@ -383,8 +383,8 @@ def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:
-    """The wrong models that no plan detects."""
-    missed = [wrong_words(each) for each in powers]
+    """The wrong models that no plan detects, of those that do harm."""
+    missed = [wrong_words(each) for each in powers if each.harmful]
     return f"No plan with this tool and target detects {listed(missed)}." if missed else None
 
 

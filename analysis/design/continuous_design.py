@@ -20,15 +20,16 @@ Measure = Literal["A", "D", "E", "soft"]  # soft: a smooth stand-in for E
 
 SOFT = 8  # power of the mean of eigenvalues that stands in for the largest
 _GAP = 2e-4  # of the bound on the continuous optimum, relative
-_ROUNDS = 60
-_INNER = 200
-_ADDED = 20
+_ROUNDS = 240
+_INNER = 50  # updates between two looks at all candidates
+_ADDED = 40
+_BEGUN_AMONG = 1000  # candidates
 _CUTS = 60
 _CUTS_AT_ONCE = 5
 _CUTS_KEPT = 18  # whether or not they have a price
 _COLUMNS = 12
 _GAP_E = 2e-3
-_GAP_START = 1e-3  # of the A-optimum that E begins with
+_GAP_START = 5e-4  # of the A-optimum that E begins with
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,21 @@ def variance(covariance: Matrix, criterion: Measure) -> float:
     if criterion == "D":
         return float(np.exp(np.linalg.slogdet(covariance)[1] / len(covariance)))
     return float(np.linalg.eigvalsh(covariance)[-1])
+
+
+def slope_root(covariance: Matrix, criterion: Measure) -> Matrix:
+    """(s, s) a root R of the criterion's slope: it falls by no more than |R' D R| where D is taken from the
+    covariance (s, s), for D its log."""
+    if criterion == "A":
+        return np.asarray(np.eye(len(covariance)) / np.sqrt(len(covariance)))
+    values, vectors = np.linalg.eigh(covariance)
+    if criterion == "D":
+        weights = 1 / (values * len(values))
+    elif criterion == "soft":
+        weights = (values / np.linalg.norm(values, SOFT)) ** (SOFT - 1)
+    else:
+        weights = np.equal(np.arange(len(values)), len(values) - 1).astype(float)
+    return np.asarray(vectors * np.sqrt(weights))
 
 
 def offset_covariance(candidates: Candidates, information: Matrix) -> Matrix:
@@ -136,14 +152,9 @@ class _Slope:
         stacked = (roots * np.sqrt(shots * weights)[:, None, None]).reshape(-1, size)
         inverse = np.linalg.inv(stacked.T @ stacked + np.eye(size))
         covariance: Matrix = np.asarray(inverse[np.ix_(candidates.offsets, candidates.offsets)], dtype=float)
-        count = len(covariance)
         self._criterion, self._shots = criterion, shots
         self.value = variance(covariance, criterion)
-        if criterion == "A":
-            root = np.eye(count) / np.sqrt(count)
-        else:
-            root = np.linalg.cholesky(np.linalg.inv(covariance) / count)
-        self._root = inverse[:, candidates.offsets] @ root
+        self._root = inverse[:, candidates.offsets] @ slope_root(covariance, criterion)
 
     @property
     def scale(self) -> float:
@@ -258,12 +269,14 @@ def _highest_under(
 
 
 def _spread(candidates: Candidates, size: int) -> Index:
-    """Candidates to begin with: greedily those with most information on what is not determined yet."""
-    roots = candidates.roots
+    """Candidates to begin with, some of all: greedily those with most information on what is not determined
+    yet."""
+    step = max(1, candidates.count // _BEGUN_AMONG)
+    roots = candidates.roots[::step]
     covariance = np.eye(roots.shape[2])
     gain = (roots**2).sum(axis=(1, 2))
     chosen: list[int] = []
-    for _ in range(min(size, candidates.count)):
+    for _ in range(min(size, len(roots))):
         best = int(np.argmax(gain))
         chosen.append(best)
         taken = covariance @ roots[best].T
@@ -272,7 +285,7 @@ def _spread(candidates: Candidates, size: int) -> Index:
         covariance = covariance - taken @ taken.T
         gain -= (times(roots, taken) ** 2).sum(axis=(1, 2))
         gain[best] = -np.inf
-    return np.array(chosen, dtype=np.int64)
+    return np.array(chosen, dtype=np.int64) * step
 
 
 def times(roots: Matrix, by: Matrix) -> Matrix:

@@ -24,6 +24,7 @@ from .continuous_design import (
     continuous,
     offset_covariance,
     power_mean,
+    slope_root,
     times,
     variance,
 )
@@ -31,6 +32,7 @@ from .continuous_design import (
 STARTS = 16
 _SWEEPS = 30
 _NEAR = 400  # candidates among which the starts exchange, those of the largest gain at the optimum
+_LOOKED_AT = 1000  # candidates at most for one exchange, those of the largest gain
 _SCREENED = 64  # candidates of which E looks at the eigenvalues, the most promising by a power mean
 _SHARP = 32  # power of the mean of eigenvalues by which E chooses them
 _PAIRED = 300  # candidates of which E exchanges two at once
@@ -111,37 +113,41 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
     """Replace one measurement at a time with the best candidate until no exchange helps (Fedorov 1972)."""
     rows = rows.copy()
     value = variance(offset_covariance(candidates, candidates.information(rows)), criterion)
-    for _ in range(_SWEEPS):
-        before = value
-        grams = _grams(candidates.roots, np.asarray(np.linalg.inv(candidates.information(rows))))
-        for k in range(len(rows)):
-            others = np.delete(rows, k)
-            information = candidates.information(others)
-            covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
-            without = grams + _gram_of(candidates.roots, covariance, rows[k])
-            values = _values_with(candidates, information, covariance, without, criterion)
-            values[others] = np.inf
-            best = int(np.argmin(values))
-            if values[best] < value * (1 - 1e-12):
-                rows[k], value = best, float(values[best])
-                grams = without - _gram_of(candidates.roots, covariance, best)
-        if value > before * (1 - 1e-9):
-            break
+    tried = unchanged = 0
+    while unchanged < len(rows) and tried < _SWEEPS * len(rows):
+        k = tried % len(rows)
+        tried, unchanged = tried + 1, unchanged + 1
+        others = np.delete(rows, k)
+        information = candidates.information(others)
+        covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
+        some = _promising(candidates, others, covariance, value, criterion)
+        if not len(some):
+            continue
+        few = Candidates(candidates.roots[some], candidates.offsets)
+        values = _values_with(few, information, covariance, criterion)
+        best = int(np.argmin(values))
+        if values[best] < value * (1 - _STEP):
+            rows[k], value, unchanged = some[best], float(values[best]), 0
     return value, rows
 
 
-def _grams(roots: Matrix, covariance: Matrix) -> Matrix:
-    """(C, d, d) the variance of what each candidate would measure, its noise of 1 included."""
-    spread = times(roots, covariance)
-    return np.asarray(spread @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1]))
+def _promising(
+    candidates: Candidates, others: Index, covariance: Matrix, value: float, criterion: Measure
+) -> Index:
+    """The candidates that may bring the criterion below `value` when added to the `others`, whose covariance
+    is stated.
 
-
-def _gram_of(roots: Matrix, covariance: Matrix, row: int) -> Matrix:
-    """(C, d, d) by what the measurement `row`, added to those of a `covariance`, lowers `_grams`."""
-    taken = covariance @ roots[row].T
-    root = np.linalg.cholesky(np.linalg.inv(np.eye(roots.shape[1]) + roots[row] @ taken))
-    lowered = times(roots, taken @ root)
-    return np.asarray(lowered @ lowered.transpose(0, 2, 1))
+    The variance of what a candidate would measure is at least that of its noise, 1: so it lowers the
+    criterion (for D its log) by no more than it would if it were that. At most so many are looked at.
+    """
+    of_offsets = covariance[candidates.offsets][:, candidates.offsets]
+    lacking = variance(of_offsets, criterion)
+    lacking = float(np.log(lacking / value)) if criterion == "D" else lacking - value
+    root = covariance[:, candidates.offsets] @ slope_root(of_offsets, criterion)
+    gain = (times(candidates.roots, root) ** 2).sum(axis=(1, 2))
+    gain[others] = -np.inf
+    some = np.flatnonzero(gain > lacking)
+    return some if len(some) <= _LOOKED_AT else some[np.argsort(-gain[some])[:_LOOKED_AT]]
 
 
 def _exchange_two(
@@ -158,28 +164,29 @@ def _exchange_two(
 
 
 def _values_with(
-    candidates: Candidates, information: Matrix, covariance: Matrix, grams: Matrix, criterion: Measure
+    candidates: Candidates, information: Matrix, covariance: Matrix, criterion: Measure
 ) -> Matrix:
     """(C,) the criterion after adding each candidate to the information (rank-d updates); `covariance` is
-    its inverse, `grams` are the candidates' (`_grams`).
+    its inverse.
 
     For E it is exact for the most promising candidates and infinite for the others.
     """
     roots, offsets = candidates.roots, candidates.offsets
-    of_offsets, on_offsets = covariance[np.ix_(offsets, offsets)], times(roots, covariance[:, offsets])
+    unit, spread = np.eye(roots.shape[1]), times(roots, covariance)
+    grams, on_offsets = spread @ roots.transpose(0, 2, 1) + unit, spread[:, :, offsets]
+    of_offsets = covariance[offsets][:, offsets]
     if criterion == "D":
         log = np.linalg.slogdet(of_offsets)[1] - np.linalg.slogdet(grams)[1]
         if not offsets.all():
             # The determinant of the whole over that of the nuisance's own information.
             inner = roots[:, :, ~offsets]
-            alone = np.linalg.inv(information[np.ix_(~offsets, ~offsets)])
-            within = inner @ alone @ inner.transpose(0, 2, 1) + np.eye(roots.shape[1])
+            alone = np.asarray(np.linalg.inv(information[~offsets][:, ~offsets]), dtype=float)
+            within = times(inner, alone) @ inner.transpose(0, 2, 1) + unit
             log = log + np.linalg.slogdet(within)[1]
         return np.asarray(np.exp(log / len(of_offsets)))
     if criterion == "A":
         return np.asarray((np.trace(of_offsets) - _squares(grams, on_offsets)) / len(of_offsets))
-    solved = np.linalg.solve(grams, on_offsets)
-    after = of_offsets - on_offsets.transpose(0, 2, 1) @ solved
+    after = of_offsets - on_offsets.transpose(0, 2, 1) @ np.linalg.solve(grams, on_offsets)
     if criterion == "soft":
         return power_mean(after, SOFT)
     largest = np.full(len(roots), np.inf)

@@ -97,7 +97,7 @@ def at_one_position(aimed: Aimed, x: Matrix, rest: Mask, weights: Matrix) -> Aim
     turned = np.abs(again.problem.joints - joints) / joint_scale(aimed.problem)
     near = turned.max(axis=1) <= _NEAR
     there = again.problem.moved(np.where(near[:, None], again.problem.joints, joints))
-    return Aimed(there, aimed.off_mm, again.hit & near, _ahead(there, x))
+    return Aimed(there, aimed.off_mm, again.hit & near, ahead(there, x))
 
 
 def joint_scale(problem: Problem) -> Matrix:
@@ -111,8 +111,9 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
 
     Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual.
     """
-    scale = joint_scale(problem)
-    weights = weights * scale**2
+    turned = np.flatnonzero(weights)
+    scale = joint_scale(problem)[turned]
+    weights = weights[turned] * scale**2
     d = problem.tool.residual_size
     joints = problem.joints.copy()
     residual, jacobian = problem.linearise(x)
@@ -120,7 +121,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     best, smallest = joints.copy(), off.copy()
     active = np.arange(problem.shots)
     # Where no joint may be turned there is nothing to do.
-    before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
+    before_last_step = np.full(problem.shots, np.inf if len(turned) else 0.0)
     for _ in range(_ITERATIONS):
         # One step more than the hit needs: an exact gauge shows as one only where the residual is rounding.
         going_on = before_last_step[active] >= HIT_MM * 1e-3
@@ -128,7 +129,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         if len(active) == 0:
             break
         before_last_step[active] = smallest[active]
-        by_joints = problem.by_joints(jacobian)
+        by_joints = problem.by_joints(jacobian)[:, :, turned]
         gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
         damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30
         gram += damping[:, None, None] * np.eye(d)
@@ -137,17 +138,18 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         )
         largest = np.abs(step / scale).max(axis=1)
         step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
-        joints[active] += step
+        joints[active[:, None], turned] += step
         residual, jacobian = problem.linearise(x, joints[active], active)
         size = np.linalg.norm(residual, axis=1)
         better = size < smallest[active]
         nearer = active[better]
         best[nearer], smallest[nearer] = joints[nearer], size[better]
     aimed = problem.moved(best)
-    return Aimed(aimed, off, smallest < HIT_MM, _ahead(aimed, x))
+    return Aimed(aimed, off, smallest < HIT_MM, ahead(aimed, x))
 
 
-def _ahead(problem: Problem, x: Matrix) -> Mask:
+def ahead(problem: Problem, x: Matrix) -> Mask:
+    """(N,) whether each shot's target lies before the laser."""
     origin, direction = problem.beams(x)
     targets = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1]))).targets
     targets_of_shots = targets[np.arange(problem.shots), problem.target_index]

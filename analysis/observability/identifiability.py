@@ -44,7 +44,7 @@ from .causes import (
     Unexplained,
     WithinTolerances,
 )
-from .gauges import PART, ROUNDING, Gauge, complement, gauge_of, information_roots
+from .gauges import PART, ROUNDING, Gauge, complement, gauge_of, information_root, information_roots
 from .marginal import Marginal
 
 _CONSTANT = 1e-9  # degrees or mm
@@ -213,13 +213,25 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
     singular = spectrum.of_all
     facts = Identifiability(
-        rank=int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum()),
+        rank=_rank(tolerated, singular),
         size=len(tolerated),
         condition=None if gauge.basis.shape[1] else float(singular.max() / singular.min()),
         observability=observability(singular, problem.shots),
         null_space=(*_exact_directions(judged), *_noise_directions(judged)),
     )
     return Identified(status, data_std, facts)
+
+
+def rank(problem: Problem, x: Matrix) -> int:
+    """The number of unknowns that many shots determine at x (p,), as `identify` counts them where no point
+    near by has a lower rank; without the names of what they do not determine."""
+    tolerated = problem.parameters.tolerated[problem.parameters.free]
+    root = Marginal.of(information_root(problem, x, 1.0)[1], tolerated).root
+    return _rank(tolerated, np.asarray(np.linalg.svd(root, compute_uv=False), dtype=float))
+
+
+def _rank(tolerated: Mask, singular: Matrix) -> int:
+    return int(tolerated.sum()) + int((singular >= _AS_KNOWN).sum())
 
 
 @dataclass(frozen=True, eq=False)

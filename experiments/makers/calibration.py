@@ -92,9 +92,11 @@ class Correction:
 
 @dataclass(frozen=True, kw_only=True)
 class GeometryValue(Correction):
-    """One geometry parameter; `mean` is its value in the estimate of all parameters together, rad or mm."""
+    """One geometry parameter; `mean` is its value in the estimate of all parameters together, rad or mm,
+    `no_place`: the file cannot hold it."""
 
     mean: float
+    no_place: bool = False
 
     @property
     def internal(self) -> float:
@@ -105,7 +107,7 @@ class GeometryValue(Correction):
     @property
     def gone(self) -> bool:
         """Whether it is not to be exported, and stays nominal."""
-        return self.left_out or (self.status == "unvalidated" and not self.despite_misfit)
+        return self.left_out or self.no_place or (self.status == "unvalidated" and not self.despite_misfit)
 
     @property
     def of_link(self) -> bool:
@@ -121,9 +123,12 @@ class GeometryValue(Correction):
             words = "UNIDENTIFIABLE by itself, as in the estimate of all together"
             if self.status == "held" or self.left_out:
                 words = f"{'HELD' if self.status == 'held' else 'EXCLUDED on request'}, nominal"
+            elif self.no_place:
+                return f"{self.name}: no place in this file, nominal"
             return f"{self.name}: {words}{why}"
         words = STATUS_WORDS[self.status]
         words += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
+        words += ", no place in this file" if self.no_place and not self.left_out else ""
         return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {words}"
 
 
@@ -308,9 +313,10 @@ def calibration(
     as_data: bool = False,
     without: Sequence[str] = (),
     holds: Holds = "offsets",
+    no_place: Collection[str] = (),
 ) -> RobotCalibration:
     """The offsets of a run, ready to be applied; `without` are names of offsets and geometry parameters to
-    leave out, `holds` says what the kind of file has room for.
+    leave out, `holds` says what the kind of file has room for, but for the parameters `no_place`, by name.
 
     BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where other
     offsets fit nearly as well; where nothing is left to apply. That a target seems to have moved may be
@@ -347,6 +353,7 @@ def calibration(
                 left_out=row.name in without,
                 despite_misfit=despite,
                 mean=float(solution.fit.x[solution.problem.parameters.index(row.name)]),
+                no_place=row.name in no_place,
             )
             for row in rows
             if row.group == "geometry"

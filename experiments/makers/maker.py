@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import pkgutil
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -19,6 +19,7 @@ from ...model.errors import BadInput
 
 if TYPE_CHECKING:
     from ...model.files.robot_file import Vendor
+    from ...model.files.run import Run
     from ...model.kinematics.robot import Robot
     from .recordings import Imported
 
@@ -59,17 +60,24 @@ class NamedFormat(Protocol):
     def name(self) -> str: ...
 
 
+def all_have_a_place(run: Run) -> Collection[str]:
+    """The geometry parameters, by name, for which a file of links has no place: none."""
+    return ()
+
+
 @dataclass(frozen=True)
 class OffsetFile:
     """`zerobeam export NAME`: `text` makes the file of a run and its calibration; its docstring is the help,
     its other parameters are options. `as_data`: the file states every status. `schema`: the name of its
-    published schema, if an editor is to complete its keys."""
+    published schema, if an editor is to complete its keys. `no_place`: the geometry parameters of a run, by
+    name, that a file of links cannot hold."""
 
     name: str
     text: Callable[..., str]
     holds: Holds = "offsets"
     as_data: bool = False
     schema: str | None = None
+    no_place: Callable[[Run], Collection[str]] = all_have_a_place
 
 
 @dataclass(frozen=True)

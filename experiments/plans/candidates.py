@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...analysis.observability.aim import aim, servo_joints
+from ...analysis.observability.aim import ahead, aim, servo_joints
 from ...analysis.observability.check import Condition
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.plan_file import Obstacles
 from ...model.kinematics.robot import Robot
+from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
 from .constraints import Conditions, View
 from .obstacles import Clearance
@@ -98,8 +100,9 @@ def candidates(
 ) -> CandidatePostures:
     """Draw postures evenly over the joint ranges, turn the wrist onto `target` (3,) mm, keep what is fit.
 
-    A probe is brought to the target by all joints. Fewer than `count` may come back: drawing stops
-    after a bounded number of tries. Raises BadInput for contradictory constraints.
+    Only postures drawn with the target before the laser are turned. A probe is brought to the target by all
+    joints. Fewer than `count` may come back: drawing stops after a bounded number of tries. Raises BadInput
+    for contradictory constraints.
     """
     view = view or View()
     _check(view, count)
@@ -107,10 +110,11 @@ def candidates(
     lowest, highest = _one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
     problem = Problem.build(header, robot, np.zeros((_BATCH, robot.n)), [name] * _BATCH)
+    problem = problem.with_geometry(NOMINAL)  # nominal: so the Jacobians are small
     x = problem.parameters.prior_mean.copy()
     x[problem.parameters.group("target")] = target
     clearance = None if obstacles is None else Clearance(problem, obstacles)
-    removed: dict[str, int] = {}
+    removed: Counter[str] = Counter()
     kept: list[Matrix] = []
     sample: Conditions | None = None  # on postures of the first draw that can be turned onto the target
     drawn = left_count = 0
@@ -118,7 +122,12 @@ def candidates(
     while left_count < count and drawn < most:
         joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
         drawn += _BATCH
-        aimed = aim(problem.moved(joints), x, servo_joints(problem))
+        turnable = problem.moved(joints)
+        if problem.tool.beam:
+            before = ahead(turnable, x)
+            turnable = turnable.select(np.flatnonzero(before))
+            removed[_REASONS["behind"]] += int((~before).sum())
+        aimed = aim(turnable, x, servo_joints(problem))
         if sample is None:
             some = aimed.problem.select(np.flatnonzero(aimed.hit)[:_SAMPLE])
             sample = Conditions(some, x, view, clearance)
@@ -135,19 +144,15 @@ def candidates(
     return CandidatePostures(np.concatenate(kept)[:count], drawn, removed, alone)
 
 
-def _fit(conditions: Conditions, hit: Mask, removed: dict[str, int]) -> Matrix:
+def _fit(conditions: Conditions, hit: Mask, removed: Counter[str]) -> Matrix:
     """The joints of the measurements that satisfy everything; `removed` counts the others by their first
     fault."""
     left = hit.copy()
-
-    def remove(count: int, reason: str) -> None:
-        removed[reason] = removed.get(reason, 0) + count
-
-    remove(int((~hit).sum()), "cannot be turned onto the target (out of reach or out of sight)")
+    removed["cannot be turned onto the target (out of reach or out of sight)"] += int((~hit).sum())
     for condition, breaks in conditions.in_order():
         rows = np.flatnonzero(left)
         broken = rows[breaks(rows)] if len(rows) else rows
-        remove(len(broken), _REASONS[condition])
+        removed[_REASONS[condition]] += len(broken)
         left[broken] = False
     return conditions.joints[left]
 

@@ -20,7 +20,6 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...words import numbers
 from ...words.observability import no_plan_sentence, power_sentences
-from ...words.result_json import check_json, power_json
 from .candidates import candidates
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
@@ -103,11 +102,13 @@ class MadePlan:
                 f"The bound divides {count} measurements among {made.support} postures, which whole ones"
                 " cannot: the best choice may be no better than this."
             )
-        never = no_plan_sentence(made.unnoticed)
+        never = no_plan_sentence(made.hopeless)
         return [*lines, *power_sentences(made.power), *([] if never is None else [never])]
 
     def as_json(self) -> dict[str, object]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
+        from ...words.result_json import check_json, power_json  # all documents of a result, slow to come
+
         made, fewest, checked = self.proposal, self.fewest, self.checked
         offsets = [] if checked is None else [row for row in checked.parameters if row.group == "offset"]
         figures = ("criterion", "value", "bound", "efficiency", "support", "travel_s", "candidates")

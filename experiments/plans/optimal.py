@@ -11,7 +11,7 @@ import numpy as np
 from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.observability.identifiability import identify
+from ...analysis.observability.identifiability import identify, rank
 from ...analysis.observability.power import DetectionPower, WrongModel, halves, powers
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
@@ -36,7 +36,7 @@ class Proposal:
     held, by name, in degrees (mm), the prior included: one that is near its prior is not determined by the
     measurements; `travel_s` from the first posture to the last at full joint speed, None where the robot file
     states no speeds; `candidates` how many there were to choose from; `power` that of a run against wrong
-    models, `unnoticed` those of them that no plan of these candidates notices."""
+    models, `unnoticed` those of them that no plan of these candidates notices, where they do harm."""
 
     postures: Matrix
     criterion: Criterion
@@ -57,8 +57,14 @@ class Proposal:
     @property
     def lacking(self) -> tuple[DetectionPower, ...]:
         """The wrong models that a run may not notice although other plans would, and that do harm."""
-        looked_at = _COUNTED - {each.wrong for each in self.unnoticed}
-        return tuple(each for each in self.power if each.harmful and each.wrong in looked_at)
+        counted = _COUNTED - {each.wrong for each in self.hopeless}
+        return tuple(each for each in self.power if each.harmful and each.wrong in counted)
+
+    @property
+    def hopeless(self) -> tuple[DetectionPower, ...]:
+        """The wrong models that a run may not notice, as any of these candidates, and that do harm."""
+        kinds = {each.wrong for each in self.unnoticed}
+        return tuple(each for each in self.power if each.harmful and each.wrong in kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +113,10 @@ class Planner:
             )
         self._all_determined = bool(determined[self._columns].all())
         self.candidates = Candidates(roots, offsets)
-        several = self._power(np.arange(min(len(pool.postures), _SEVERAL)))
-        self._unnoticed = tuple(each for each in several if not each.noticed)
+        several = self._problem.select(np.arange(min(len(pool.postures), _SEVERAL)))
+        self._unnoticed = tuple(
+            each for each in powers(several, self._x, rank(several, self._x)) if each.harmful
+        )
 
     def optimal(
         self, shots: int, criterion: Criterion = "A", *, seed: int = 0, starts: int = STARTS
@@ -204,6 +212,7 @@ class Planner:
         inverse = np.linalg.inv(self.candidates.information(chosen.rows))
         scaled = np.sqrt(np.diag(inverse)[self._columns])
         order, travel = self._order(chosen.rows)
+        measurements = self._problem.select(order)
         unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
         return Proposal(
             postures=self._postures[order],
@@ -218,13 +227,9 @@ class Planner:
             support=chosen.support,
             travel_s=travel if all(j.speed is not None for j in self._robot.joints) else None,
             candidates=len(self._postures),
-            power=self._power(order),
+            power=powers(measurements, self._x, identify(measurements, self._x).facts.rank),
             unnoticed=self._unnoticed,
         )
-
-    def _power(self, rows: Index) -> tuple[DetectionPower, ...]:
-        measurements = self._problem.select(rows)
-        return powers(measurements, self._x, identify(measurements, self._x).facts.rank)
 
     def _order(self, rows: Index) -> tuple[Index, float]:
         """Two halves between which a jump of a joint's zero is noticed, each in an order that makes the way

@@ -92,7 +92,7 @@ def test_correlated_measurements_may_count_for_too_few(
             ladder.solve_run(problem, run.header)
 
 
-@pytest.mark.parametrize("robot", ["irb1600", "irb120"])
+@pytest.mark.parametrize("robot", ["irb1600", pytest.param("irb120", marks=pytest.mark.long)])
 def test_residuals_beyond_rounding_are_no_convergence(tmp_path: Path, robot: str) -> None:
     """The information was not positive definite to rounding, and the run ended in a LinAlgError."""
     noise = {"joint_deg": 1e-11, "spot_mm": 1e-11}

@@ -44,6 +44,25 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
+@pytest.mark.parametrize(
+    ("stalled", "tolerance", "words"),
+    [
+        ("false", "null", "about 12 s left."),
+        ("true", "null", "at least 12 s left."),
+        ("false", "0.1", "at most 12 s left."),
+        ("true", "0.1", "about 12 s left."),
+    ],
+)
+def test_time_left_is_a_bound_where_it_is_one(server: App, stalled: str, tolerance: str, words: str) -> None:
+    job = f"{{state: 'running', left_s: 12, left_at_least: {stalled}}}"
+    run = f"{{recorded: [1], refused: [], postures: 7, rig: 'simulated', tolerance: {tolerance}}}"
+    with chromium().opened(f"{server.address}#measure", LAPTOP) as tab:
+        said = tab.value(
+            f"import('/page/places/measure/live.js').then(m => m.Live.prototype.time({job}, {run}))"
+        )
+    assert said == f"1 measurement recorded, of 7 planned; {words}"
+
+
 @pytest.fixture
 def server(folder: Path) -> Iterator[App]:
     with app(folder) as opened:

@@ -226,7 +226,9 @@ def test_the_control_of_requests(client: TestClient, there: Path, content: dict[
 
 def _named_in_run(robot: str) -> str:
     lines = next(run.path for run in demo_runs() if run.name == "good").read_text().splitlines()
-    return "\n".join([json.dumps(json.loads(lines[0]) | {"robot": robot}), *lines[1:], ""])
+    return "\n".join(
+        [json.dumps(json.loads(lines[0]) | {"robot": robot, "geometry": "exact"}), *lines[1:], ""]
+    )
 
 
 BEGINNINGS = {"plain": "", "byte order mark": "\ufeff", "blank lines": "\n \n"}

@@ -181,3 +181,10 @@ def random_pose(rng: np.random.Generator, length: float) -> Matrix:
     pose[:3, :3] = turn * np.sign(np.linalg.det(turn))
     pose[:3, 3] = rng.normal(size=3) * length
     return pose
+
+
+def exact_copy(run: Path, file: Path) -> Path:
+    """A copy of a recorded run whose arm is taken as exact: solved in a fraction of the time."""
+    text = run.read_text(encoding="utf-8").replace('"robot":', '"geometry":"exact","robot":', 1)
+    file.write_text(text, encoding="utf-8")
+    return file

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from cells import good_plan
+from cells import exact_copy, good_plan
 from child import ZEROBEAM, child
 from command_line import plan_file
 
@@ -117,8 +117,8 @@ def full_disk(tmp_path: Path) -> Iterator[Path]:
 
 GOOD = next(run.path for run in demo_runs() if run.name == "good")
 WRITING = {
-    "report": ["report", str(GOOD), "--ess", "100", "-o", "{disk}/out"],
-    "batch": ["batch", str(GOOD), "--no-posterior", "-o", "{disk}/out"],
+    "report": ["report", "{here}/good.jsonl", "--ess", "100", "-o", "{disk}/out"],
+    "batch": ["batch", "{here}/good.jsonl", "--no-posterior", "-o", "{disk}/out"],
     "export": ["export", "csv", str(GOOD), "-o", "{disk}/offsets.csv"],
     "plan": ["plan", "x", "--header", "{here}/header.yaml", "--target", "900,0,0", "-o", "{disk}/new.yaml"],
     "picture": ["check", "{here}/plan.yaml", "--picture", "{disk}/plan.html"],
@@ -136,7 +136,7 @@ QUICK = {("report", "a full disk"), ("report", "a limit"), ("batch", "a full dis
 
 def _inputs(folder: Path) -> None:
     plan_file(folder / "plan.yaml", good_plan(2))
-    run = read_run(GOOD)
+    run = read_run(exact_copy(GOOD, folder / "good.jsonl"))
     write_header(folder / "header.yaml", run.header)
     head, *shots = GOOD.read_text().splitlines()
     (folder / "again.jsonl").write_text("\n".join([head, *shots[::-1]]) + "\n")

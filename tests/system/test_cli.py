@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 import typer
-from cells import PROBE, good_plan, header, pattern_plan, plan_of
+from cells import PROBE, exact_copy, good_plan, header, pattern_plan, plan_of
 from command_line import Answer, plan_file, zerobeam
 from example_studies import agreeing, disagreeing, typed
 from golden_files import assert_golden
@@ -88,10 +88,10 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 # --- what is asked for is answered --------------------------------------------------------------------
 
 
-def test_the_installed_command_answers() -> None:
+def test_the_installed_command_answers(tmp_path: Path) -> None:
     told = process("--version")
     assert told == Answer(0, f"zerobeam {package.__version__}\n", "")
-    told = process("analyse", GOOD, "--json", *FEW)
+    told = process("analyse", exact_copy(GOOD, tmp_path / "run.jsonl"), "--json", *FEW)
     assert (told.status, told.err) == (0, "")
     assert told.json["schema"] == "zerobeam/result/1"
     told = process("check", GOOD.with_name("none.yaml"), "--json")
@@ -143,9 +143,10 @@ def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_pat
     assert min(told.json["robust"]["weights"]) == told.json["robust"]["weights"][2]
     people = zerobeam("analyse", pushed, "--robust", loss, *FEW).out
     assert "Outlier: 2 (weight" in " ".join(people.split())
-    calm = zerobeam("analyse", GOOD, "--json", "--robust", loss, *FEW).json
+    good = exact_copy(GOOD, tmp_path / "good.jsonl")
+    calm = zerobeam("analyse", good, "--json", "--robust", loss, *FEW).json
     assert calm["robust"]["outliers"] == []
-    assert zerobeam("analyse", GOOD, "--json", *FEW).json["robust"] is None
+    assert zerobeam("analyse", good, "--json", *FEW).json["robust"] is None
 
 
 def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
@@ -249,7 +250,8 @@ def test_report_writes_the_folder_and_says_where(reported: tuple[Path, Answer]) 
 
 
 def test_report_prints_the_json_that_it_wrote(tmp_path: Path) -> None:
-    told = zerobeam("report", X_PATTERN, "-o", tmp_path / "out", "--json", *FEW)
+    run = exact_copy(X_PATTERN, tmp_path / "run.jsonl")
+    told = zerobeam("report", run, "-o", tmp_path / "out", "--json", *FEW)
     assert (told.status, told.err) == (1, "")
     assert told.json == json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
 
@@ -704,6 +706,7 @@ def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
     message: str,
 ) -> None:
     shutil.copytree(reported[0], tmp_path / "out")
+    run = exact_copy(GOOD, tmp_path / "run.jsonl")
     before = contents(tmp_path)
 
     def fail(*_: object) -> bytes:
@@ -711,7 +714,7 @@ def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
 
     monkeypatch.setattr(importlib.import_module("zerobeam.reports.output.whole_folder"), "pdf", fail)
     for folder in ("out", "new/deeper"):
-        told = zerobeam("report", GOOD, "-o", tmp_path / folder, *FEW)
+        told = zerobeam("report", run, "-o", tmp_path / folder, *FEW)
         assert told.status == status
         assert told.out == ""
         assert message in told.err

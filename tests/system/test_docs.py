@@ -196,6 +196,7 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
         return [command_line("check", folder / "x-pattern.yaml", "--json").json]
     good, x_pattern, _ = (case.path for case in demo_runs())
     header, *shots = (json.loads(line) for line in good.read_text(encoding="utf-8").splitlines())
+    header["geometry"] = "exact"
     header["distances"] = [{"between": ["psd", "far"], "mm": 1, "sigma_mm": 1}]
     far = [{**shot, "shot": len(shots) + i, "target": "far"} for i, shot in enumerate(shots)]
     # The two that are tied by a distance are one placement, and are held out together.

@@ -41,6 +41,7 @@ SHORT = {
     ("analyse",): ("--ess", "100"),
     ("report",): ("--ess", "100"),
     ("plan", "optimal"): ("--candidates", "300"),
+    ("run",): ("--no-camera",),
 }
 SLOW = {
     f"docs/{name}.md"
@@ -81,9 +82,9 @@ def shortened(words: list[str], written: bool) -> list[str]:
     if words[0] == "report" and not written:
         at = words.index("-o")
         words = ["analyse", *words[1:at], *words[at + 2 :]]
-    for command, (option, value) in SHORT.items():
-        if tuple(words[: len(command)]) == command and option not in words:
-            return [*words, option, value]
+    for command, added in SHORT.items():
+        if tuple(words[: len(command)]) == command and added[0] not in words:
+            return [*words, *added]
     return words
 
 

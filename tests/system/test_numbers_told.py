@@ -115,7 +115,7 @@ def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         run = folder.with_name("run.jsonl")
         stated = json.dumps({**json.loads(header), "geometry": {"scale": "estimated"}})
         run.write_text("\n".join([stated, *shots]), encoding="utf-8")
-    assert zerobeam("report", run, "-o", folder, "--ess", "400").status in (0, 1)
+    assert zerobeam("report", run, "-o", folder, "--ess", "100").status in (0, 1)
     return folder
 
 

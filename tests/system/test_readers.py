@@ -138,7 +138,7 @@ def reads_or_refuses(reader: Reader, path: Path, content: bytes) -> None:
 
 
 often = settings(
-    max_examples=25,
+    max_examples=15,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

@@ -23,11 +23,13 @@ print("loaded:", *sys.modules)
 
 
 def loaded(*arguments: object) -> set[str]:
-    """The modules that one command has loaded when it is done."""
+    """The modules that one command has loaded when it is done, none of a maker of arms among them."""
     command = [sys.executable, "-c", LOADED, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return set(done.stdout.rpartition("loaded:")[2].split())
+    names = set(done.stdout.rpartition("loaded:")[2].split())
+    assert [name for name in names if name.startswith("zerobeam.experiments.makers")] == []
+    return names
 
 
 def test_check_loads_special_functions_no_sampler_and_no_figures(tmp_path: Path) -> None:
@@ -50,7 +52,7 @@ def test_check_loads_special_functions_no_sampler_and_no_figures(tmp_path: Path)
 
 
 def test_analyse_loads_what_it_computes_with_and_no_figures() -> None:
-    names = loaded("analyse", GOOD)
+    names = loaded("analyse", GOOD, "--ess", 100)
     assert "scipy.special" in names
     assert "emcee" in names
     unused = {

@@ -1,6 +1,6 @@
 """For robots of any maker: tables, robot files, URDF, RoboDK, ROS."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -42,6 +42,20 @@ def _urdf(run: "Run", calibration: "RobotCalibration") -> str:
     from .urdf import urdf_text
 
     return urdf_text(run, calibration)
+
+
+def _of_a_moving_tip(run: "Run") -> Collection[str]:
+    """A URDF file whose last joint moves the tip itself has no place for the last link."""
+    from ....model.files.header import UrdfRef
+    from ....model.files.urdf import last_joint
+
+    ref = run.header.robot
+    if (
+        not isinstance(ref, UrdfRef)
+        or last_joint(run.path.parent / ref.urdf, ref.base, ref.tip)[1] == "fixed"
+    ):
+        return ()
+    return [f"link{run.robot.n}.{axis}" for axis in ("a", "b", "d", "alpha", "beta", "theta")]
 
 
 def _json(run: "Run", calibration: "RobotCalibration") -> str:
@@ -195,7 +209,7 @@ MAKER = Maker(
     "any maker",
     offsets=(
         OffsetFile("robot", _robot, holds="links", schema="robot"),
-        OffsetFile("urdf", _urdf, holds="links"),
+        OffsetFile("urdf", _urdf, holds="links", no_place=_of_a_moving_tip),
         OffsetFile("json", _json, holds="all", as_data=True),
         OffsetFile("csv", _csv, as_data=True),
     ),

@@ -1,6 +1,6 @@
 """Universal Robots: zeros of joints, factory calibrations, URScript, RTDE recordings."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,6 +66,11 @@ def _calibration(
     return ur_calibration_text(run, calibration, against)
 
 
+def _beside_last_axis(run: "Run") -> Collection[str]:
+    """The file has no place for what is behind the last joint, unless it is along its axis."""
+    return [f"link{run.robot.n}.{axis}" for axis in ("a", "b", "alpha", "beta")]
+
+
 def _urscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
     from .urscript_program import urscript_program
 
@@ -113,7 +118,10 @@ MAKER = Maker(
     "Universal Robots",
     "universal-robots",
     r"ur ?\d+ ?e?|universal robots?",
-    offsets=(OffsetFile("ur", _sheet), OffsetFile("ur-calibration", _calibration, holds="links")),
+    offsets=(
+        OffsetFile("ur", _sheet),
+        OffsetFile("ur-calibration", _calibration, holds="links", no_place=_beside_last_axis),
+    ),
     program=(
         PlanProgram(
             "urscript", "urscript (Universal Robots)", _urscript_program, ("speed", "zone", "listener")

@@ -175,7 +175,7 @@ def ur_calibration_text(run: Run, calibration: RobotCalibration, against: Path |
     """The text of the file. `against` is the arm's present file: its hash is kept, and the run must have been
     analysed with the arm that it describes.
 
-    BadInput for another vendor's arm, and for a link behind the last joint that the file has no place for.
+    BadInput for another vendor's arm, and for a flange that is not along the last axis.
     """
     robot = calibration.corrected
     require_vendor(run.robot, "universal-robots", "calibration.yaml")
@@ -217,18 +217,10 @@ def _joint_transforms(run: Run, calibration: RobotCalibration) -> list[Matrix]:
         raise BadInput(
             "calibration.yaml has no place for what is behind the last joint",
             found="a link or flange that is not along the axis of joint 6",
-            allowed="the geometry of links 1 to 5",
-            remedy=f"exclude it by name ({_beside_axis(calibration)}), or zerobeam export urdf",
+            remedy="zerobeam export urdf",
         )
     transforms[-1] = np.asarray(transforms[-1] @ rest)
     return transforms
-
-
-def _beside_axis(calibration: RobotCalibration) -> str:
-    """What excludes the last link's geometry but for what is along its axis."""
-    link = f"link{calibration.corrected.n}."
-    beside = [value.name for value in calibration.geometry if value.internal and value.name != f"{link}d"]
-    return " ".join(f"--without {name}" for name in beside if name.startswith(link)) or f"--without {link}…"
 
 
 def _hash(run: Run, against: Path) -> str:

@@ -110,7 +110,7 @@ SETTINGS["phases"] = [Phase.explicit, Phase.generate]  # the numbers come from t
 QUICK = KINDS.filter(lambda kind: kind.shots < 10)
 
 
-@settings(max_examples=5, **SETTINGS)
+@settings(max_examples=2, **SETTINGS)
 @given(kind=QUICK)
 @example(  # some shots cannot hit where a gauge is confirmed
     kind=Kind(632934, 5, True, True, False, True, 0, 8, False)
@@ -239,7 +239,7 @@ def compare_with_geometry(kind: Kind) -> bool:
 QUICK_WITH_GEOMETRY = KINDS.filter(lambda kind: kind.shots < 10 and kind.joints < 6)
 
 
-@settings(max_examples=3, **SETTINGS)
+@settings(max_examples=1, **SETTINGS)
 @given(kind=QUICK_WITH_GEOMETRY)
 @example(kind=Kind(4, 6, False, True, True, False, 1, 8, False))  # the X-Pattern: theta1 constant
 @example(kind=Kind(5, 4, False, False, False, False, 0, 8, True))

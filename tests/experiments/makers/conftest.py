@@ -1,9 +1,12 @@
-"""What the tests of imports start from."""
+"""What the tests of imports and of programs start from."""
 
 from pathlib import Path
 
 import pytest
 from recorded_logs import HEADER
+
+from zerobeam.experiments.makers import user_programs
+from zerobeam.experiments.makers.solving import Corrections
 
 
 @pytest.fixture
@@ -12,3 +15,10 @@ def header(tmp_path: Path) -> Path:
     path = tmp_path / "header.yaml"
     path.write_text(HEADER)
     return path
+
+
+@pytest.fixture
+def unsolved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No target of a program is solved, which takes long: for what is refused as it is read."""
+    none = Corrections([], 0, 0, 0.0, 0.0, [], [])
+    monkeypatch.setattr(user_programs, "correct_targets", lambda parsed, arms, near: none)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import zerobeam
 from export_runs import HOSTILE, arm_run, urdf_file
 from geometry_runs import geometry_run, on
 
@@ -129,6 +130,19 @@ def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
     without = calibration(run, allow_weak=True, holds="links", without=names)
     path.write_bytes(urdf_text(run, without).encode())
     robot = read_urdf(path, "base", "l6")
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, without), atol=1e-9)
+
+
+def test_a_urdf_without_a_place_for_the_last_link_is_written_without_it_and_says_so(tmp_path: Path) -> None:
+    ref = {"urdf": urdf_file(tmp_path).name, "base": "base", "tip": "l6"}
+    run = geometry_run(tmp_path, ref, {"link2.a": 0.3})
+    out = tmp_path / "corrected.urdf"
+    done = zerobeam("export", "urdf", run.path, "-o", out, "--allow-weak")
+    assert done.status == 0, done.err
+    assert "NOT IN THIS FILE, as nominal: link6.a, link6.b, link6.d" in " ".join(done.out.split())
+    names = [f"link6.{axis}" for axis in ("a", "b", "d", "alpha", "beta")]
+    without = calibration(run, allow_weak=True, holds="links", without=names)
+    robot = read_urdf(out, "base", "l6")
     np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, without), atol=1e-9)
 
 

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from cells import good_plan
 from command_line import plan_file
 from recorded_logs import HEADER, POSTURES
@@ -124,17 +123,6 @@ def row(maker: Maker) -> str:
 def test_the_table_of_makers_in_the_docs_is_what_there_is() -> None:
     rows = [row(maker) for maker in sorted(makers(), key=lambda maker: maker.vendor is None)]
     assert "\n".join(rows) in (ROOT / "docs" / "export.md").read_text(encoding="utf-8"), "\n".join(rows)
-
-
-@pytest.mark.parametrize("command", ["check", "analyse"])
-def test_commands_of_no_maker_load_none(command: str, tmp_path: Path) -> None:
-    file = GOOD if command == "analyse" else plan_file(tmp_path / "plan.yaml", good_plan(7))
-    code = "import sys\nfrom zerobeam.cli import run\nsys.argv = ['zerobeam', *sys.argv[1:]]\nrun()\n"
-    code += "print('loaded:', *sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code, command, file], capture_output=True, text=True)
-    names = done.stdout.rpartition("loaded:")[2].split()
-    assert "numpy" in names, done.stderr
-    assert [name for name in names if name.startswith("zerobeam.experiments.makers")] == []
 
 
 def test_help_loads_no_grammar_and_no_numbers() -> None:

@@ -177,8 +177,8 @@ def test_one_turn_nearest_to_zero_is_drawn_from():
 
 
 def test_what_one_condition_alone_removes_is_said_the_decisive_one_first():
-    """A ceiling so low that every posture hits it: that is said first, not the laser's direction, which
-    removes most of those that are judged one condition after the other."""
+    """A ceiling so low that every posture hits it: that is said first, not the limits of the joints, which
+    come first where one condition is judged after the other."""
     lid = Box(name="ceiling", min_mm=(-3000, -3000, 300), max_mm=(3000, 3000, 3000))
     own = candidates(header(), irb1600(), TARGET, 20, obstacles=Obstacles(boxes=[lid]), seed=1)
     assert len(own.postures) == 0
@@ -191,7 +191,7 @@ def test_what_one_condition_alone_removes_is_said_the_decisive_one_first():
     said = own.reasons()
     assert said.startswith(own.in_words())
     one_by_one = said[len(own.in_words()) :]
-    assert one_by_one.index("hit the floor or a box") < one_by_one.index("behind the laser")
+    assert one_by_one.index("hit the floor or a box") < one_by_one.index("joint limit")
     assert (
         f"{alone.without['make the arm hit the floor or a box']} would be left without this condition"
         in one_by_one

@@ -55,7 +55,7 @@ def flange(robot, geometry, values, q):
     return np.array(function(q, arm))
 
 
-def postures(n, count=4):
+def postures(n, count=2):
     return np.random.default_rng(3).uniform(-2, 2, (count, n))
 
 

@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from cells import exact_copy
 from command_line import zerobeam
 
 from zerobeam.analysis.analyse import analyse
@@ -38,8 +39,8 @@ def with_runs(tmp_path):
     """Two folders with runs of equal names, one that is no run, one whose model is wrong."""
     for folder in ("monday", "tuesday"):
         (tmp_path / folder).mkdir()
-        shutil.copy(GOOD, tmp_path / folder / "arm.jsonl")
-    shutil.copy(X_PATTERN, tmp_path / "monday" / "pattern.jsonl")
+        exact_copy(GOOD, tmp_path / folder / "arm.jsonl")
+    exact_copy(X_PATTERN, tmp_path / "monday" / "pattern.jsonl")
     (tmp_path / "tuesday" / "torn.jsonl").write_text("{not json\n")
     text = GOOD.read_text().replace('"joint_deg":0.01', '"joint_deg":0.0002')
     text = text.replace('"robot":', '"geometry":"exact","robot":', 1)

@@ -60,9 +60,9 @@ def test_the_due_date_comes_first_and_every_calibration_is_listed() -> None:
 
 def test_a_result_has_no_point_for_what_it_does_not_determine() -> None:
     whole, partly = (arm_history(over_years(6, walk=0.01, lost=lost)) for lost in ((), (2, 3)))
-    counts = [points(next(iter(pictures(own).values())).svg) for own in (whole, partly)]
-    assert counts == [6 * 5, 6 * 5 - 2]
-    assert f"{LABEL} in 4 results" in pictures(partly)["trend"].alt
+    of_whole, of_partly = (pictures(own)["trend"] for own in (whole, partly))
+    assert (points(of_whole.svg), points(of_partly.svg)) == (6 * 5, 6 * 5 - 2)
+    assert f"{LABEL} in 4 results" in of_partly.alt
     (row,) = [row for row in shown(partly).rows if row[0] == f"{partly.results[3].measured_at:%Y-%m-%d}"]
     assert row[1:3] == ["Degenerate", f"{LABEL} not determined"]
 
@@ -178,11 +178,12 @@ def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state:
     assert f"{LABEL} changed by " in said
     assert between in said
     assert "No jump" not in page.words
-    assert "No jump" not in pictures(own)["trend"].alt
+    told = pictures(own)["trend"].alt
+    assert "No jump" not in told
     if state == "undecided":
         assert "too few results to distinguish a jump from drift" in said
         assert "Jump or drift (" not in page.words, "said once"
-        assert f"Jump or drift: {LABEL} before" in pictures(own)["trend"].alt
+        assert f"Jump or drift: {LABEL} before" in told
         row = page.row(LABEL)
         assert row[1].endswith(f"{own.results[1].measured_at:%Y-%m-%d}")
         assert row[-1] == "none logged"

@@ -15,7 +15,7 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.run.parameters import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture
-from zerobeam.reports.run.residuals import drawn_of
+from zerobeam.reports.run.residuals import drawn_of, residuals_picture
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 
@@ -57,7 +57,7 @@ def test_the_ground_is_transparent_and_the_colours_follow_the_page() -> None:
 def test_a_target_named_like_a_colour_keeps_its_name() -> None:
     ink = PALETTE["ink"].light
     shots = tuple(dataclasses.replace(shot, target=ink if shot.shot < 3 else "psd") for shot in good().shots)
-    picture = drawn(dataclasses.replace(good(), shots=shots))["misses"]
+    picture = residuals_picture(dataclasses.replace(good(), shots=shots))
     assert ink in words(themed(picture.svg))
 
 
@@ -100,8 +100,10 @@ def test_a_posterior_of_one_offset_and_one_of_many() -> None:
     one = dataclasses.replace(
         of, names=("delta2",), units=("deg",), status=(of.status[at],), values=of.values[..., at : at + 1]
     )
-    assert "δ2" in words(drawn(result, one)["posterior"].svg)
-    assert "δ3" not in words(drawn(result, one)["posterior"].svg)
+    picture = posterior_picture(result, one)
+    assert picture is not None
+    assert "δ2" in words(picture.svg)
+    assert "δ3" not in words(picture.svg)
     many = drawn(good())["posterior"]
     assert "δ6" in words(many.svg)
 
@@ -109,7 +111,7 @@ def test_a_posterior_of_one_offset_and_one_of_many() -> None:
 def test_draws_that_do_not_move_are_still_drawn_without_a_warning() -> None:
     still = draws(good())
     values = np.repeat(still.values[:, :1, :1, :], 60, axis=1)
-    assert "posterior" in drawn(good(), dataclasses.replace(still, values=values))
+    assert posterior_picture(good(), dataclasses.replace(still, values=values)) is not None
 
 
 def test_of_thousands_of_measurements_some_are_drawn() -> None:
@@ -124,7 +126,7 @@ def test_of_thousands_of_measurements_some_are_drawn() -> None:
     assert all(order[i] is shot for i, shot in chosen.items())
     assert sum(shot.whitened == 9.0 for shot in chosen.values()) == 50
     assert np.diff(list(chosen)).max() <= 5  # evenly over the run
-    picture = drawn(dataclasses.replace(misfit(), shots=tuple(many)))["misses"]
+    picture = residuals_picture(dataclasses.replace(misfit(), shots=tuple(many)))
     assert len(picture.svg) < 400_000
     assert "1000 of 3000 are drawn" in picture.title
     assert "50 lie beyond" in picture.alt

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from example_results import geometry, good, misfit, x_pattern
+from example_results import drawn, geometry, good, misfit, x_pattern
 from pages import paragraphs, strings, table
 from study_text import texts_of
 
@@ -139,7 +139,7 @@ def test_the_ladder_is_a_table_and_a_figure_that_say_the_same() -> None:
 def test_a_misfit_shows_no_ladder() -> None:
     refuted = replace(misfit(), geometry=geometry().geometry)
     assert "ladder" not in pictures(refuted, None)
-    assert "ladder" in pictures(geometry(), None)
+    assert "ladder" in drawn(geometry())
     assert geometry_lines(refuted) == []
 
 

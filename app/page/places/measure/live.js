@@ -7,6 +7,8 @@ import { course, picture, psd, span, trace } from "/page/places/measure/pictures
 const ANSWERS = { yes: "Record it all the same", rad: "They are radians" };
 const MOVING_MS = 80; // an arm that is sent elsewhere is seen going there
 const NEAR_MM = 2;
+// A run that has not advanced for long takes longer, one with a tolerance may need fewer measurements.
+const leftHow = (atLeast, mayEndSooner) => (atLeast === mayEndSooner ? "about" : atLeast ? "at least" : "at most");
 const left = (s) => (s < 90 ? `${Math.round(s)} s` : `${Math.round(s / 60)} min`);
 const counted = (n, what) => `${n} ${what}${n === 1 ? "" : "s"}`;
 
@@ -90,7 +92,7 @@ export class Live {
 
   time(job, run) {
     const parts = [`${counted(run.recorded.length, "measurement")} recorded${run.refused.length ? `, ${run.refused.length} refused` : ""}, of ${run.postures} planned`];
-    if (job.state === "running" && job.left_s !== null && job.left_s !== undefined && run.rig !== "manual") parts.push(`${run.tolerance === null ? "about" : "at most"} ${left(job.left_s)} left`);
+    if (job.state === "running" && job.left_s !== null && job.left_s !== undefined && run.rig !== "manual") parts.push(`${leftHow(job.left_at_least, run.tolerance !== null)} ${left(job.left_s)} left`);
     return `${parts.join("; ")}.`;
   }
 

@@ -18,10 +18,10 @@ from zerobeam.model.kinematics.robot import Robot
 JOINTS = np.random.default_rng(5).uniform(-180, 180, (40, 6))
 
 
-def ur_run(folder: Path, robot: Robot, ref: str = "ur5e") -> Path:
+def ur_run(folder: Path, robot: Robot, ref: str = "ur5e", geometry: str | None = "exact") -> Path:
     """A run of a UR with the true offsets TRUTH, as a file."""
     target = (600.0, 0.0, 100.0)
-    own = header(LASER, target=target, robot=ref)
+    own = header(LASER, target=target, robot=ref, geometry=geometry)
     plan = plan_of(own, varied_postures(own, robot, target, 16, 4), robot=robot)
     return saved(folder, own, simulated(plan, TRUTH, 1)[1]).path
 
@@ -50,6 +50,23 @@ def test_read_back_it_is_the_calibrated_arm(run: Path, exported: Path, tmp_path:
     assert told.status == 0, told.err
     assert same_flange(read_robot(back), read_robot(made))
     assert not same_flange(read_robot(back), load_robot("ur5e"), 1.0)
+
+
+def test_of_a_typical_arm_it_has_the_links_but_what_is_beside_the_last_axis_and_says_so(
+    tmp_path: Path,
+) -> None:
+    run = ur_run(tmp_path, load_robot("ur5e"), geometry=None)
+    out, back, made = (tmp_path / name for name in ("calibration.yaml", "back.yaml", "made.yaml"))
+    done = zerobeam("export", "ur-calibration", run, "-o", out, "--allow-weak")
+    assert done.status == 0, done.err
+    said = " ".join(done.out.split())
+    assert "NOT IN THIS FILE, as nominal: link6.a, link6.b, link6.alpha, link6.beta, joint2.gravity" in said
+    assert "with what this file holds" in said
+    assert "link6.d:" in said  # along the axis, where the file has a place
+    assert zerobeam("import", "ur-calibration", out, "--robot", "ur5e", "-o", back).status == 0
+    beside = [f"--without=link6.{axis}" for axis in ("a", "b", "alpha", "beta")]
+    assert zerobeam("export", "robot", run, "-o", made, "--allow-weak", *beside).status == 0
+    assert same_flange(read_robot(back), read_robot(made))
 
 
 def test_its_frames_are_those_of_ros(exported: Path) -> None:
