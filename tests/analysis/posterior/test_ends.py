@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.posterior.ends import Ends, MarginalT, weighted_ends
+from zerobeam.analysis.posterior.posterior import sample_posterior
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.run import read_run
+from zerobeam.model.likelihood.problem import Problem
 
 PROPOSAL = MarginalT(0.1, 1.05, 20.0)
 
@@ -72,3 +77,16 @@ def test_ends_contradict_where_chance_does_not_explain_it():
     assert not one.contradict(Ends(1.0, -1.96, 2.10, 10_000.0))
     assert one.contradict(Ends(1.0, -1.96, 2.12, 10_000.0))
     assert one.contradict(Ends(1.0, -2.12, 1.96, 10_000.0))
+
+
+def test_those_of_a_run_are_those_of_many_more_draws():
+    run = read_run(next(run.path for run in demo_runs() if run.name == "good"))
+    solution = solve_run(Problem.from_run(run), run.header)
+    _, few = sample_posterior(solution, seed=1, ess=1000)
+    summary, _ = sample_posterior(solution, seed=2, ess=50_000)
+    rows = {row.name: row.ends for row in summary.parameters}
+    assert list(few.ends) == ["delta2", "delta3", "delta4", "delta5", "delta6"]
+    for name, ends in few.ends.items():
+        assert ends.ess_tail > 2 * few.values[..., 0].size
+        assert not ends.contradict(rows[name])
+        assert ends.std == pytest.approx(rows[name].std, rel=0.02)
