@@ -320,7 +320,7 @@ def outlook_lines(check: Check) -> list[str]:
     """Which errors a run of the plan detects, the change of the plan that helps most, and the plan with the
     target elsewhere."""
     lines = power_sentences(check.power)
-    if (subject_to := condition(check.power)) is not None:
+    if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
         lines.append(f"A pass of such a run will hold provided that {subject_to}.")
     lines += [] if check.advice is None else [advice_sentence(check.advice)]
     if check.over_target is not None:
