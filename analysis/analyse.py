@@ -166,7 +166,7 @@ def _analyse(
         distances=_distances(solution),
         intervals=intervals(solution, posterior) if between is None or draws is not None else between,
         accuracy=accuracy(solution, values=None if to_enter is None else to_enter.values),
-        budget=budget(solution, posterior),
+        budget=budget(solution, posterior, None if draws is None else draws.ends),
         robust=robust,
         hold_out=held_out_fit,
         placements=placed,

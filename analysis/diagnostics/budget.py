@@ -18,15 +18,15 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.arrays import NORMAL_95, Matrix
+from ...model.arrays import Matrix
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
-from ..posterior.posterior import Ends, PosteriorSummary
+from ..posterior.ends import Ends
+from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than
 
 Kind = Literal["joint", "spot", "prior", "target", "distance", "noise factors", "curvature"]
 
-_TWO_SIDED = 0.975  # of the 95 % that an expanded uncertainty covers
 _SURE = 2.0  # standard errors: what the draws determine no better is not stated (JCGM 101, 7.9.4)
 
 
@@ -120,8 +120,11 @@ def more_draws(solution: Solution, ends: Mapping[str, Ends]) -> float:
     return max((check.too_large**2 for check in checks), default=0.0)
 
 
-def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...]:
-    """One for every offset and tool parameter that the data determine."""
+def budget(
+    solution: Solution, posterior: PosteriorSummary, ends: Mapping[str, Ends] | None = None
+) -> tuple[Budget, ...]:
+    """One for every offset and tool parameter that the data determine; `ends` by name are sharper ones of the
+    posterior than those of its draws."""
     parameters = solution.problem.parameters
     determined = _determined(solution)
     if not determined:
@@ -132,7 +135,12 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     sources, parts = _sources(solution, at)
     variances = np.diag(solution.fit.covariance)[at]
     dof = effective_dof(solution.fit)[at]
-    draws = {row.name: row for row in posterior.parameters or () if row.source == "data"}
+    sharper = ends or {}
+    draws = {
+        row.name: sharper.get(row.name, row.ends)
+        for row in posterior.parameters or ()
+        if row.source == "data"
+    }
     budgets = []
     for j, i in enumerate(determined):
         item = parameters.items[i]
@@ -153,7 +161,7 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
                 dof=float(dof[j]) if np.isfinite(dof[j]) else None,
                 coverage_factor=float(solution.quantiles[i]),
                 expanded=half,
-                check=check_linear(value, std, half, draws[item.name].ends) if item.name in draws else None,
+                check=check_linear(value, std, half, draws[item.name]) if item.name in draws else None,
             )
         )
     return tuple(budgets)
@@ -246,10 +254,7 @@ def check_linear(value: float, std: float, half: float, ends: Ends) -> LinearChe
     and leaves no doubt.
     """
     d_low, d_high = abs(value - half - ends.q2_5), abs(value + half - ends.q97_5)
-    # A quantile's standard error is that of its probability over the density there, taken for a normal's.
-    probability = math.sqrt(_TWO_SIDED * (1 - _TWO_SIDED) / ends.ess_tail)
-    density = math.exp(-(NORMAL_95**2) / 2) / math.sqrt(2 * math.pi)
-    ends_std = probability / density * ends.std
+    ends_std = ends.error
 
     def at(digits: int) -> LinearCheck:
         last = int(f"{std:.{digits - 1}e}".split("e")[1]) - (digits - 1)

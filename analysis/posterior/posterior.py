@@ -8,9 +8,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,19 +24,18 @@ from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
-from .convergence import error_of_mean, tail_effective
-from .sampler import RHAT_GATE, IndependenceProposal, Sampled, degrees_of_freedom, sample_density
+from .convergence import error_of_mean
+from .ends import Ends, MarginalT, weighted_ends
+from .sampler import (
+    RHAT_GATE,
+    IndependenceProposal,
+    Proposed,
+    Sampled,
+    degrees_of_freedom,
+    sample_density,
+)
 
 _KEPT_PER_WALKER = 400
-
-
-class Ends(NamedTuple):
-    """The ends of the 95 % interval of some draws, their std, and the effective sample size of the tails."""
-
-    std: float
-    q2_5: float
-    q97_5: float
-    ess_tail: float
 
 
 @dataclass(frozen=True)
@@ -143,6 +142,9 @@ class Draws:
         The free parameters that the data do not determine, with their priors.
     converged : bool
         False: the draws are no posterior and must not be used as one.
+    ends : mapping
+        By name, of each known offset and tool parameter the ends of its 95 % interval: by the draws or, where
+        that is sharper, by what was proposed to them.
 
     Raises
     ------
@@ -163,6 +165,7 @@ class Draws:
     values: Matrix
     prior_only: tuple[PriorOnly, ...]
     converged: bool
+    ends: Mapping[str, Ends] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, status in zip(self.names, self.status, strict=True):
@@ -216,16 +219,29 @@ def sample_posterior(
         x = coordinates.to_parameters(whitening.undo(values.reshape(-1, len(fit.z))))
         return np.asarray(problem.parameters.shown(x)[:, problem.parameters.free].reshape(values.shape))
 
-    needed = [
-        (j, item.name)
-        for j, (item, state) in enumerate(_free(solution.problem, solution.status))
-        if known(state) and item.group in ("offset", "tool")
-    ]
+    def sharp(proposed: Proposed, j: int, item: Parameter) -> Ends | None:
+        """By what was proposed: offsets and tool parameters are straight in the sampler's coordinates."""
+        scale = item.prior_std * item.display
+        along = whitening.factor[j] * scale
+        of_mean = item.prior_mean * item.display + whitening.centre[j] * scale
+        of_proposal = proposed.proposal
+        marginal = MarginalT(
+            float(of_mean + along @ of_proposal.location),
+            float(np.linalg.norm(along @ of_proposal.factor)),
+            of_proposal.nu,
+        )
+        return weighted_ends(of_mean + proposed.points @ along, proposed.log_weights, marginal)
 
-    def short(judged: Matrix) -> float:
-        if short_by is None:
-            return 0.0
-        return short_by({name: _ends(_chains(judged[..., j])) for j, name in needed})
+    found: dict[str, Ends] = {}  # of the draws so far
+
+    def short(judged: Matrix, proposed: Proposed | None) -> float:
+        for j, (item, state) in enumerate(_free(problem, solution.status)):
+            if known(state) and item.group in ("offset", "tool"):
+                of_draws = Ends.of_draws(_chains(judged[..., j]))
+                better = None if proposed is None else sharp(proposed, j, item)
+                # Another mode, which the draws have found, is not among the proposals.
+                found[item.name] = of_draws if better is None or better.contradict(of_draws) else better
+        return 0.0 if short_by is None else short_by(found)
 
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
@@ -240,7 +256,8 @@ def sample_posterior(
         short_by=short,
         progress=progress,
     )
-    return _summarised(problem, sampled, solution.status, ess, time.perf_counter() - began)
+    summary, draws = _summarised(problem, sampled, solution.status, ess, time.perf_counter() - began)
+    return summary, replace(draws, ends=found)
 
 
 def _summarised(
@@ -293,11 +310,6 @@ def _chains(draws: Matrix) -> Matrix:
     return draws.reshape(-1, draws.shape[2])
 
 
-def _ends(chains: Matrix) -> Ends:
-    low, high = np.quantile(chains, [0.025, 0.975]).tolist()
-    return Ends(float(chains.std(ddof=1)), low, high, tail_effective(chains))
-
-
 def _prior_only(item: Parameter) -> PriorOnly:
     logarithmic = item.group == "noise"
     display = 1.0 if logarithmic else item.display
@@ -308,7 +320,7 @@ def _row(
     item: Parameter, unidentifiable: bool, draws: NDArray[np.float64], rhat: float, bulk: float
 ) -> PosteriorParameter:
     chains = _chains(draws)
-    ends = _ends(chains)
+    ends = Ends.of_draws(chains)
     if unidentifiable:
         # The draws may be narrow for all that: what the priors of other parameters make of this one. Only
         # its own prior is stated, and exactly, so that no spread can be taken for knowledge from the data.

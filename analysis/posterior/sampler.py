@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,6 +101,7 @@ class IndependenceMove(_Move):
         super().__init__(random)
         self.proposal = proposal
         self.ahead = ahead
+        self.evaluated: list[tuple[Matrix, Matrix]] = []  # all points proposed, with ln p - ln g
         self._drawn: Iterator[tuple[Matrix, Matrix, Matrix]] = iter(())
 
     def propose(self, model: Any, state: Any) -> tuple[Any, Mask]:
@@ -111,6 +112,7 @@ class IndependenceMove(_Move):
             self.ahead -= steps
             points = self.proposal.draw(steps * count, self.random)
             many = (points, model.log_prob_fn(points), self.proposal.log_density(points))
+            self.evaluated.append((points, many[1] - many[2]))
             self._drawn = zip(*(np.split(values, steps) for values in many), strict=True)
             drawn = next(self._drawn)
         points, density_there, proposal_there = drawn
@@ -183,7 +185,20 @@ _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
 # effective one that is asked for.
 DECIDING, DECIDING_EACH = 100_000, 100
 _BLOCK = 2.0  # times the draws so far, at most, in one block of these
+_SPARE = 1.1  # times what is expected to decide
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
+
+
+class Proposed(NamedTuple):
+    """Independent draws of a proposal g: `points` (N, f), and ln p - ln g (N,) of each up to a constant."""
+
+    proposal: IndependenceProposal
+    points: Matrix
+    log_weights: Matrix
+
+
+# Of what is judged, and of what was proposed where that is known: how many times as many draws it takes.
+ShortBy = Callable[[Matrix, Proposed | None], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,13 +271,14 @@ class _Run:
         seed: int,
         pool: ThreadPoolExecutor,
         judged: Callable[[Matrix], Matrix],
-        short_by: Callable[[Matrix], float],
+        short_by: ShortBy,
     ) -> None:
         self._log_density, self._pool = log_density, pool
         self._judged, self._short_by = judged, short_by
         self._first = self._proposal = proposal
         self._transport: TriangularMap | None = None
         self.random = np.random.default_rng(seed)
+        self._evaluated: list[tuple[Matrix, Matrix]] = []
         self.evaluations = 0
         self.acceptance = self._independent = 0.0
         self.seconds = 0.0
@@ -317,6 +333,8 @@ class _Run:
         both = (moves.independence, moves.differential)
         self._independent = both[0].accepted / max(1, both[0].proposed)
         self.acceptance = sum(m.accepted for m in both) / sum(m.proposed for m in both)
+        if transport is None and sum(len(points) for points, _ in self._evaluated) < DECIDING:
+            self._evaluated += moves.independence.evaluated
         self.evaluations += len(start) * (steps + 1)
         self.seconds += time.perf_counter() - began
         return chain.reshape(*starts.shape[:2], steps, size)
@@ -371,6 +389,7 @@ class _Run:
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         total = min(self._first_look(walkers), limit)
+        self._evaluated = []
         values = self.advance(starts, total)
         judged = self._judged_each(values)
         while True:
@@ -390,20 +409,23 @@ class _Run:
     def _decide(self, sampled: Sampled, ess: float) -> Sampled:
         """More draws, block by block (JCGM 101:2008, 7.9.4), until they decide or are enough for `ess`.
 
-        Of many walkers, which are alike, only as many are looked at as have as many draws as before.
+        R-hat and ESS stay those of the draws before, which have settled: of all they are better. What the
+        tails have found late is looked for in all.
         """
         values, judged = sampled.values, sampled.judged
         ensembles, walkers, first, _ = values.shape
         steps, limit = first, int(min(DECIDING, DECIDING_EACH * ess)) // (ensembles * walkers)
-        while steps < limit and (factor := self._short_by(judged)) > 1:
-            steps = min(max(int(np.ceil(min(factor, _BLOCK) * steps)), steps + ROUND), limit)
+        while (factor := self._short_by(judged, self._proposed())) > 1 and steps < limit:
+            steps = min(max(int(np.ceil(min(_SPARE * factor, _BLOCK) * steps)), steps + ROUND), limit)
             values, judged = self._extended(values, judged, steps)
-        if steps == first:
-            return sampled
-        looked_at = judged[:, :: max(min(steps // first, walkers // _WALKERS[0]), 1)]
-        rhat, bulk = diagnostics(looked_at, self._pool.map)
-        bulk *= walkers / looked_at.shape[1]
-        return Sampled(values, judged, rhat, bulk, True, self._settled(looked_at, rhat))
+        still = steps == first or drift(judged, self._pool.map) <= _DRIFT_GATE
+        return replace(sampled, values=values, judged=judged, settled=still)
+
+    def _proposed(self) -> Proposed | None:
+        if not self._evaluated:
+            return None
+        points, log_weights = (np.concatenate(parts) for parts in zip(*self._evaluated, strict=True))
+        return Proposed(self._proposal, points, log_weights)
 
     def _extended(self, values: Matrix, judged: Matrix, steps: int) -> tuple[Matrix, Matrix]:
         """Chains continued to so many steps, and what is judged of them."""
@@ -425,7 +447,7 @@ def sample_density(
     ess: float,
     threads: int = 1,
     judged: Callable[[Matrix], Matrix] = lambda values: values,
-    short_by: Callable[[Matrix], float] = lambda judged: 0.0,
+    short_by: ShortBy = lambda judged, proposed: 0.0,
     progress: ShareDone | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
@@ -433,9 +455,9 @@ def sample_density(
     The proposal is refitted during the burn-in, then frozen. A run that would take long continues in mapped
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
     share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
-    coordinates in which R-hat, ESS and drift are taken; `short_by` says of these how many times as many draws
-    another question needs, which gets up to `DECIDING` in all and `DECIDING_EACH` for each of `ess`. -inf,
-    inf and NaN of the density are impossible points, all alike.
+    coordinates in which R-hat, ESS and drift are taken; `short_by` says of these, and of what was proposed,
+    how many times as many draws another question needs, which gets up to `DECIDING` in all and
+    `DECIDING_EACH` for each of `ess`. -inf, inf and NaN of the density are impossible points, all alike.
     """
     best, plain_part = [0.0], 0.0
 

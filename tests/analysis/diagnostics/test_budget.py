@@ -25,7 +25,8 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.budget import budget, check_linear
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
 from zerobeam.analysis.posterior.convergence import tail_effective
-from zerobeam.analysis.posterior.posterior import UNSAMPLED, Ends, PosteriorParameter
+from zerobeam.analysis.posterior.ends import Ends
+from zerobeam.analysis.posterior.posterior import UNSAMPLED, PosteriorParameter
 from zerobeam.analysis.posterior.sampler import DECIDING_EACH, IndependenceProposal, sample_density
 from zerobeam.analysis.solution import judge
 from zerobeam.model.kinematics.robot import Joint, Robot
@@ -323,7 +324,7 @@ def decided(skew, seed=1):
         seed=seed,
         ess=400,
         judged=shown,
-        short_by=lambda judged: check(judged).too_large ** 2,
+        short_by=lambda judged, _: check(judged).too_large ** 2,
     )
     return check(shown(sampled.values)), sampled.values.size
 

@@ -1,0 +1,54 @@
+"""The rungs of the ladder share the functions of the whole geometry: against functions of their own."""
+
+import numpy as np
+import pytest
+
+from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood, fit_rows, start_at
+from zerobeam.analysis.ladder import climb_ladder, held_out_rms, log_evidence
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.run import read_run
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.geometry import NOMINAL
+from zerobeam.model.likelihood.problem import Problem
+
+
+@pytest.fixture(scope="module")
+def good():
+    run = read_run(next(run.path for run in demo_runs() if run.name == "good"))
+    return run, Problem.from_run(run)
+
+
+def test_rungs_are_fits_of_their_own_geometry(good):
+    run, problem = good
+    fit, rungs, factors = climb_ladder(problem, run.header, 0, lambda share: None)
+    whole = problem.geometry
+    links = fit_likelihood(problem.with_geometry(whole.without("gravity").without("harmonics")))
+    own = {
+        "offsets": fit_likelihood(problem.with_geometry(NOMINAL), starts=0),
+        "geometry": links,
+        "gravity": fit_likelihood(problem.with_geometry(whole.without("harmonics")), starts=0),
+        "harmonics": fit_likelihood(problem, starts=0),
+    }
+    assert [rung.rung for rung in rungs] == list(own)
+    assert factors is None
+    for rung, alone in zip(rungs, own.values(), strict=True):
+        assert rung.parameters == int(alone.problem.parameters.free.sum())
+        assert rung.log_evidence == pytest.approx(log_evidence(alone), abs=1e-4)
+        assert rung.held_out_rms_mm == held_out_rms(alone)
+    assert fit.problem is problem
+    np.testing.assert_allclose((fit.z - own["harmonics"].z) / fit.std, 0, atol=1e-4)
+    assert fit.log_posterior == pytest.approx(own["harmonics"].log_posterior, abs=1e-6)
+
+
+def test_starts_that_meet_have_one_top(good):
+    """Each start's row is what that start alone comes to; those of one top are the same to the last bit."""
+    _, problem = good
+    density = Density(problem)
+    z = np.random.default_rng(3).normal(size=(5, density.size))
+    start = start_at(problem, z)
+    together = fit_rows(density, start, np.zeros(5, dtype=np.int64))
+    for row, x in enumerate(start):
+        alone = fit_from(problem, x)
+        np.testing.assert_allclose((together.z[row] - alone.z) / alone.std, 0, atol=1e-3)
+        np.testing.assert_allclose(together.std[row], alone.std, rtol=1e-3)
+    assert len(np.unique(together.log_posterior)) < 5
