@@ -30,10 +30,16 @@ def enter_sentence(result: Result) -> str | None:
     if entered.tcp_before is None or entered.tcp_after is None:
         return NOT_CLAIMED
     before, after = entered.tcp_before, entered.tcp_after
+    doubt = (
+        f" With a probability of {100 * (entered.worse or 0.0):.0f} % it is less accurate with them than"
+        " without: enter them only if a verification shows that they help."
+        if entered.doubtful
+        else ""
+    )
     return (
         f"With the values entered the TCP is off by {_mm(after.median_mm)} instead of"
         f" {_mm(before.median_mm)} (median of the workspace), and by less than {_mm(after.p95_mm)} instead of"
-        f" {_mm(before.p95_mm)} in 95 % of it."
+        f" {_mm(before.p95_mm)} in 95 % of it.{doubt}"
     )
 
 

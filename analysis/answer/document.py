@@ -481,6 +481,7 @@ class EnterDocument(DocumentPart):
     u: dict[str, float]
     tcp_before: TcpError | None
     tcp_after: TcpError | None
+    worse: Number
 
 
 class PowerDocument(DocumentPart):

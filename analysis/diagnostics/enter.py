@@ -47,6 +47,7 @@ _STEPS = 2  # Gauss-Newton from the estimates: what is left is below a micrometr
 _FRONT = float(np.radians(90.0))
 _BESIDE = 100.0  # mm: the points beside the TCP
 _SAME = 1e-10  # of the largest: a direction of offsets that moves no point stays as estimated
+MOST_WORSE = 0.05  # probability of a less accurate robot with which values are entered without a word
 _CONFORMS = 0.95  # JCGM 106, 8.3.3: the guard band of a 5 % risk
 
 TakenGeometry = Literal["nominal", "geometry"]
@@ -68,8 +69,9 @@ class Entered:
     of each: how far it may be from what would serve this arm best. A controller with nominal geometry takes
     the offsets; one that takes the geometry the whole estimated arm, but for what depends on the posture.
 
-    `tcp_before` and `tcp_after` are the TCP's error to expect with nothing entered and with these. Both are
-    None where the TCP depends on an offset that the data do not determine.
+    `worse` is the probability that the TCP's error over the region (root mean square) is larger with these
+    than with nothing entered. `tcp_before` and `tcp_after` are the TCP's error to expect with nothing entered
+    and with these. All are None where the TCP depends on an offset that the data do not determine.
     """
 
     of: TakenGeometry
@@ -77,6 +79,12 @@ class Entered:
     u: dict[str, float]
     tcp_before: TcpError | None
     tcp_after: TcpError | None
+    worse: float | None = None
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether entering them may well make the robot less accurate than it is."""
+        return self.worse is not None and self.worse > MOST_WORSE
 
 
 @dataclass(frozen=True)
@@ -121,13 +129,16 @@ def entered(
         nominal = Entered("nominal", values, u, None, None)
         return nominal, whole and Entered("geometry", *whole, None, None), None
     problem = solution.problem
-    before = _tcp_error(spread.errors(np.zeros(problem.parameters.arm.stop)))
+    as_it_is = spread.errors(np.zeros(problem.parameters.arm.stop))
+    before = _tcp_error(as_it_is)
     after = spread.errors(controller_arm(problem, values))
-    with_links = whole and Entered(
-        "geometry", *whole, before, _tcp_error(spread.errors(held_by_a_robot(problem, solution.fit.x)))
-    )
+    with_links = None
+    if whole is not None:
+        errors = spread.errors(held_by_a_robot(problem, solution.fit.x))
+        worse = _share_worse(errors, as_it_is)
+        with_links = Entered("geometry", *whole, before, _tcp_error(errors), worse)
     return (
-        Entered("nominal", values, u, before, _tcp_error(after)),
+        Entered("nominal", values, u, before, _tcp_error(after), _share_worse(after, as_it_is)),
         with_links,
         None if required is None else _conformity(after, required.tcp_mm),
     )
@@ -289,6 +300,11 @@ def _tcp_error(errors: Matrix) -> TcpError:
     low, high = np.quantile(np.median(errors, axis=1), [0.025, 0.975])
     median, p95 = np.quantile(errors, [0.5, 0.95])
     return TcpError(float(median), float(p95), (float(low), float(high)))
+
+
+def _share_worse(after: Matrix, before: Matrix) -> float:
+    """The share of the drawn arms whose errors (draws, P), root mean square, are larger after than before."""
+    return float(((after**2).mean(axis=1) > (before**2).mean(axis=1)).mean())
 
 
 def _conformity(errors: Matrix, required_mm: float) -> Conformity:

@@ -208,3 +208,12 @@ def test_nothing_is_entered_where_the_data_do_not_determine_it() -> None:
     solution = solve_run(truth.problem.moved(run.joints[0], run.spots[0]), plan.header)
     assert solution["delta2"].estimate is None
     assert entered(solution, StatedRequirement(tcp_mm=1.0)) == (None, None, None)
+
+
+def test_values_that_may_make_a_good_robot_worse_say_so(arms: list[tuple[Solution, Matrix]]) -> None:
+    told = entered(arms[0][0])[0]
+    assert told is not None
+    assert told.worse is not None
+    assert 0 <= told.worse < 0.2
+    assert dataclasses.replace(told, worse=0.051).doubtful
+    assert not dataclasses.replace(told, worse=0.05).doubtful
