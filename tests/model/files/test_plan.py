@@ -114,7 +114,7 @@ def test_a_plan_without_postures(plan_file, refused):
 def test_limits_warn(plan_file):
     text = change("    - 42", "    - 142", change("robot:", "limits: warn\nrobot:"))
     (warning,) = read_plan(plan_file(text)).warnings
-    assert warning.endswith("up to 142, in 1 of 3 postures: 2")
+    assert warning.endswith("up to 142 deg, in 1 of 3 postures: 2")
 
 
 def header(**changes):

@@ -203,7 +203,7 @@ def test_with_limits_warn_the_shots_are_named_and_used(run_file):
     run = read_run(run_file(text(*rows, limits="warn")))
     assert len(run.shots) == 3
     assert run.warnings == (
-        "joint 5 is outside its limits (-115 to 115 deg), up to -130, in 2 of 3 measurements: 7, 9",
+        "joint 5 is outside its limits (-115 to 115 deg), up to -130 deg, in 2 of 3 measurements: 7, 9",
     )
 
 

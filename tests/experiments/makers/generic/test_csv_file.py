@@ -169,7 +169,7 @@ def test_limits_warn_is_respected(tmp_path, read, header):
     far[1, 4] = 140
     header.write_text(HEADER + "limits: warn\n")
     found = read([csv(tmp_path, "a.csv", far)], ["one"], CsvLayout("deg"))
-    assert found.understood[-1].endswith("up to 140, in 1 of 3 measurements: 1")
+    assert found.understood[-1].endswith("up to 140 deg, in 1 of 3 measurements: 1")
 
 
 SCARA = """

@@ -114,8 +114,19 @@ def test_the_short_program_is_right(tmp_path: Path) -> None:
     assert agree(script, script.text(), corrected, ROBOT, OFFSETS, 1)
 
 
+# Forms that are refused where a pose is solved, near joints that are not known; the others as they are read.
+SOLVED = {
+    *("a pose after a branch", "a pose in an else", "a pose in a loop", "a pose in a routine"),
+    *("a pose after a routine", "a pose after a routine in an expression"),
+}
+
+
 @pytest.mark.parametrize("form", FORMS, ids=[form.name for form in FORMS])
-def test_each_form_is_refused_alone_with_its_line(form: Form, tmp_path: Path) -> None:
+def test_each_form_is_refused_alone_with_its_line(
+    form: Form, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    if form.name not in SOLVED:
+        request.getfixturevalue("unsolved")
     script = plain()
     bad = with_form(script, form, 3)
     with pytest.raises(BadInput) as refused:
