@@ -21,7 +21,7 @@ class _Late(ModuleType):
         return getattr(_late.real(self), name)
 
 
-class _Finder(MetaPathFinder, Loader):
+class _LateModules(MetaPathFinder, Loader):
     def __init__(self) -> None:
         self.names: set[str] = set()
         self._one_at_a_time = RLock()
@@ -46,7 +46,7 @@ class _Finder(MetaPathFinder, Loader):
             return import_module(late.__name__)
 
 
-_late = _Finder()
+_late = _LateModules()
 
 
 def when_used(*names: str) -> None:

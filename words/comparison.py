@@ -123,11 +123,11 @@ def notes(compared: Comparison) -> Iterator[str]:
 
 def _of_runs(compared: Comparison) -> Iterator[str]:
     """What was found of the runs: what is the same of several is said once."""
-    found: dict[str, list[str]] = {}
+    runs_by_sentence: dict[str, list[str]] = {}
     for run in compared.runs:
         for finding in run.findings:
-            found.setdefault(sentence_of(finding), []).append(run.name)
-    for sentence, names in found.items():
+            runs_by_sentence.setdefault(sentence_of(finding), []).append(run.name)
+    for sentence, names in runs_by_sentence.items():
         every = 1 < len(names) == len(compared.runs)
         yield f"{'All runs' if every else listed(names)}: {sentence}"
 

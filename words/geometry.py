@@ -176,11 +176,11 @@ def rung_reason(ladder: Sequence[Rung], i: int) -> str:
     if not rung.kept:
         return "for comparison"
     below = ladder[i - 1]
-    said = ["evidence rises" if rung.log_evidence > below.log_evidence else "evidence falls"]
+    changes = ["evidence rises" if rung.log_evidence > below.log_evidence else "evidence falls"]
     if rung.held_out_rms_mm is not None and below.held_out_rms_mm is not None:
         better = rung.held_out_rms_mm < below.held_out_rms_mm
-        said.insert(0, "predicts better" if better else "predicts no better")
-    return f"with its prior; {', '.join(said)}"
+        changes.insert(0, "predicts better" if better else "predicts no better")
+    return f"with its prior; {', '.join(changes)}"
 
 
 def check_lines(check: Check) -> list[str]:

@@ -69,7 +69,6 @@ _FILES = {
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
-_OF_THE_RUN = ("jump", "drift", "moved")  # wrong models that repeated postures show
 _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
 
@@ -114,7 +113,7 @@ class _Case:
 
     @property
     def condition(self) -> str | None:
-        """What a pass is subject to, after "provided that"; None without a pass or a condition."""
+        """What a pass is subject to, after "if"; None without a pass or a condition."""
         return condition(self.power) if self.verdict == "pass" else None
 
     @property
@@ -179,13 +178,7 @@ def headline_so_far(solution: Solution, name: Namer = str) -> str:
 
 
 def _headline(case: _Case, name: Namer) -> str:
-    subject_to = case.condition
-    parts = (
-        _determined(case, name),
-        _cause(case, name),
-        None if subject_to is None else f"This holds provided that {subject_to}.",
-    )
-    return " ".join(part for part in parts if part)
+    return " ".join(part for part in (_determined(case, name), _cause(case, name)) if part)
 
 
 def _case(result: Result) -> _Case:
@@ -274,15 +267,10 @@ def _worst(case: _Case, row: ParameterResult, name: Namer) -> WorstOffset:
 
 
 def _judged(case: _Case) -> str:
-    """The verdict's word, that of a simulated run as such; whether the robot meets what it must; and what a
-    pass is subject to."""
+    """The verdict's word, that of a simulated run as such; and whether the robot meets what it must."""
     word = VERDICT_WORDS[case.verdict]
     word = f"Simulated: {word.lower()}" if case.simulated else word
-    if case.met is not None:
-        word = f"{word}; {case.met}"
-    if case.condition is None:
-        return word
-    return f"{word}{', ' if case.met is None else '. This holds '}provided that {case.condition}"
+    return word if case.met is None else f"{word}; {case.met}"
 
 
 def _value(case: _Case, row: ParameterResult) -> str:
@@ -306,6 +294,8 @@ def _determined(case: _Case, name: Namer) -> str:
         sentences.append(f"{_are(weak, name)} only weakly observable, {_within(case, weak)}.")
     if known:
         sentences.append(f"{_are(known, name)} identified, {_within(case, known, k_said=bool(weak))}.")
+    if known and case.condition is not None:
+        sentences.append(f"This holds if {case.condition}.")
     return " ".join(sentences) or "No offset is estimated: all are held."
 
 
@@ -403,14 +393,9 @@ def _action(case: _Case) -> Action:
             "Enter nothing: no robot was measured. Measure yours, by this plan or a new one.", _plan(case)
         )
     command, file = export_command(case.vendor)
-    enter = f"zerobeam {command} {run} -o {file}"
-    if any(row.dangerous and row.wrong in _OF_THE_RUN for row in case.power):
-        return Action(
-            "Measure the first postures again at the end of the run and analyse it again: they show what"
-            " changed. Or accept the conditions, and write the values to enter into a file for this robot.",
-            enter,
-        )
-    return Action("Write the values to enter into a file for this robot.", enter)
+    return Action(
+        "Write the values to enter into a file for this robot.", f"zerobeam {command} {run} -o {file}"
+    )
 
 
 def _mend(case: _Case) -> str:

@@ -36,7 +36,7 @@ from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower
 from ..model.instruments.registry import kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
-from .wording import Namer, be, counted, label, listed, shown
+from .wording import Namer, counted, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -61,14 +61,14 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case Held(by="tool rotation"):
             return _TOOL_ROTATION
         case ToolRotation(tool, joint, known_to):
-            told = kind_of(tool).words
+            words = kind_of(tool).words
             if known_to is None and kind_of(tool).turns:
                 return _TOOL_ROTATION
             if known_to is None:
-                return f"joint {joint} and a free {told.part} rotate together: only the sum of both moves it"
+                return f"joint {joint} and a free {words.part} rotate together: only the sum of both moves it"
             return (
-                f"a rotation of joint {joint} is equivalent to a {told.motion}, which is known to"
-                f" {numbers.exact(known_to, numbers.unit_of(told.unit))} (tool.sigma)"
+                f"a rotation of joint {joint} is equivalent to a {words.motion}, which is known to"
+                f" {numbers.exact(known_to, numbers.unit_of(words.unit))} (tool.sigma)"
             )
         case Held(by="first link"):
             return "it moves the arm and every target alike, as the choice of the base frame does"
@@ -321,7 +321,7 @@ def outlook_lines(check: Check) -> list[str]:
     target elsewhere."""
     lines = power_sentences(check.power)
     if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
-        lines.append(f"A pass of such a run will hold provided that {subject_to}.")
+        lines.append(f"A pass of such a run holds if {subject_to}.")
     lines += [] if check.advice is None else [advice_sentence(check.advice)]
     if check.over_target is not None:
         units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
@@ -341,28 +341,22 @@ def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
     return [*sentences, *([f"A run of this plan may not detect {listed(missed)}."] if missed else [])]
 
 
-_CHANGED = {"jump": "jumped", "drift": "drifted"}
 _MOST_MISSED = 6
+_OF_THE_RUN = {"jump", "drift", "moved"}  # wrong models that repeated postures show
 
 
 def condition(powers: Sequence[DetectionPower]) -> str | None:
-    """What a pass is subject to, after "provided that": the wrong models with which a run may pass and have
+    """What a pass is subject to, after "if": the wrong models with which a run may pass and have
     wrong offsets. None where there is none."""
-    may_be = [each.wrong for each in powers if each.dangerous]
-    changed = [word for wrong, word in _CHANGED.items() if wrong in may_be]
-    stated = ["the arm"] if "arm" in may_be else []
-    stated += ["the tool"] if "tool" in may_be or "beam" in may_be else []
+    may_be = {each.wrong for each in powers if each.dangerous}
     parts = [
-        *([f"no joint's zero {' or '.join(changed)} during the run"] if changed else []),
-        *(["no target moved"] if "moved" in may_be else []),
-        *(["no reading is wrong"] if "reading" in may_be else []),
-        *(["no joint has backlash"] if "backlash" in may_be else []),
-        *(["the noise is as stated"] if "noise" in may_be else []),
+        *(["nothing changed during the run"] if may_be & _OF_THE_RUN else []),
         *(
-            [f"{listed(stated)} {be(stated)} within what is stated of {'it' if len(stated) == 1 else 'them'}"]
-            if stated
+            ["the readings are right to their stated noise"]
+            if may_be & {"reading", "backlash", "noise"}
             else []
         ),
+        *(["the arm and the tool are within their tolerances"] if may_be & {"arm", "tool", "beam"} else []),
     ]
     return listed(parts) if parts else None
 
@@ -376,10 +370,13 @@ def unnoticed_sentence(powers: Sequence[DetectionPower]) -> str | None:
     ]
     if not missed:
         return None
-    return (
-        f"Measurements like these pass with an offset wrong by more than {LIMIT_U:g} u after"
-        f" {listed(missed, _MOST_MISSED)}: the probability is that at the worst size."
+    text = (
+        "A pass does not exclude the following (in brackets: the share of such runs that pass with an offset"
+        f" wrong by more than {LIMIT_U:g} standard uncertainties): {listed(missed, _MOST_MISSED)}."
     )
+    if any(each.dangerous and each.wrong in _OF_THE_RUN for each in powers):
+        text += " The first postures, measured again at the end of a run, show what changed during it."
+    return text
 
 
 def no_plan_sentence(powers: Sequence[DetectionPower]) -> str | None:

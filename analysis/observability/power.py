@@ -251,11 +251,11 @@ class _Powers:
         cases = []
         for k in {*best.tolist(), int(np.argmax(off))}:
             powers = _Power(self._limit, self._dof, float(squares[k]))
-            own = None if directed is None else _Power(*directed, float(left[k]))
+            alone = None if directed is None else _Power(*directed, float(left[k]))
             joint = None if joints is None else joints[k] + 1
 
-            def power(times: Matrix, powers: _Power = powers, own: _Power | None = own) -> Matrix:
-                return powers.at(times) if own is None else np.maximum(powers.at(times), own.at(times))
+            def power(times: Matrix, powers: _Power = powers, alone: _Power | None = alone) -> Matrix:
+                return powers.at(times) if alone is None else np.maximum(powers.at(times), alone.at(times))
 
             risk, worst = _risk(
                 power, float(off[k]), _LARGEST[wrong] / size, lambda error: _beyond(error, 1.0)

@@ -23,7 +23,7 @@ from .convergence import tail_effective
 
 _TAIL = 0.025
 _LARGEST = 0.01  # of all weight: one draw that has more says that others, not drawn, would have too
-_CHANCE = 4.0  # standard errors
+_CONTRADICTED = 4.0  # standard errors
 _FEWEST = 0.5  # effective, of the draws: with fewer the weights tell less than a Markov chain
 
 
@@ -50,7 +50,7 @@ class Ends(NamedTuple):
     def contradict(self, other: Ends) -> bool:
         """Whether chance does not explain by what these are off the other ones."""
         off = max(abs(self.q2_5 - other.q2_5), abs(self.q97_5 - other.q97_5))
-        return off > _CHANCE * float(np.hypot(self.error, other.error))
+        return off > _CONTRADICTED * float(np.hypot(self.error, other.error))
 
 
 class MarginalT(NamedTuple):

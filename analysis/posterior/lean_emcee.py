@@ -15,7 +15,7 @@ _KDE = "emcee.moves.kde"
 
 def lean_emcee() -> ModuleType:
     """The module `emcee`, whole; scipy.stats is as it was."""
-    finder = _Finder()
+    finder = _KdeFinder()
     sys.meta_path.insert(0, finder)
     try:
         import emcee
@@ -25,7 +25,7 @@ def lean_emcee() -> ModuleType:
     return module
 
 
-class _Finder(MetaPathFinder):
+class _KdeFinder(MetaPathFinder):
     """Finds the module of the KDE move alone."""
 
     def find_spec(

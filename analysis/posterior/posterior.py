@@ -232,7 +232,7 @@ def sample_posterior(
         )
         return weighted_ends(of_mean + proposed.points @ along, proposed.log_weights, marginal)
 
-    found: dict[str, Ends] = {}  # of the draws so far
+    ends: dict[str, Ends] = {}  # of the draws so far
 
     def short(judged: Matrix, proposed: Proposed | None) -> float:
         for j, (item, state) in enumerate(_free(problem, solution.status)):
@@ -240,8 +240,8 @@ def sample_posterior(
                 of_draws = Ends.of_draws(_chains(judged[..., j]))
                 better = None if proposed is None else sharp(proposed, j, item)
                 # Another mode, which the draws have found, is not among the proposals.
-                found[item.name] = of_draws if better is None or better.contradict(of_draws) else better
-        return 0.0 if short_by is None else short_by(found)
+                ends[item.name] = of_draws if better is None or better.contradict(of_draws) else better
+        return 0.0 if short_by is None else short_by(ends)
 
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
@@ -257,7 +257,7 @@ def sample_posterior(
         progress=progress,
     )
     summary, draws = _summarised(problem, sampled, solution.status, ess, time.perf_counter() - began)
-    return summary, replace(draws, ends=found)
+    return summary, replace(draws, ends=ends)
 
 
 def _summarised(

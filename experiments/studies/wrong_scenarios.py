@@ -39,7 +39,7 @@ class Scenario:
     noticeable: bool = True
 
     def is_named_by(self, cause: str, joints: tuple[int, ...]) -> bool:
-        return any(cause == own and of in ((), joints) for own, of in self.named)
+        return any(cause == named and of in ((), joints) for named, of in self.named)
 
 
 def scenarios() -> tuple[Scenario, ...]:

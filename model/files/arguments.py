@@ -67,7 +67,7 @@ class Laser:
         """The header's key `tool`, plain."""
         sigma = _without_none(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
         keys = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
-        return _tool(laser.Laser.name, keys, sigma)
+        return _tool(laser.LaserBeam.name, keys, sigma)
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Probe:
     def content(self) -> dict[str, object]:
         """The header's key `tool`, plain."""
         keys = {"point_mm": self.point_mm, "calibrated": self.calibrated}
-        return _tool(probe.Probe.name, keys, _without_none(shift_mm=self.shift_mm))
+        return _tool(probe.ProbeTip.name, keys, _without_none(shift_mm=self.shift_mm))
 
 
 @dataclass(frozen=True)

@@ -117,5 +117,5 @@ class Instrument(ABC):
         raise ValueError(f"a {self.name} has no beam")
 
     @abstractmethod
-    def predict(self, seen: ca.SX, unknowns: ca.SX) -> ca.SX:
-        """The reading (d, 1) of a target that is `seen` (3, 1) mm from the flange."""
+    def predict(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+        """The reading (d, 1) of a `target` (3, 1) mm in the flange frame."""

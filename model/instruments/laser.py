@@ -16,7 +16,7 @@ _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
 
 
 @dataclass(frozen=True, eq=False)
-class Laser(Instrument):
+class LaserBeam(Instrument):
     """Its reading is where the target is across the beam, along b1 and b2 (`beam_frame`)."""
 
     name = "laser"
@@ -61,9 +61,9 @@ class Laser(Instrument):
         point, direction, _ = self.beam_frame(unknowns)
         return point, direction
 
-    def predict(self, seen: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def predict(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         point, _, across = self.beam_frame(unknowns)
-        return across.T @ (seen - point)
+        return across.T @ (target - point)
 
     def beam_frame(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Point p (3, 1) mm, unit direction u (3, 1) and basis B (3, 2) across it, in the flange frame.
@@ -84,8 +84,8 @@ class Laser(Instrument):
 
     def nominal_beam(self) -> tuple[Matrix, Matrix, Matrix]:
         """Point (3,) mm, unit direction (3,) and basis (3, 2) of the beam as stated, in the flange frame."""
-        stated = replace(self, calibrated=True, tolerated=False)
-        point, direction, across = stated.beam_frame(ca.SX())
+        exact = replace(self, calibrated=True, tolerated=False)
+        point, direction, across = exact.beam_frame(ca.SX())
         return ca.DM(point).full()[:, 0], ca.DM(direction).full()[:, 0], ca.DM(across).full()
 
     def _across(self, direction: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -11,7 +11,7 @@ from .kind import Instrument, Unknown, Words
 
 
 @dataclass(frozen=True, eq=False)
-class Probe(Instrument):
+class ProbeTip(Instrument):
     """Nothing is read: a measurement is taken when the tip sits in its socket."""
 
     name = "probe"
@@ -53,5 +53,5 @@ class Probe(Instrument):
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         return self.tip(unknowns), ca.SX.zeros(3)
 
-    def predict(self, seen: ca.SX, unknowns: ca.SX) -> ca.SX:
-        return seen - self.tip(unknowns)
+    def predict(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+        return target - self.tip(unknowns)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from .kind import Instrument
-from .laser import Laser
-from .probe import Probe
+from .laser import LaserBeam
+from .probe import ProbeTip
 
-KINDS: dict[str, type[Instrument]] = {kind.name: kind for kind in (Laser, Probe)}
+KINDS: dict[str, type[Instrument]] = {kind.name: kind for kind in (LaserBeam, ProbeTip)}
 
 
 def kind_of(name: str) -> type[Instrument]:

@@ -175,11 +175,11 @@ def residual(
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """What is predicted of a reading (d,), less the reading, and its Jacobians by the joints (d, n) and by
     the target (d, 3)."""
-    seen, stations = robot.in_flange(turns, target)
-    at = ca.SX.sym("seen", 3)
+    target_in_flange, stations = robot.in_flange(turns, target)
+    at = ca.SX.sym("target_in_flange", 3)
     predicted = tool.predict(at, unknown)
     across = ca.jacobian(predicted, at).T
-    predicted, across = ca.substitute([predicted, across], [at], [seen])
+    predicted, across = ca.substitute([predicted, across], [at], [target_in_flange])
     return (predicted - reading, *robot.in_flange_jacobian(turns, stations, across))
 
 

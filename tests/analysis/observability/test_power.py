@@ -200,12 +200,13 @@ def test_what_a_pass_does_not_exclude() -> None:
     harmless, sure = DetectionPower("tool", 1.0, "mm", 0.0, 0.2), DetectionPower("noise", 3.0, "1", 0.9, 2.8)
     assert [each.dangerous for each in (jump, harmless, sure)] == [True, False, False]
     assert unnoticed_sentence((jump, harmless, sure)) == (
-        "Measurements like these pass with an offset wrong by more than 4 u after a jump of 0.12° in the zero"
-        " of joint 5 (42 %): the probability is that at the worst size."
+        "A pass does not exclude the following (in brackets: the share of such runs that pass with an offset"
+        " wrong by more than 4 standard uncertainties): a jump of 0.12° in the zero of joint 5 (42 %). The first"
+        " postures, measured again at the end of a run, show what changed during it."
     )
     assert unnoticed_sentence((harmless, sure)) is unnoticed_sentence(()) is None
     assert condition((jump, harmless, sure, beam)) == (
-        "no joint's zero jumped during the run and the tool is within what is stated of it"
+        "nothing changed during the run and the arm and the tool are within their tolerances"
     )
     assert condition((harmless, sure)) is None
     assert no_plan_sentence((jump, harmless)) == (

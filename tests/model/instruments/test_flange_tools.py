@@ -4,7 +4,7 @@ import pytest
 from plain_model import beam, by_differences, unit
 
 from zerobeam.model.files.header import Header
-from zerobeam.model.instruments.laser import Laser
+from zerobeam.model.instruments.laser import LaserBeam
 from zerobeam.model.likelihood.problem import instrument
 
 
@@ -15,7 +15,7 @@ def header(**tool):
 
 def laser(direction, *, calibrated=False, point=(0.0, 0.0, 65.0)):
     u = np.array(direction, dtype=float)
-    return Laser(calibrated, np.array(point), u / np.linalg.norm(u), np.radians(3), 10.0)
+    return LaserBeam(calibrated, np.array(point), u / np.linalg.norm(u), np.radians(3), 10.0)
 
 
 def at(tool, unknowns=()):

@@ -31,7 +31,7 @@ from zerobeam.experiments.history.signing import (
 )
 from zerobeam.experiments.history.store import add, results, whole_answer
 from zerobeam.model.errors import BadInput
-from zerobeam.model.instruments.laser import Laser
+from zerobeam.model.instruments.laser import LaserBeam
 from zerobeam.reports.history.certificate import (
     SCHEMA,
     certificate_json,
@@ -171,7 +171,7 @@ def test_the_first_page_has_what_a_laboratory_must_state(tmp_path: Path) -> None
     assert {key: found["form"][key] for key in STATED} == STATED
     assert found["form"].keys() == {*CERTIFICATE_KEYS, "instruments"}
     names = [name for key, name in CERTIFICATE_KEYS.items() if key != "traceability"]
-    names += [name for name, _ in Laser.words.traced]
+    names += [name for name, _ in LaserBeam.words.traced]
     for said in (*names, *(text for key, text in STATED.items() if key != "traceability"), "Signature"):
         assert said in text, said
     assert "by DKD-K-0815" in pdf_text(folder / "certificate.pdf")
