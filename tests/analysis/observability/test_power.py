@@ -201,8 +201,8 @@ def test_what_a_pass_does_not_exclude() -> None:
     assert [each.dangerous for each in (jump, harmless, sure)] == [True, False, False]
     assert unnoticed_sentence((jump, harmless, sure)) == (
         "A pass does not exclude the following (in brackets: the share of such runs that pass with an offset"
-        " wrong by more than 4 standard uncertainties): a jump of 0.12° in the zero of joint 5 (42 %). The first"
-        " postures, measured again at the end of a run, show what changed during it."
+        " wrong by more than 4 standard uncertainties): a jump of 0.12° in the zero of joint 5 (42 %). The"
+        " first postures, measured again at the end of a run, show what changed during it."
     )
     assert unnoticed_sentence((harmless, sure)) is unnoticed_sentence(()) is None
     assert condition((jump, harmless, sure, beam)) == (
