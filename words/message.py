@@ -77,7 +77,7 @@ class _Case:
     """What a message is made of: of a result, or of a solution while its run is being measured, of which no
     `diagnosis` was made. `off` are placements that the others do not predict, `warnings` sentences that no
     finding says, `power` what a pass may not have noticed. `met` says of a pass whether the robot meets what
-    it must, `expected` why."""
+    it must, `expected` why; `unmet` unless it surely does."""
 
     verdict: Verdict
     stopped: str | None
@@ -94,6 +94,7 @@ class _Case:
     warnings: Sequence[str] = ()
     power: Sequence[DetectionPower] = ()
     met: str | None = None
+    unmet: bool = False
     expected: str | None = None
 
     @property
@@ -143,8 +144,7 @@ def tone(result: Result) -> Tone:
     case = _case(result)
     if case.verdict != "pass":
         return case.verdict
-    unmet = result.conformity is not None and result.conformity.decision != "conforms"
-    return "held" if case.simulated else "weak" if unmet else "pass"
+    return "held" if case.simulated else "weak" if case.unmet else "pass"
 
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
@@ -204,6 +204,7 @@ def _case(result: Result) -> _Case:
         warnings=tuple(_warnings(result)),
         power=result.power,
         met=None if judged is None else met_words(judged),
+        unmet=judged is not None and judged.decision != "conforms",
         expected=None if judged is None or after is None else expected_sentence(judged, after),
     )
 
@@ -294,8 +295,6 @@ def _determined(case: _Case, name: Namer) -> str:
         sentences.append(f"{_are(weak, name)} only weakly observable, {_within(case, weak)}.")
     if known:
         sentences.append(f"{_are(known, name)} identified, {_within(case, known, k_said=bool(weak))}.")
-    if known and case.condition is not None:
-        sentences.append(f"This holds if {case.condition}.")
     return " ".join(sentences) or "No offset is estimated: all are held."
 
 
@@ -337,7 +336,8 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
         cause = worst_direction(case.null_space, row.name).cause
         why = by_tolerances(cause, row.tolerance_share) or reason(cause, name)
         return f"{name(row.name)}: {why}" if row.status == "weak" else why
-    return case.expected
+    limits = [case.expected, case.condition and f"This holds if {case.condition}"]
+    return " ".join(each for each in limits if each) or None
 
 
 _DISPLACED = (Displacement, RecordingStep)
@@ -393,9 +393,10 @@ def _action(case: _Case) -> Action:
             "Enter nothing: no robot was measured. Measure yours, by this plan or a new one.", _plan(case)
         )
     command, file = export_command(case.vendor)
-    return Action(
-        "Write the values to enter into a file for this robot.", f"zerobeam {command} {run} -o {file}"
-    )
+    enter = "Write the values to enter into a file for this robot."
+    if case.unmet:
+        enter += " They are not enough for what is required: do not release the robot on them."
+    return Action(enter, f"zerobeam {command} {run} -o {file}")
 
 
 def _mend(case: _Case) -> str:
