@@ -49,7 +49,7 @@ def worked_out(answer: Any) -> Iterator[float]:
     yield from (math.hypot(*shot["miss_mm"]) for shot in answer["shots"])
     for stds in (answer["geometry"][key] or {} for key in ("consider", "at_half", "at_twice")):
         yield from (k * std for std in stds.values())
-    yield from (100 * wrong["probability"] for wrong in answer["power"] or ())
+    yield from (100 * wrong[key] for wrong in answer["power"] or () for key in ("probability", "risk"))
     for direction in answer["identifiability"]["null_space"]:
         yield from map(abs, direction["combination"].values())  # its sign is set apart
     for row in answer["parameters"]:
