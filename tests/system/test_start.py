@@ -32,6 +32,17 @@ def loaded(*arguments: object) -> set[str]:
     return names
 
 
+def with_special_functions() -> set[str]:
+    """What scipy.special loads by itself: scipy.linalg too, in older versions."""
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys, scipy.special; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(done.stdout.split())
+
+
 def test_check_loads_special_functions_no_sampler_and_no_figures(tmp_path: Path) -> None:
     names = loaded("check", plan_file(tmp_path / "plan.yaml", good_plan(7)))
     assert "numpy" in names
@@ -47,7 +58,13 @@ def test_check_loads_special_functions_no_sampler_and_no_figures(tmp_path: Path)
         "rich.progress",
     }
     assert (
-        names & {*unused, "zerobeam.analysis.answer.result", "zerobeam.analysis.posterior.sampler"} == set()
+        names
+        & {
+            *unused - with_special_functions(),
+            "zerobeam.analysis.answer.result",
+            "zerobeam.analysis.posterior.sampler",
+        }
+        == set()
     )
 
 
@@ -69,7 +86,7 @@ def test_analyse_loads_what_it_computes_with_and_no_figures() -> None:
         "numpy.f2py.f2py2e",
         "numpy.testing._private",
     }
-    assert names & unused == set()
+    assert names & (unused - with_special_functions()) == set()
 
 
 @pytest.mark.parametrize("word", ["--help", "--version", "nothing"])

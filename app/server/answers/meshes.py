@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -60,11 +61,22 @@ def read_mesh(path: Path) -> Mesh:
         if "<scene" not in text:
             raise BadInput("the COLLADA file names no scene that could be drawn", file=path)
     try:
-        scene = trimesh.load_scene(BytesIO(content), file_type=kind[1:], process=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # older NumPy: of a number that is none
+            scene = trimesh.load_scene(BytesIO(content), file_type=kind[1:], process=False)
         mesh = _mesh(scene.to_mesh(), scene.units if kind == ".dae" else None)
     except IndexError:
         raise BadInput("a triangle of the mesh has a vertex that is not there", file=path) from None
-    except (ValueError, KeyError, AttributeError, TypeError, RecursionError, ParseError, DaeError) as error:
+    except (
+        ValueError,
+        KeyError,
+        AttributeError,
+        TypeError,
+        RecursionError,
+        DeprecationWarning,
+        ParseError,
+        DaeError,
+    ) as error:
         raise BadInput(f"the mesh cannot be read: {error}", file=path) from None
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         raise BadInput("the mesh has no triangles, or places that are no numbers", file=path)
