@@ -35,7 +35,7 @@ def disk(tmp_path: Path) -> Iterator[Callable[[str], Path]]:
         return folder
 
     yield again
-    subprocess.run(["umount", folder], check=True)
+    subprocess.run(["umount", "--lazy", folder], check=True)  # a connection may still be open
 
 
 @pytest.fixture
