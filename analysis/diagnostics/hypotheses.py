@@ -135,6 +135,16 @@ def _far_zeros(problem: Problem, x: Matrix, revolute: list[int]) -> Iterator[Cha
             yield Change("zero", (i + 1,), recorded, degrees, occam=occam)
 
 
+def _is_estimated(problem: Problem, x: Matrix, change: Change) -> bool:
+    """Whether the change is a zero as far off as the fit as recorded has it, beyond the prior."""
+    if change.cause != "zero":
+        return False
+    block, joint = problem.parameters.block("offset"), change.joints[0] - 1
+    off, std = x[block][joint], problem.parameters.prior_std[block][joint]
+    apart = np.remainder(off - np.radians(change.amount) + np.pi, 2 * np.pi) - np.pi
+    return bool(problem.parameters.free[block][joint] and abs(off) > _FAR * std and abs(apart) <= _FAR * std)
+
+
 def _units(recorded: Matrix, revolute: list[int]) -> Iterator[Change]:
     """Radians that were taken for degrees, or degrees that were converted to degrees once more."""
     largest = float(np.abs(recorded[:, revolute]).max(initial=0.0))
@@ -248,7 +258,9 @@ def hypothesis_fits(
     """What the best hypotheses leave of a problem at known noise. The fit as recorded ended at x (p,) and
     leaves `base`; `slack` is that of `HypothesisFit.agrees`."""
     every = list(changes(problem, x))
-    fits = [*_of_changes(problem, every, len(every)), *_of_suspects(problem, x)]
+    # Far zeros leave the residuals as they are: only the prior speaks against them.
+    far = [i for i, change in enumerate(every) if _is_estimated(problem, x, change)]
+    fits = [*_of_changes(problem, every, len(every), always=far), *_of_suspects(problem, x)]
     if not any(fit.agrees(slack) for fit in fits):
         arms = list(map(_of_variant, other_arms(problem.robot, siblings=False)))
         fits += _of_changes(problem, arms, len(every) + len(arms), most=1)
@@ -259,9 +271,13 @@ def hypothesis_fits(
 
 
 def _of_changes(
-    problem: Problem, every: Sequence[Change], tried: int, most: int = _CONFIRMED
+    problem: Problem,
+    every: Sequence[Change],
+    tried: int,
+    most: int = _CONFIRMED,
+    always: Sequence[int] = (),
 ) -> list[HypothesisFit]:
-    """The best of the changes by their fit with nominal geometry, fitted whole."""
+    """The best of the changes by their fit with nominal geometry, and those `always` to try, fitted whole."""
     rows = _thinned(problem, _SCREENED)
     few = problem.select(rows)
     recorded = [
@@ -273,6 +289,7 @@ def _of_changes(
     x, cost = screened(few, robots, np.array(recorded), np.array(weights))
     criterion = cost[1:] + 2 * few.data_size * np.array([change.volume for change in every])
     best = [int(i) for i in np.argsort(criterion, kind="stable")[:most] if criterion[i] < cost[0]]
+    best += [i for i in always if i not in best]
     nominal = problem.parameters.without("geometry")
     return [
         left

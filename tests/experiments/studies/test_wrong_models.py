@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zerobeam.analysis.diagnostics.diagnosis import diagnose
 from zerobeam.experiments.studies import wrong_models
 from zerobeam.experiments.studies.wrong_arms import recorded, typical
 from zerobeam.experiments.studies.wrong_models import header_of, plan_of, wrong_models_study
@@ -53,6 +54,14 @@ def test_an_arm_without_noise_and_backlash_is_what_the_model_has() -> None:
     np.testing.assert_allclose(problem.linearise(x)[0], 0.0, atol=1e-9)
     x[names.index("link2.a")] += 0.1
     assert np.abs(problem.linearise(x)[0]).max() > 0.01
+
+
+@pytest.mark.parametrize("name", ["zero of J3 -30° off", "zero of J2 90° off"])
+def test_a_zero_beyond_its_prior_is_named_though_others_take_up_more_of_the_links(name: str) -> None:
+    (scenario,) = (one for one in scenarios() if one.name == name)
+    for _, solution in wrong_models._solved(scenario, plan_of("irb1600", 12, 0), 3, 0):
+        first = diagnose(solution)[0]
+        assert scenario.is_named_by(first.cause, first.joints)
 
 
 def test_there_are_at_least_forty_wrong_models_each_with_a_name() -> None:
