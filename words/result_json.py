@@ -208,8 +208,7 @@ def _misfit(misfit: Misfit | None) -> document.MisfitDocument | None:
         return None
     rows = []
     for one in misfit.criteria:
-        at = one.at._asdict() if isinstance(one, Displacement) else {}
-        at = vars(one.at) if isinstance(one, RunChange) else at
+        at = one.at._asdict() if isinstance(one, Displacement | RunChange) else {}
         rows.append(_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one), **at))
     return document.MisfitDocument.model_construct(criteria=tuple(rows))
 

@@ -22,8 +22,8 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import ANGLES
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ..observability.changes import FEWEST, after
-from ..recordings.recordings import by_targets
+from ..observability.biases import Linearised, revolute
+from ..observability.changes import FEWEST, after, elapsed
 from .cause import Cause
 
 # Standard deviations that are tried, from a little more than what is typical upwards.
@@ -72,63 +72,20 @@ class Suspect:
     freed: float = 0.0  # where it has no columns
 
 
-class Linear:
+class Linear(Linearised):
     """A fit at known noise, linearised at its mode x (p,), the measurements in their order in time."""
 
     def __init__(self, problem: Problem, x: Matrix) -> None:
-        self.problem, self.x = problem, x
-        whitened = problem.whiten(x)
-        self.residual, self.jacobian = whitened.residual, whitened.jacobian
-        self.factor = whitened.factor
-        self.free = self.jacobian[:, problem.parameters.free]
-        information = self.free.T @ self.free
-        self.information = information + np.eye(len(information))
-        self.covariance: Matrix = np.asarray(np.linalg.inv(self.information), dtype=float)
-        parameters = problem.parameters
+        super().__init__(problem, x)
+        self.x, parameters = x, problem.parameters
         z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
         # Of a point that is not quite the mode: the residuals there, by one step of Gauss and Newton's.
         self.residual = self.residual - self.free @ (self.covariance @ (self.free.T @ self.residual + z))
-        self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
-        self.size = problem.tool.residual_size
-        _, shot_jacobians = problem.linearise(x)
-        roots = np.sqrt(problem.weights)[:, None, None]
-        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
-        self.by_joints: Matrix = np.asarray(by_joints * roots, dtype=float)
-        self.by_place = by_targets(problem, whitened)
-        self.by_spot: Matrix = np.asarray(-np.linalg.inv(whitened.factor) * roots, dtype=float)
-
-    @cached_property
-    def shots_residual(self) -> Matrix:
-        """(N, d) whitened."""
-        return self.residual[: self.problem.shots * self.size].reshape(-1, self.size)
-
-    @cached_property
-    def roots(self) -> Matrix:
-        """(N, d, f)."""
-        return self.free[: self.problem.shots * self.size].reshape(self.problem.shots, self.size, -1)
 
     @cached_property
     def at_prior_means(self) -> Matrix:
         """(M,) r0, the residuals at the prior means: r = (I - A C A') r0."""
         return np.asarray(self.residual + self.free @ (self.free.T @ self.residual))
-
-    def rows(self, of_shots: Matrix) -> Matrix:
-        """(M, k) whitened columns of all residuals, from those of the measurements (N, d, k)."""
-        measured, columns = self.problem.shots * self.size, of_shots.shape[-1]
-        result = np.zeros((len(self.residual), columns))
-        result[:measured] = of_shots.reshape(measured, columns)
-        return result
-
-    def normal(self, columns: Matrix) -> tuple[Matrix, Matrix]:
-        """y (k,) and G (k, k) of whitened columns (M, k)."""
-        through = self.free.T @ columns
-        return columns.T @ self.residual, columns.T @ columns - through.T @ self.covariance @ through
-
-    def passed(self) -> Matrix:
-        """(N,) from 0 at the first measurement to 1 at the last."""
-        result = np.zeros(self.problem.shots)
-        result[self.order] = np.linspace(0.0, 1.0, self.problem.shots)
-        return result
 
     def motions(self) -> Matrix:
         """(N, n) of each measurement from the one before; 0 of the first."""
@@ -248,7 +205,7 @@ def _of_place(cause: Cause, course: Matrix, **more: object) -> Suspect:
     """What adds b times `course` (N,) to the place of the targets: b in mm, base frame."""
 
     def shifted(linear: Linear) -> Matrix:
-        return np.asarray(linear.by_place * course[:, None, None])
+        return np.asarray(linear.by_target * course[:, None, None])
 
     return _of_spots(cause, shifted, **more)
 
@@ -273,7 +230,7 @@ def _moved_targets(linear: Linear) -> Iterator[Suspect]:
         rows = linear.order[problem.target_index[linear.order] == k]
         if len(rows) < 2 * FEWEST:
             continue
-        y, gram = _after(linear, linear.by_place, rows)
+        y, gram = _after(linear, linear.by_target, rows)
 
         def made(index: int, rows: Index = rows, name: str = name) -> Suspect:
             late = np.zeros(problem.shots)
@@ -340,8 +297,7 @@ def _without(linear: Linear, gone: Sequence[int]) -> Suspect:
 def _of_motion(linear: Linear) -> Iterator[Suspect]:
     """A gain of a joint, a lag behind the motion, backlash: of one joint, and of all alike."""
     problem = linear.problem
-    revolute = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == "revolute"]
-    motions = linear.motions()
+    turning, motions = revolute(problem), linear.motions()
     gains = np.stack(
         [(linear.by_joints[:, :, i] * problem.joints[:, [i]]) for i in range(problem.robot.n)], axis=-1
     )
@@ -351,15 +307,15 @@ def _of_motion(linear: Linear) -> Iterator[Suspect]:
     y, gram = _each(linear, linear.rows(lag))
     yield from _suspects(y, gram, _SHARES, lambda _: _of_all_joints("lag", motions[:, :, None]))
     sides = np.sign(motions)
-    slack = linear.by_joints[:, :, revolute] * sides[:, None, revolute]
+    slack = linear.by_joints[:, :, turning] * sides[:, None, turning]
     unit = float(np.radians(1.0))
     y, gram = _each(linear, linear.rows(slack))
     yield from _suspects(
-        y, gram, _BACKLASH, lambda k: _of_joint("backlash", revolute[k], sides[:, [revolute[k]]]), unit
+        y, gram, _BACKLASH, lambda k: _of_joint("backlash", turning[k], sides[:, [turning[k]]]), unit
     )
     y, gram = linear.normal(linear.rows(slack))
-    courses = np.zeros((problem.shots, problem.robot.n, len(revolute)))
-    for k, i in enumerate(revolute):
+    courses = np.zeros((problem.shots, problem.robot.n, len(turning)))
+    for k, i in enumerate(turning):
         courses[:, i, k] = sides[:, i]
     yield from _suspects(y[None], gram[None], _BACKLASH, lambda _: _of_all_joints("backlash", courses), unit)
 
@@ -380,7 +336,7 @@ def _of_all_joints(cause: Cause, courses: Matrix) -> Suspect:
 
 
 def _drifts(linear: Linear) -> Iterator[Suspect]:
-    problem, passed = linear.problem, linear.passed()
+    problem, passed = linear.problem, elapsed(linear.order, linear.problem.shots)
     for kind, unit in (("revolute", float(np.radians(1.0))), ("prismatic", 1.0)):
         joints = [i for i, joint in enumerate(problem.robot.joints) if joint.kind == kind]
         if joints:
@@ -390,7 +346,7 @@ def _drifts(linear: Linear) -> Iterator[Suspect]:
     parts = []
     for k in range(len(problem.targets)):
         course = passed * (problem.target_index == k)
-        parts.append(linear.normal(linear.rows(linear.by_place * course[:, None, None])))
+        parts.append(linear.normal(linear.rows(linear.by_target * course[:, None, None])))
     if parts:
         y, gram = (np.array(part) for part in zip(*parts, strict=True))
 
@@ -414,7 +370,7 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
         tilts = [i for i, item in items if item.group == "tool" and item.unit == "deg"]
         for which, sizes, of, scale in ((shifts, _MM[:2], "point", 1.0), (tilts, _TILTS, "direction", unit)):
             if which:
-                y, gram = linear.normal(_by_parameters(linear, which))
+                y, gram = linear.normal(linear.by_parameters(which))
                 suspect = _of_prior(parameters, which, "tool", of=of)
                 yield from _suspects(y[None], gram[None], sizes, partial(_itself, suspect), scale)
     for angle in (False, True):
@@ -429,7 +385,7 @@ def _of_parameters(linear: Linear) -> Iterator[Suspect]:
             and item.of != f"link{linear.problem.robot.n}"
         ]
         if which:
-            y, gram = _each(linear, _by_parameters(linear, which))
+            y, gram = _each(linear, linear.by_parameters(which))
 
             def made(k: int, which: list[int] = which) -> Suspect:
                 item = parameters.items[which[k]]
@@ -443,16 +399,11 @@ def _itself(suspect: Suspect, _: int) -> Suspect:
     return suspect
 
 
-def _by_parameters(linear: Linear, which: list[int]) -> Matrix:
-    """(M, k) whitened columns by some parameters, internal units."""
-    return np.asarray(linear.jacobian[:, which] / linear.problem.parameters.prior_std[which])
-
-
 def _of_prior(parameters: Parameters, which: list[int], cause: Cause, **more: object) -> Suspect:
     """What moves the prior means of some parameters."""
 
     def columns(linear: Linear) -> Matrix:
-        return _by_parameters(linear, which)
+        return linear.by_parameters(which)
 
     def corrected(linear: Linear, values: Matrix) -> Problem:
         items = list(linear.problem.parameters.items)
@@ -522,7 +473,7 @@ def _links_freed(linear: Linear, which: list[int]) -> Iterator[Suspect]:
 def _noise(linear: Linear) -> Iterator[Suspect]:
     """All readings scatter so many times as much as stated: the marginal likelihood at that noise."""
     at_means = linear.at_prior_means
-    values, vectors = np.linalg.eigh(linear.free.T @ linear.free)
+    values, vectors = np.linalg.eigh(linear.gram)
     values = np.maximum(values, 0.0)
     along = (vectors.T @ (linear.free.T @ at_means)) ** 2
 

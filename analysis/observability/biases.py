@@ -1,4 +1,4 @@
-"""What a fit makes of a wrong model: what is left of it in the residuals, and how far it moves the offsets.
+"""A fit, linearised; and what it makes of a wrong model: what is left in the residuals, what the offsets do.
 
 A wrong model moves the whitened residuals by b. With the Jacobian A by the scaled parameters and
 C = (A'A + I)^-1 the fit leaves M b, M = I - A C A', and moves its parameters by C A'b. What it leaves and
@@ -6,6 +6,8 @@ what it moves are independent of each other, as of any linear model with normal 
 """
 
 from __future__ import annotations
+
+from functools import cached_property
 
 import numpy as np
 
@@ -15,19 +17,62 @@ from ...model.likelihood.problem import Problem
 from ..recordings.recordings import by_targets
 
 
-class Biases:
+class Linearised:
+    """A fit at x (p,): the whitened residuals r (M,) with their Jacobians by the scaled parameters, `free`
+    (M, f) = A by those that are estimated, and the `covariance` C (f, f) of these, priors included.
+
+    Of each measurement, whitened: `by_joints` (N, d, n), rad or mm; `by_spot` (N, d, d) and `by_target`
+    (N, d, 3), mm; `roots` (N, d, f) by the parameters. `order` (N,) are the measurements as time goes.
+    """
+
+    def __init__(self, problem: Problem, x: Matrix) -> None:
+        self.problem = problem
+        whitened = problem.whiten(x)
+        self.residual, self.jacobian, self.factor = whitened.residual, whitened.jacobian, whitened.factor
+        self.free = self.jacobian[:, problem.parameters.free]
+        self.gram = self.free.T @ self.free
+        self.covariance: Matrix = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram))), dtype=float)
+        self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
+        self.size = problem.tool.residual_size
+        _, shot_jacobians = problem.linearise(x)
+        roots = np.sqrt(problem.weights)[:, None, None]
+        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
+        self.by_joints: Matrix = np.asarray(by_joints * roots, dtype=float)
+        self.by_spot: Matrix = np.asarray(-np.linalg.inv(whitened.factor) * roots, dtype=float)
+        self.by_target = by_targets(problem, whitened)
+        self.roots = problem.roots(whitened)
+
+    @cached_property
+    def shots_residual(self) -> Matrix:
+        """(N, d) whitened."""
+        return self.residual[: self.problem.shots * self.size].reshape(-1, self.size)
+
+    def by_parameters(self, which: list[int]) -> Matrix:
+        """(M, k) by some parameters, rad or mm."""
+        return np.asarray(self.jacobian[:, which] / self.problem.parameters.prior_std[which])
+
+    def rows(self, of_shots: Matrix) -> Matrix:
+        """(M, k) whitened columns of all residuals, from those of the measurements (N, d, k)."""
+        measured, columns = self.problem.shots * self.size, of_shots.shape[-1]
+        result = np.zeros((len(self.residual), columns))
+        result[:measured] = of_shots.reshape(measured, columns)
+        return result
+
+    def normal(self, columns: Matrix) -> tuple[Matrix, Matrix]:
+        """y = B'r (k,) and G = B'M B (k, k) of whitened columns B (M, k)."""
+        through = self.free.T @ columns
+        return columns.T @ self.residual, columns.T @ columns - through.T @ self.covariance @ through
+
+
+class Biases(Linearised):
     """Biases b of the whitened residuals at x (p,), by u = A'b (f, k) and the squares b'b (k,)."""
 
     def __init__(self, problem: Problem, x: Matrix) -> None:
-        self.problem, parameters = problem, problem.parameters
-        whitened = problem.whiten(x)
-        jacobian = whitened.jacobian
-        self.residual, self.columns = whitened.residual, jacobian[:, parameters.free]
-        gram = self.columns.T @ self.columns
-        self.covariance: Matrix = np.asarray(np.linalg.inv(gram + np.eye(len(gram))), dtype=float)
+        super().__init__(problem, x)
+        parameters = problem.parameters
         at = parameters.among_free[problem.tolerated]
         # |M b|^2 and the squares of what has a tolerance: b'b + u' Q u.
-        self.taken = self.covariance @ gram @ self.covariance - 2 * self.covariance
+        self.taken = self.covariance @ self.gram @ self.covariance - 2 * self.covariance
         self.taken += self.covariance[:, at] @ self.covariance[at]
         self.offsets = np.flatnonzero(parameters.group("offset")[parameters.free])
         std = np.sqrt(np.diag(self.covariance)[self.offsets])
@@ -36,19 +81,6 @@ class Biases:
         places = np.flatnonzero(parameters.group("offset") & parameters.free)
         self.joints: Index = places - parameters.block("offset").start
         self.std = std * parameters.prior_std[places]
-        _, shot_jacobians = problem.linearise(x)
-        by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
-        # (N, d, n) of each measurement by its joints, rad or mm; (N, d, d) by its spot, mm;
-        # (N, d, 3) by its target, mm; (N, d, f) by the parameters.
-        self.by_joints = by_joints * np.sqrt(problem.weights)[:, None, None]
-        self.by_spot = -np.linalg.inv(whitened.factor) * np.sqrt(problem.weights)[:, None, None]
-        self.by_target = by_targets(problem, whitened)
-        self.roots = problem.roots(whitened)
-        self.jacobian = jacobian
-
-    def by_parameters(self, which: list[int]) -> Matrix:
-        """(M, k) by some parameters, rad or mm."""
-        return np.asarray(self.jacobian[:, which] / self.problem.parameters.prior_std[which])
 
     def squares(self, square: Matrix, u: Matrix) -> Matrix:
         """(k,) the noncentralities of the squares of residuals and tolerances."""

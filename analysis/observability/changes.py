@@ -17,7 +17,7 @@ import scipy
 
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem
-from .biases import Biases
+from .biases import Linearised
 
 SIGNIFICANT = 0.01  # p-value of the clearest change of a run, after all that is tested
 FEWEST = 2  # measurements before and after a change
@@ -28,8 +28,7 @@ _EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
 How = Literal["jump", "drift"]
 
 
-@dataclass(frozen=True)
-class ChangeAt:
+class ChangeAt(NamedTuple):
     """The zero of `joint` (from 1), or a `target`, jumped between two measurements or drifted from the first
     to the last of them (`after_shot`, `before_shot`), by `amount` with the standard uncertainty `std` (deg,
     mm)."""
@@ -77,7 +76,7 @@ def run_change(problem: Problem, x: Matrix) -> RunChange | None:
     """The significant change at the mode x (p,); None without one, and where the noise is not known."""
     if not problem.noise.known or _places(problem.shots) == 0:
         return None
-    tried = sorted(_Changes(Biases(problem, x)).clearest(), key=lambda row: row.p_value)
+    tried = sorted(_Changes(Linearised(problem, x)).clearest(), key=lambda row: row.p_value)
     p_value = tried[0].p_value * _tests(problem) if tried else 1.0
     if p_value >= SIGNIFICANT:
         return None
@@ -96,30 +95,27 @@ class _Tried(NamedTuple):
 class _Changes:
     """All changes that are tested, at a mode."""
 
-    def __init__(self, biases: Biases) -> None:
-        self._biases, problem = biases, biases.problem
-        self._order: Index = np.argsort(problem.shot_numbers, kind="stable")
-        shots = problem.shots * problem.tool.residual_size
-        self._residual = biases.residual[:shots].reshape(problem.shots, -1)
+    def __init__(self, fit: Linearised) -> None:
+        self._fit = fit
 
     def clearest(self) -> Iterator[_Tried]:
         """The clearest jump and the drift of each joint, and the drift of each target."""
-        problem = self._biases.problem
+        problem, order = self._fit.problem, self._fit.order
         for joint in range(problem.robot.n):
             yield from self._of_joint(joint)
         for target in range(len(problem.targets)):
-            mine = self._order[problem.target_index[self._order] == target]
+            mine = order[problem.target_index[order] == target]
             if len(mine) >= 2 * FEWEST:
                 yield from self._of_target(problem.targets[target], mine)
 
     def _of_joint(self, joint: int) -> Iterator[_Tried]:
-        biases, order, numbers = self._biases, self._order, self._biases.problem.shot_numbers
-        turns = biases.problem.robot.joints[joint].kind == "revolute"
+        fit, order, numbers = self._fit, self._fit.order, self._fit.problem.shot_numbers
+        turns = fit.problem.robot.joints[joint].kind == "revolute"
         unit, size, shown = ("deg", np.radians(1.0), 1.0) if turns else ("mm", 10.0, 10.0)
-        parts: Matrix = np.asarray(biases.by_joints[:, :, [joint]] * size, dtype=float)
-        y, gram = after(parts[order], biases.roots[order], self._residual[order], biases.covariance)
+        parts: Matrix = fit.by_joints[:, :, [joint]] * size
+        y, gram = after(parts[order], fit.roots[order], fit.shots_residual[order], fit.covariance)
         slopes, information = y[:, 0], gram[:, 0, 0]
-        drift, of_drift = self._normal(parts * _passed(order, len(order))[:, None, None])
+        drift, of_drift = fit.normal(fit.rows(parts * elapsed(order, len(order))[:, None, None]))
         best = int(np.argmax(slopes**2 / np.maximum(information, 1.0)))
         ends = numbers[order[best + FEWEST - 1]], numbers[order[best + FEWEST]]
         whole = numbers[order[0]], numbers[order[-1]]
@@ -134,9 +130,9 @@ class _Changes:
                 yield _tried(one, float(slope**2 / g), 1)
 
     def _of_target(self, name: str, mine: Index) -> Iterator[_Tried]:
-        biases, numbers = self._biases, self._biases.problem.shot_numbers
-        course = _passed(mine, len(self._order))
-        y, gram = self._normal(biases.by_target * course[:, None, None])
+        fit, numbers = self._fit, self._fit.problem.shot_numbers
+        course = elapsed(mine, len(fit.order))
+        y, gram = fit.normal(fit.rows(fit.by_target * course[:, None, None]))
         values, vectors = np.linalg.eigh(gram)
         known = values * _DETERMINED_MM**2 > 1
         values, along = values[known], (vectors.T @ y)[known]
@@ -147,19 +143,12 @@ class _Changes:
             ends = numbers[mine[0]], numbers[mine[-1]]
             yield _tried(ChangeAt("drift", None, name, *ends, size, std, "mm"), chi2, int(known.sum()))
 
-    def _normal(self, parts: Matrix) -> tuple[Matrix, Matrix]:
-        """y (k,) and G (k, k) of columns of the measurements (N, d, k)."""
-        through = np.einsum("nda,ndk->ak", self._biases.roots, parts)
-        square = np.einsum("ndi,ndk->ik", parts, parts)
-        gram = square - through.T @ self._biases.covariance @ through
-        return np.einsum("ndk,nd->k", parts, self._residual), gram
-
 
 def _tried(one: ChangeAt, chi2: float, rank: int) -> _Tried:
     return _Tried(one, float(scipy.special.chdtrc(rank, chi2)), chi2 - 2 * rank)
 
 
-def _passed(rows: Index, count: int) -> Matrix:
+def elapsed(rows: Index, count: int) -> Matrix:
     """(count,) from 0 at the first of `rows`, in their order, to 1 at the last; 0 elsewhere."""
     result = np.zeros(count)
     result[rows] = np.linspace(0.0, 1.0, len(rows))

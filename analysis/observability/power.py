@@ -185,7 +185,7 @@ class _Powers:
     def _along(self, wrong: WrongModel, size: float, unit: str, columns: Matrix) -> DetectionPower:
         """A displacement (of the tool) with these columns (M, 2) in the worst direction."""
         columns = columns @ _directions(columns.shape[1]) * (np.radians(size) if unit == "deg" else size)
-        u = self._biases.columns.T @ columns
+        u = self._biases.free.T @ columns
         return self._worst(wrong, size, unit, (columns**2).sum(axis=0), u)
 
     def _of_joints(self, wrong: WrongModel, size: float, joints: list[int], course: Matrix) -> DetectionPower:
@@ -213,12 +213,14 @@ class _Powers:
         moved = float(scipy.special.chdtri(3, LACK_OF_FIT / places))
         courses = (_second_half, moved), (_steady, change_limit(biases.problem, 3))
         for course, limit in courses:
-            squares, us = [], []
+            every = []
             for rows in targets:
-                parts = biases.by_target[rows] * course(len(rows))[:, None, None] @ _directions(3) * MOVED_MM
-                squares.append((parts**2).sum(axis=(0, 1)))
-                us.append(np.einsum("nda,ndk->ak", biases.roots[rows], parts))
-            square, u = np.concatenate(squares), np.concatenate(us, axis=1)
+                whole = np.zeros(len(index))
+                whole[rows] = course(len(rows))
+                every.append(
+                    biases.of_shots(biases.by_target * whole[:, None, None] @ _directions(3) * MOVED_MM)
+                )
+            square, u = (np.concatenate(parts, axis=-1) for parts in zip(*every, strict=True))
             yield self._worst("moved", MOVED_MM, "mm", square, u, directed=(limit, 3))
 
     def _of_reading(self) -> DetectionPower:
@@ -297,7 +299,7 @@ class _Powers:
         """All deviations of an arm larger than their tolerances, or one of them alone."""
         biases = self._biases
         columns = biases.jacobian[:, which]
-        u = biases.columns.T @ columns
+        u = biases.free.T @ columns
         form = columns.T @ columns + u.T @ biases.taken @ u
         errors = biases.errors(u)
         off = float(np.sqrt((errors**2).sum(axis=1).max(initial=0.0)))
@@ -365,9 +367,7 @@ def _steady(shots: int) -> Matrix:
 
 def _tolerated_arm(problem: Problem) -> Index:
     """The places of the geometry that has a tolerance."""
-    parameters = problem.parameters
-    free = parameters.group("geometry") & parameters.free
-    return np.flatnonzero(free)
+    return np.flatnonzero(problem.parameters.group("geometry") & problem.parameters.free)
 
 
 def _directions(size: int) -> Matrix:
