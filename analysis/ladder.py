@@ -16,6 +16,7 @@ import numpy as np
 
 from ..model.files.header import Header
 from ..model.likelihood.density import Density
+from ..model.likelihood.geometry import BENDING
 from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
 from .estimation.tolerance_factors import Factors, with_factors, with_open_factors
@@ -96,15 +97,13 @@ def climb_ladder(
     return fit, tuple(rungs) if comparable else (), factors
 
 
-_BENDING = frozenset({"gravity", "cos", "sin"})
-
-
 def _up_to(problem: Problem, rung: RungName) -> Problem:
     """The problem with what the rungs above add held at 0: all share the functions of the whole geometry."""
-    held = {"geometry": _BENDING, "gravity": _BENDING - {"gravity"}, "harmonics": frozenset[str]()}
+    gravity, harmonics = BENDING["gravity"], BENDING["harmonics"]
+    above = {"geometry": gravity | harmonics, "gravity": harmonics, "harmonics": frozenset[str]()}
     places = problem.parameters.group("geometry")
     if rung != "offsets":
-        places &= np.array([item.axis in held[rung] for item in problem.parameters.items])
+        places &= np.array([item.axis in above[rung] for item in problem.parameters.items])
     return replace(problem, parameters=problem.parameters.holding(places)) if places.any() else problem
 
 

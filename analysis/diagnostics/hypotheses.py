@@ -8,7 +8,7 @@ noise. Nothing is applied.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -122,27 +122,31 @@ def _added(recorded: Matrix, joint: int, what: Matrix | float) -> Matrix:
 
 def _far_zeros(problem: Problem, x: Matrix, revolute: list[int]) -> Iterator[Change]:
     """Zeros as far off as the fit as recorded has them, where that is beyond the prior and no quarter."""
+    for i, (off, std) in _beyond_priors(problem, x).items():
+        quarter = np.pi / 2 * np.round(off / (np.pi / 2))
+        near = quarter != 0 and abs(off - quarter) <= _FAR * std
+        if i in revolute and not near:
+            occam = float(np.log(2 * np.pi / std))
+            degrees = float(np.degrees(off))
+            yield Change("zero", (i + 1,), _added(problem.joints, i, off), degrees, occam=occam)
+
+
+def _beyond_priors(problem: Problem, x: Matrix) -> dict[int, tuple[float, float]]:
+    """By joint, from 0: the offsets that the fit has beyond their priors, and the stds of these."""
     parameters = problem.parameters
     block = parameters.block("offset")
-    off, std = x[block], parameters.prior_std[block]
-    for i in revolute:
-        quarter = np.pi / 2 * np.round(off[i] / (np.pi / 2))
-        near = quarter != 0 and abs(off[i] - quarter) <= 4 * std[i]
-        if parameters.free[block][i] and abs(off[i]) > 4 * std[i] and not near:
-            degrees = float(np.degrees(off[i]))
-            recorded = _added(problem.joints, i, float(off[i]))
-            occam = float(np.log(2 * np.pi / std[i]))
-            yield Change("zero", (i + 1,), recorded, degrees, occam=occam)
+    rows = zip(x[block].tolist(), parameters.prior_std[block].tolist(), strict=True)
+    free = parameters.free[block]
+    return {i: (off, std) for i, (off, std) in enumerate(rows) if free[i] and abs(off) > _FAR * std}
 
 
-def _is_estimated(problem: Problem, x: Matrix, change: Change) -> bool:
-    """Whether the change is a zero as far off as the fit as recorded has it, beyond the prior."""
-    if change.cause != "zero":
+def _is_estimated(change: Change, beyond: Mapping[int, tuple[float, float]]) -> bool:
+    """Whether the change is a zero that is off as far as the fit has it `beyond` its prior."""
+    if change.cause != "zero" or change.joints[0] - 1 not in beyond:
         return False
-    block, joint = problem.parameters.block("offset"), change.joints[0] - 1
-    off, std = x[block][joint], problem.parameters.prior_std[block][joint]
+    off, std = beyond[change.joints[0] - 1]
     apart = np.remainder(off - np.radians(change.amount) + np.pi, 2 * np.pi) - np.pi
-    return bool(problem.parameters.free[block][joint] and abs(off) > _FAR * std and abs(apart) <= _FAR * std)
+    return bool(abs(apart) <= _FAR * std)
 
 
 def _units(recorded: Matrix, revolute: list[int]) -> Iterator[Change]:
@@ -259,7 +263,8 @@ def hypothesis_fits(
     leaves `base`; `slack` is that of `HypothesisFit.agrees`."""
     every = list(changes(problem, x))
     # Far zeros leave the residuals as they are: only the prior speaks against them.
-    far = [i for i, change in enumerate(every) if _is_estimated(problem, x, change)]
+    beyond = _beyond_priors(problem, x)
+    far = [i for i, change in enumerate(every) if _is_estimated(change, beyond)]
     fits = [*_of_changes(problem, every, len(every), always=far), *_of_suspects(problem, x)]
     if not any(fit.agrees(slack) for fit in fits):
         arms = list(map(_of_variant, other_arms(problem.robot, siblings=False)))
@@ -377,10 +382,8 @@ def _with_held_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
     if problem.geometry:
         return problem, x
     whole, start = with_links(problem, x)
-    items = [
-        replace(item, held=True) if item.group == "geometry" else item for item in whole.parameters.items
-    ]
-    return replace(whole, parameters=Parameters(tuple(items))), start
+    held = whole.parameters.holding(whole.parameters.group("geometry"))
+    return replace(whole, parameters=held), start
 
 
 def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:

@@ -7,6 +7,7 @@ that nothing is built anew for another arm.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -53,7 +54,7 @@ class _Screen:
         self.free = problem.parameters.free
         self.size = int(self.free.sum())
         kinds = tuple(joint.kind for joint in problem.robot.joints)
-        self.function = _function(kinds, _ToolKey(problem.tool))
+        self.function = _function(kinds, _ToolKey(problem.tool.key, problem.tool))
 
     def parameters(self, z: Matrix) -> Matrix:
         """(W, p) from scaled free ones (W, f)."""
@@ -107,18 +108,12 @@ def _transforms(robot: Robot) -> Matrix:
     return np.concatenate([at[:3].ravel(order="F") for at in fixed])
 
 
+@dataclass(frozen=True)
 class _ToolKey:
-    """A tool, equal to all that are the same."""
+    """A tool, equal to all whose functions are the same."""
 
-    def __init__(self, tool: Instrument) -> None:
-        self.tool = tool
-        self.key = tool.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ToolKey) and self.key == other.key
+    key: bytes
+    tool: Instrument = field(compare=False)
 
 
 @lru_cache(maxsize=8)

@@ -19,7 +19,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...model.arrays import Index, Matrix
-from ...model.likelihood.geometry import ANGLES
+from ...model.likelihood.geometry import ANGLES, BENDING
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..observability.biases import Linearised, revolute
@@ -417,17 +417,15 @@ def _of_prior(parameters: Parameters, which: list[int], cause: Cause, **more: ob
 def _tolerances(linear: Linear) -> Iterator[Suspect]:
     """Links, gravity or harmonics by so many times their tolerances."""
     parameters = linear.problem.parameters
-    kinds: tuple[tuple[Cause, frozenset[str]], ...] = (
-        ("gravity", frozenset({"gravity"})),
-        ("harmonics", frozenset({"cos", "sin"})),
-    )
     held = [i for i, item in enumerate(parameters.items) if item.group == "geometry" and item.held_by is None]
     if held and all(parameters.items[i].held for i in held):
         yield from _links_freed(linear, held)
     groups: list[tuple[Cause, list[int]]] = [
-        (cause, [i for i, item in _free_geometry(parameters) if item in axes]) for cause, axes in kinds
+        (cause, [i for i, item in _free_geometry(parameters) if item in axes])
+        for cause, axes in BENDING.items()
     ]
-    others = [i for i, item in _free_geometry(parameters) if item not in {"gravity", "cos", "sin"}]
+    bending = frozenset().union(*BENDING.values())
+    others = [i for i, axis in _free_geometry(parameters) if axis not in bending]
     for cause, which in (("geometry", others), *groups):
         if not which:
             continue

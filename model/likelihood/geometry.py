@@ -37,6 +37,11 @@ if TYPE_CHECKING:
 
 LinkAxis = Literal["a", "b", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
+# What is added to joints by their posture: the axes of its parameters.
+BENDING: dict[Literal["gravity", "harmonics"], frozenset[str]] = {
+    "gravity": frozenset({"gravity"}),
+    "harmonics": frozenset({"cos", "sin"}),
+}
 
 _SHIFTS: tuple[LinkAxis, ...] = ("a", "b", "d")  # along x, y, z
 # Of the last link: all but what is the offset of its joint.
@@ -137,10 +142,6 @@ class Geometry:
         """The link parameters alone, with one tolerance for all lengths and one for all angles."""
         return _of_links(robot, length_mm, angle_deg)
 
-    def without(self, rung: Literal["gravity", "harmonics"]) -> Geometry:
-        """This geometry without its gravity, or without its harmonics."""
-        return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())
-
     def of_robot(self, robot: Robot) -> Geometry:
         """The same tolerances of another robot with as many joints of the same kinds."""
         links = tuple(_links(robot)) if self.links else ()
@@ -178,7 +179,7 @@ class Geometry:
     def require_enough(self, header: Header, numbers: int, measurements: int, others: int) -> None:
         """BadInput where gravity or harmonics are stated as true, and the measured `numbers` are fewer than
         their parameters and the `others` (offsets, targets, tool) together."""
-        for rung, axes in (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"})):
+        for rung, axes in BENDING.items():
             count = sum(axis in axes for _, axis in self.names)
             required = header.arm is not None and getattr(header.arm, rung) is True
             if required and count and numbers < others + count:

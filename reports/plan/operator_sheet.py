@@ -12,7 +12,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3
 from ...words import numbers
-from ...words.wording import clipped, counted, listed, sentence, shown
+from ...words.wording import capital, clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf
 from ..scenes.scene import Placed, Scene3D, floor_of
 from ..scenes.turnable import still_picture, turnable
@@ -99,7 +99,7 @@ def _posture(plan: Plan, postures: Postures, i: int, pendant: Pendant) -> Sectio
     tool = plan.header.instrument
     reach = float(np.linalg.norm(postures.origin[i][:2]))
     where = [
-        (f"{sentence(tool.name)[:-1]} at", _coordinates(postures.origin[i])),
+        (f"{capital(tool.name)} at", _coordinates(postures.origin[i])),
         ("Distance from axis z", _millimetres(reach)),
     ]
     if tool.beam:

@@ -262,19 +262,11 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
             for value, joint in zip(postures.joints[i], plan.robot.joints, strict=True)
         ]
         length = numbers.with_unit(numbers.fixed(float(postures.length[i]), 0), "mm")
-        beam = length if postures.reaches[i] else "behind it" if posture.hit else "misses"
+        if with_beam:
+            joints.append(length if postures.reaches[i] else "behind it" if posture.hit else "misses")
         off = near if posture.off_mm < _NEAR_MM else numbers.significant(posture.off_mm, 2, "mm")
         tone = "" if postures.reaches[i] else "weak"
-        rows.append(
-            row_of(
-                str(posture.posture),
-                clipped(posture.target, 24),
-                *joints,
-                *([beam] if with_beam else []),
-                off,
-                tone=tone,
-            )
-        )
+        rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, off, tone=tone))
     return table_of("Postures, turned onto their targets", columns, rows)
 
 
