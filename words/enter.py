@@ -31,8 +31,8 @@ def enter_sentence(result: Result) -> str | None:
         return NOT_CLAIMED
     before, after = entered.tcp_before, entered.tcp_after
     doubt = (
-        f" With a probability of {100 * (entered.worse or 0.0):.0f} % it is less accurate with them than"
-        " without: enter them only if a verification shows that they help."
+        f" With a probability of {100 * (entered.worse or 0.0):.0f} % the robot is less accurate with the"
+        " values than without: enter the values only if a verification shows that they help."
         if entered.doubtful
         else ""
     )
@@ -83,15 +83,14 @@ def expected_sentence(conformity: Conformity, after: TcpError) -> str:
     """Why it does or does not: `after` is the error with the values entered."""
     return (
         f"With the values entered the TCP is off by less than {_mm(after.p95_mm)} in 95 % of the workspace;"
-        f" that it is by less than {numbers.exact(conformity.required_mm, 'mm')} has"
-        f" {_probability(conformity.probability)}."
+        f" the requirement is met with {_probability(conformity.probability)}."
     )
 
 
 def _decided(conformity: Conformity) -> str:
     return (
         f"Required: 95 % of the workspace within {numbers.exact(conformity.required_mm, 'mm')} at the TCP."
-        f" With the values entered that has {_probability(conformity.probability)}. So"
+        f" With the values entered the requirement is met with {_probability(conformity.probability)}. So"
         f" {_DECISIONS[conformity.decision]} (JCGM 106: from 95 % on it conforms, up to 5 % it does not)."
     )
 

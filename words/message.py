@@ -390,12 +390,13 @@ def _action(case: _Case) -> Action:
         return Action("Enter nothing: no offset is estimated.", None)
     if case.simulated:
         return Action(
-            "Enter nothing: no robot was measured. Measure yours, by this plan or a new one.", _plan(case)
+            "Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan.",
+            _plan(case),
         )
     command, file = export_command(case.vendor)
     enter = "Write the values to enter into a file for this robot."
     if case.unmet:
-        enter += " They are not enough for what is required: do not release the robot on them."
+        enter += " The values are not enough for the requirement: do not release the robot with them."
     return Action(enter, f"zerobeam {command} {run} -o {file}")
 
 

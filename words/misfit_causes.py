@@ -135,10 +135,12 @@ def mend(explanation: Explanation) -> str:
         case "units":
             return f"Import the recording again with the right --units, {_AGAIN}."
         case "coupling":
-            counted, how = ("ground", "add") if explanation.amount > 0 else ("link", "subtract")
+            from_ground = explanation.amount > 0
+            counted = "ground" if from_ground else "link"
+            by_hand = "add joint 2 to joint 3" if from_ground else "subtract joint 2 from joint 3"
             return (
-                f"Joint 3 was read with another counting: import the recording with --j3 {counted}, or {how}"
-                f" joint 2 {'to' if how == 'add' else 'from'} joint 3 in the run, {_AGAIN}."
+                f"Joint 3 was read with another counting: import the recording with --j3 {counted}, or"
+                f" {by_hand} in the run, {_AGAIN}."
             )
         case "rows":
             return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."

@@ -32,7 +32,7 @@ from ..analysis.observability.causes import (
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
-from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower
+from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
 from ..model.instruments.registry import kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
@@ -342,22 +342,20 @@ def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:
 
 
 _MOST_MISSED = 6
-_OF_THE_RUN = {"jump", "drift", "moved"}  # wrong models that repeated postures show
+_OF_THE_RUN: frozenset[WrongModel] = frozenset({"jump", "drift", "moved"})  # that repeated postures show
+# What a pass is subject to, by the wrong models with which a run may pass.
+_CONDITIONS: tuple[tuple[frozenset[WrongModel], str], ...] = (
+    (_OF_THE_RUN, "nothing changed during the run"),
+    (frozenset({"reading", "backlash", "noise"}), "the readings are right to their stated noise"),
+    (frozenset({"arm", "tool", "beam"}), "the arm and the tool are within their tolerances"),
+)
 
 
 def condition(powers: Sequence[DetectionPower]) -> str | None:
-    """What a pass is subject to, after "if": the wrong models with which a run may pass and have
-    wrong offsets. None where there is none."""
+    """What a pass is subject to, after "if": the wrong models with which a run may pass and have wrong
+    offsets are absent. None where there is none."""
     may_be = {each.wrong for each in powers if each.dangerous}
-    parts = [
-        *(["nothing changed during the run"] if may_be & _OF_THE_RUN else []),
-        *(
-            ["the readings are right to their stated noise"]
-            if may_be & {"reading", "backlash", "noise"}
-            else []
-        ),
-        *(["the arm and the tool are within their tolerances"] if may_be & {"arm", "tool", "beam"} else []),
-    ]
+    parts = [text for wrong, text in _CONDITIONS if may_be & wrong]
     return listed(parts) if parts else None
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from ...analysis.answer.result import LikelihoodSummary, MidpointSummary, Result
 from ...analysis.diagnostics.outliers import Robust
-from ...analysis.observability.power import DetectionPower
+from ...analysis.observability.power import LIMIT_U, DetectionPower
 from ...analysis.posterior.intervals import Intervals
 from ...words import numbers
 from ...words.findings import likelihood_message
@@ -101,7 +101,7 @@ def _both_estimates(result: Result) -> Table | None:
 
 def _power(rows: Sequence[DetectionPower]) -> Table | None:
     """What the test of the residuals would have detected."""
-    columns = ["wrong model", "probability of detection", "error of an offset, in u", "risk", "at"]
+    columns = ["wrong model", "probability of detection", "error of an offset, in u", "risk", "at a size of"]
     shown_rows = [
         row_of(
             sentence(wrong_words(row)),
@@ -114,7 +114,11 @@ def _power(rows: Sequence[DetectionPower]) -> Table | None:
         )
         for row in rows
     ]
-    return table_of("Wrong models that such a run would detect", columns, shown_rows) if rows else None
+    caption = (
+        "Wrong models that such a run would detect; risk: the share of such runs that pass with an"
+        f" offset wrong by more than {LIMIT_U:g} u"
+    )
+    return table_of(caption, columns, shown_rows) if rows else None
 
 
 def _distances(result: Result) -> Table | None:

@@ -34,8 +34,8 @@ def wrong_models_page(answer: WrongModelsStudy) -> Page:
             Paragraph(
                 f"Of {settings.arms} arms each: how many pass, are a misfit, or neither. Of those that pass:"
                 " the root mean square and the largest error of the offsets in their standard uncertainties"
-                f" u, and how many have an offset beyond {settings.limit_u:g} u; of these, how many"
-                " passes are not subject to the absence of just this. Of the misfits: how many"
+                f" u, and how many have an offset beyond {settings.limit_u:g} u; how many of these"
+                " do not name the wrong model among their conditions. Of the misfits: how many"
                 " name the right cause first; and of those where the best cause has an evidence of more than"
                 f" {settings.decided:g} times the next, how many are right."
             ),
