@@ -28,9 +28,11 @@ _PATIENCE_S = 10.0  # from the end of an attendance until the process ends, what
 
 
 class _Request:
-    """`since` when this process is to end (None: it is not). Only the `main` thread is interrupted."""
+    """`since` when this process is to end (None: it is not), `ever` once it was asked to. Only the `main`
+    thread is interrupted."""
 
     since: float | None = None
+    ever = False
     put_off = False
     main = _thread.get_ident()
 
@@ -39,7 +41,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
     now, before = time.monotonic(), _Request.since
     insisted = number != _REMINDER and (before is None or now - before > _SAME_S)
     if insisted:
-        _Request.since = now
+        _Request.since, _Request.ever = now, True
     if insisted and before is None:
         with suppress(RuntimeError):  # no more threads: then nobody reminds
             _thread.start_new_thread(_remind, ())
@@ -92,10 +94,11 @@ def stoppable() -> Iterator[None]:
     """SIGINT (Ctrl-C) and SIGTERM raise KeyboardInterrupt within, whatever the parent process set.
 
     A shell lets what it starts in the background ignore SIGINT, many CI runners too, and Python leaves it so.
+    Once it is raised, the destructors of objects that are half made may fail: that is no news.
     """
-    _Request.main, report = _thread.get_ident(), sys.unraisablehook
+    _Request.main, _Request.ever, report = _thread.get_ident(), False, sys.unraisablehook
     before = {number: signal.signal(number, _handle) for number in SIGNALS}
-    sys.unraisablehook = lambda raised: None if raised.exc_type is KeyboardInterrupt else report(raised)
+    sys.unraisablehook = lambda raised: None if _Request.ever else report(raised)
     try:
         yield
     finally:

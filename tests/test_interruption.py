@@ -80,6 +80,31 @@ def test_a_stage_that_polls_does_not_begin(lose: Callable[[], None]) -> None:
             obey()
 
 
+class HalfMade:
+    """Interrupted while it is made: its destructor misses what was not yet set."""
+
+    closed: bool
+
+    def __init__(self, asked: bool) -> None:
+        if asked:
+            ask()
+        self.closed = True
+
+    def __del__(self) -> None:
+        assert self.closed
+
+
+def test_destructors_of_what_is_half_made_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    reported: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda raised: reported.append(raised.exc_type))
+    with stoppable():
+        HalfMade.__new__(HalfMade)  # nobody asked this process to end: that is an error
+        assert reported == [AttributeError]
+        with suppress(KeyboardInterrupt):
+            HalfMade(asked=True)
+    assert reported == [AttributeError]
+
+
 def test_an_error_that_a_library_makes_of_it_is_an_interruption() -> None:
     with without_reminders(), stoppable():
         with pytest.raises(KeyboardInterrupt), interruptible():
