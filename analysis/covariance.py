@@ -10,7 +10,7 @@ import numpy as np
 
 from ..model.arrays import Matrix
 from ..model.errors import BadInput, missing_extra
-from ..model.files.reading import did_you_mean
+from ..model.parsing.reading import did_you_mean
 from .status import Status, UnsoundResult, require_no_more_than
 
 if TYPE_CHECKING:

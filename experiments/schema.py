@@ -11,9 +11,9 @@ from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.header_file import PlantTolerances
 from ..model.files.plan_file import Obstacles, PlanFile
-from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
+from ..model.parsing.reading import did_you_mean
 from ..words.comparison_json import ComparisonDocument
 from .batch import BatchDocument
 from .history.documents import HistoryDocument

@@ -10,8 +10,8 @@ from ..experiments.simulate import Truth, simulated_shots
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA
 from ..model.files.plan import Plan
-from ..model.files.reading import did_you_mean
 from ..model.files.run import Run
+from ..model.parsing.reading import did_you_mean
 from .arguments import require_kind, require_number
 
 

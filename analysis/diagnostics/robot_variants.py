@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.confinement import BUILT_IN
 from ...model.files.robot_file import built_in_robots, load_robot
 from ...model.kinematics.robot import Robot, rotation_about, shift
+from ...model.parsing.confinement import BUILT_IN
 
 _VENDOR = re.compile(r"^vendor: *([\w-]+)", re.MULTILINE)
 _ROUNDING = 1e-9  # of a transform, rad and mm

@@ -17,11 +17,11 @@ import numpy as np
 from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput, located
 from ...model.files.header import Header
-from ...model.files.reading import LARGEST_RECORDING, read_bytes, read_text, shown
 from ...model.files.run import Run, read_run
-from ...model.files.validation import LARGEST
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from ...model.parsing.reading import LARGEST_RECORDING, read_bytes, read_text, shown
+from ...model.parsing.validation import LARGEST
 from ..answer.findings import FileWarning, OtherBasins
 from ..estimation.threads import one_blas_thread
 from ..ladder import solve_run

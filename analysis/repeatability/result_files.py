@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text
-from ...model.files.validation import LARGEST, SMALLEST
+from ...model.parsing.reading import LARGEST_RECORDING, parse_json, read_text
+from ...model.parsing.validation import LARGEST, SMALLEST
 from ..answer.document import ReadResult, from_json
 from ..answer.result import RESULT_SCHEMA
 from ..misfit import LackOfFit

@@ -12,9 +12,9 @@ from pathlib import Path
 from pydantic import Field
 
 from ...model.errors import BadInput
-from ...model.files.confinement import resolved
 from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import refuse_existing
+from ...model.parsing.confinement import resolved
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from ...model.errors import BadInput
-from ...model.files.validation import FileModel, as_tuple
+from ...model.parsing.validation import FileModel, as_tuple
 from .folder import Folder
 
 

@@ -19,8 +19,8 @@ from pydantic import Field
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
-from ...model.files.confinement import WITHIN
 from ...model.files.json_document import JsonDocument
+from ...model.parsing.confinement import WITHIN
 from ...words.time_left import TimeLeft
 from .folder import Folder
 from .started_runs import StartedRuns

@@ -15,8 +15,8 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.json_document import JsonDocument
-from ...model.files.reading import DEEPEST, MOST_VALUES, KeyPath
-from ...model.files.validation import Model, validate
+from ...model.parsing.reading import DEEPEST, MOST_VALUES, KeyPath
+from ...model.parsing.validation import Model, validate
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Route
 
 from ...model.errors import BadInput, ZerobeamError
-from ...model.files.confinement import confined
-from ...model.files.reading import LARGEST_YAML, parse_json
 from ...model.files.whole_file import write_whole
+from ...model.parsing.confinement import confined
+from ...model.parsing.reading import LARGEST_YAML, parse_json
 from ...reports.output.html import TEMPLATES, sheet
 from ...reports.style import typeface
 from .answers.results import read_result, report_files

@@ -26,7 +26,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, NotWritten, missing_extra
-from ...model.files.confinement import require_within
+from ...model.parsing.confinement import require_within
 
 VARIABLE = "ZEROBEAM_HISTORY"
 # The tables below. Another schema gets another number, and `_bring_up` a step that makes it of this one.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_RECORDING, read_text
+from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...words.provenance import (
     DATE,
     KEYS,

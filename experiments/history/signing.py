@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from ...interruption import uninterrupted
 from ...model.errors import BadInput, missing_extra
-from ...model.files.reading import LARGEST_RECORDING, read_bytes
 from ...model.files.whole_file import refuse_existing, write_whole
+from ...model.parsing.reading import LARGEST_RECORDING, read_bytes
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey

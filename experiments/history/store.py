@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_RECORDING, did_you_mean
+from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
 from .content import (
     DAMAGED,
     Arm,

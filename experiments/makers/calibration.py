@@ -25,10 +25,10 @@ from ...analysis.solution import ParameterResult, ParameterTable, Solution, requ
 from ...analysis.status import Status, known, versions
 from ...model.arrays import Matrix
 from ...model.errors import BadInput, FitFailed, located
-from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem, rms_length
+from ...model.parsing.reading import did_you_mean
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.wording import listed

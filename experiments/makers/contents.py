@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
 from ...model.kinematics.robot import Robot
+from ...model.parsing.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
 from .abb.rapid_points import DECLARED, REMARK, rapid_positions
 from .fanuc.tp_points import REGISTERS, fanuc_positions, fanuc_registers
 from .generic.bags import is_bag

@@ -19,9 +19,9 @@ import numpy as np
 
 from ...model.errors import BadInput, located
 from ...model.files.limits import require_joint_count
-from ...model.files.reading import read_text, shown
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, PendantUnit
+from ...model.parsing.reading import read_text, shown
 from .recordings import FileMeasurements, Imported, ImportJob, without_unused
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"

@@ -20,9 +20,9 @@ from lark.exceptions import UnexpectedInput
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
-from ...model.files.reading import did_you_mean
 from ...model.kinematics.branches import Branch
 from ...model.kinematics.robot import J3, Robot
+from ...model.parsing.reading import did_you_mean
 from .plan_programs import decimal
 
 

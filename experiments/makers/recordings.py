@@ -19,12 +19,12 @@ from ...model.files.header import Header, check_header
 from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
-from ...model.files.reading import KeyPath, did_you_mean, read_text, read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
-from ...model.files.validation import validate
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
+from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
+from ...model.parsing.validation import validate
 
 
 class Imported(NamedTuple):

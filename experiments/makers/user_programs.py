@@ -17,11 +17,11 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
-from ...model.files.reading import read_bytes
 from ...model.files.robot_file import Vendor
 from ...model.kinematics.orientation import stated_numbers
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, Robot
+from ...model.parsing.reading import read_bytes
 from ...words.wording import listed
 from .calibration import RobotCalibration
 from .maker import ProgramFiles, one_line, program_languages, require_vendor

@@ -10,10 +10,10 @@ from ruamel.yaml import YAML
 
 from ...model.arrays import Mask, Matrix
 from ...model.files.plan_file import Box, Obstacles
-from ...model.files.validation import read_model
 from ...model.files.whole_file import refuse_existing, schema_line, write_whole
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from ...model.parsing.validation import read_model
 
 _SAME_POINT = 1e-6
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm

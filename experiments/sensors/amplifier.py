@@ -25,7 +25,7 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.errors import RigFault, missing_extra
-from ...model.files.confinement import require_device
+from ...model.parsing.confinement import require_device
 
 LONGEST = 80  # bytes of a line with its end; what is longer is noise
 REQUESTS = 65536  # numbers of requests: from 0, and from 0 again

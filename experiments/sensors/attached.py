@@ -11,9 +11,9 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
-from ...model.files.reading import did_you_mean
 from ...model.kinematics.orientation import roll_pitch_yaw
 from ...model.kinematics.robot import shift
+from ...model.parsing.reading import did_you_mean
 from .amplifier import MOST_SAMPLES, REQUESTS, Amplifier, PsdSample, sample_line, with_checksum
 from .camera import Camera, Image
 from .pictures import open_camera

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...model.errors import BadInput, RigFault, missing_extra
-from ...model.files.confinement import confining_folder, require_within
-from ...model.files.reading import require_regular
+from ...model.parsing.confinement import confining_folder, require_within
+from ...model.parsing.reading import require_regular
 from .camera import Camera, Image
 from .sensors_file import CameraBeside
 

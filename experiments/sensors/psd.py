@@ -14,8 +14,8 @@ import scipy
 from numpy.typing import NDArray
 
 from ...model.arrays import Matrix
-from ...model.files.reading import shown
-from ...model.files.validation import refusal, without_length
+from ...model.parsing.reading import shown
+from ...model.parsing.validation import refusal, without_length
 
 PsdKind = Literal["duo-lateral", "tetra-lateral"]
 

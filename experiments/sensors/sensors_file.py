@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from ...model.arrays import Matrix
-from ...model.files.validation import (
+from ...model.parsing.validation import (
     Count,
     FileModel,
     Name,

@@ -17,8 +17,8 @@ from ...analysis.status import UnsoundResult, versions
 from ...interruption import obey, uninterrupted
 from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, located
-from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import Closing, lock
+from ...model.parsing.reading import parse_json, shown
 from ..processes import side_by_side
 
 CASES_SCHEMA = "zerobeam/study-cases/1"

@@ -17,11 +17,11 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..instruments import laser, probe
 from ..kinematics.robot import Robot
+from ..parsing.reading import KeyPath
+from ..parsing.validation import Model, validate
 from .header import Header, StatedNoise, StatedTool, check_header
 from .header_file import completed
-from .reading import KeyPath
 from .robot_file import load_robot
-from .validation import Model, validate
 
 RobotArgument = Robot | str | Path | Mapping[str, str]
 

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..kinematics.robot import J3, Conventions, JointKind, PendantUnit
-from .reading import KeyPath, shown
-from .validation import FileModel, Name, NumberPair, as_tuple, refusal
+from ..parsing.reading import KeyPath, shown
+from ..parsing.validation import FileModel, Name, NumberPair, as_tuple, refusal
 
 _Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
 _Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]

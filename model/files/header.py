@@ -18,9 +18,8 @@ from ..errors import BadInput
 from ..instruments.kind import Instrument
 from ..instruments.registry import KINDS, kind_of, names_of
 from ..kinematics.robot import Robot
-from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
-from .reading import KeyPath, shown
-from .validation import (
+from ..parsing.reading import KeyPath, shown
+from ..parsing.validation import (
     FileModel,
     Name,
     NotNegative,
@@ -34,6 +33,7 @@ from .validation import (
     tuple_of,
     without_length,
 )
+from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .whole_file import schema_line, short_in_one_line, write_whole, yaml_text
 
 

@@ -15,10 +15,10 @@ from pydantic import Field
 
 from ..errors import BadInput
 from ..instruments.registry import kind_of
-from .confinement import TOLERANCES
+from ..parsing.confinement import TOLERANCES
+from ..parsing.reading import KeyPath, read_yaml
+from ..parsing.validation import FileModel, Positive, validate
 from .header import EXACT, Header, StatedGeometry, StatedSigma, StatedTool, Switch
-from .reading import KeyPath, read_yaml
-from .validation import FileModel, Positive, validate
 
 
 class PlantLinkTolerance(FileModel):

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...interruption import uninterrupted
 from ..errors import BadInput, NotWritten, RigFault
-from .confinement import require_within
+from ..parsing.confinement import require_within
+from ..parsing.reading import shown
 from .header import RUN_SCHEMA, Header, check_header, header_content
-from .reading import shown
 from .robot_file import load_robot
 from .run import Run, header_text, recorded, shot_text
 from .shot import Shot, check_shot

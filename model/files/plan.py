@@ -16,6 +16,8 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
+from ..parsing.reading import Document, read_yaml, require_schema
+from ..parsing.validation import validate
 from .arguments import (
     Laser,
     Noise,
@@ -31,10 +33,8 @@ from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .limits import check_limits, require_joint_count
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
-from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import check_distances, unknown_targets
-from .validation import validate
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
 
 

@@ -7,10 +7,8 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..instruments.registry import names_of
-from .header import Header
-from .reading import shown
-from .shot import JointValues
-from .validation import (
+from ..parsing.reading import shown
+from ..parsing.validation import (
     FileModel,
     Name,
     NotNegative,
@@ -22,6 +20,8 @@ from .validation import (
     refusal,
     without_length,
 )
+from .header import Header
+from .shot import JointValues
 
 
 class Box(FileModel):

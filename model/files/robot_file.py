@@ -17,7 +17,9 @@ from ..errors import BadInput
 from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import doubtful_rows, too_long, warn_of
 from ..kinematics.robot import DHRow, Joint, Robot, dh_chain, shift
-from .confinement import BUILT_IN, require_within
+from ..parsing.confinement import BUILT_IN, require_within
+from ..parsing.reading import did_you_mean, read_yaml, require_schema, shown
+from ..parsing.validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
 from .conventions import (
     FileLimits,
     StatedEncoder,
@@ -27,9 +29,7 @@ from .conventions import (
     require_fitting,
 )
 from .header import UrdfRef
-from .reading import did_you_mean, read_yaml, require_schema, shown
 from .urdf import read_urdf
-from .validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 

@@ -21,6 +21,16 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
+from ..parsing.reading import (
+    LARGEST_RECORDING,
+    KeyPath,
+    did_you_mean,
+    json_line,
+    json_rows,
+    read_bytes,
+    require_schema,
+)
+from ..parsing.validation import validate
 from .arguments import (
     Laser,
     Noise,
@@ -34,18 +44,8 @@ from .arguments import (
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
-from .reading import (
-    LARGEST_RECORDING,
-    KeyPath,
-    did_you_mean,
-    json_line,
-    json_rows,
-    read_bytes,
-    require_schema,
-)
 from .robot_file import load_robot
 from .shot import Shot, check_distances, check_shots
-from .validation import validate
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6

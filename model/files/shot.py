@@ -12,10 +12,10 @@ from pydantic import BeforeValidator, Field
 from ..errors import BadInput
 from ..instruments.registry import names_of
 from ..kinematics.robot import Robot
+from ..parsing.reading import did_you_mean, shown
+from ..parsing.validation import MOST, FileModel, Name, TargetName, refusal
 from .header import Header
 from .limits import check_limits, require_joint_count
-from .reading import did_you_mean, shown
-from .validation import MOST, FileModel, Name, TargetName, refusal
 
 _NUMBERS = frozenset({float, int})
 

@@ -21,8 +21,8 @@ from ..errors import BadInput
 from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import too_long, warn_of
 from ..kinematics.robot import Joint, JointKind, Robot, shift
-from .reading import did_you_mean, read_text
-from .validation import LARGEST_OTHER
+from ..parsing.reading import did_you_mean, read_text
+from ..parsing.validation import LARGEST_OTHER
 
 MILLIMETRES = 1000.0  # in a metre
 LARGEST = 1000.0  # m or rad: what other files may hold in mm and degrees, in round figures

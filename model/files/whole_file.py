@@ -21,7 +21,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ...interruption import interruptible, uninterrupted
 from ..errors import BadInput, NotWritten
-from .confinement import require_within
+from ..parsing.confinement import require_within
 
 if sys.platform == "win32":
     import msvcrt

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from ..parsing.reading import also_called
 from .kind import Instrument
 from .laser import LaserBeam
 from .probe import ProbeTip
 
 KINDS: dict[str, type[Instrument]] = {kind.name: kind for kind in (LaserBeam, ProbeTip)}
+for _kind in KINDS.values():
+    also_called(_kind.name, _kind.also_called)
 
 
 def kind_of(name: str) -> type[Instrument]:

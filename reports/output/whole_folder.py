@@ -16,8 +16,8 @@ from typing import TypeVar
 
 from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput, NotWritten
-from ...model.files.confinement import require_within
 from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
+from ...model.parsing.confinement import require_within
 from ...words.spreadsheet import Row, csv_text
 from ..style.blocks import Page
 from ..style.canvas import Picture

@@ -11,7 +11,7 @@ from typing import Any
 
 from ...experiments.verification import ACCEPTANCE_SCHEMA, Verified, acceptance_json
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_RECORDING, read_text
+from ...model.parsing.reading import LARGEST_RECORDING, read_text
 from ...words.acceptance import ACCEPTANCE_WORDS
 from ...words.result_json import dumps
 from ..output import whole_folder

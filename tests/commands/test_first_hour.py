@@ -9,8 +9,8 @@ import pytest
 from command_line import zerobeam
 
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.model.files.reading import did_you_mean
 from zerobeam.model.files.run import read_run
+from zerobeam.model.parsing.reading import did_you_mean
 
 HEADER = """robot: irb1600
 tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}

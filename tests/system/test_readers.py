@@ -29,10 +29,10 @@ from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.plan import read_plan
-from zerobeam.model.files.reading import read_text
 from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.files.urdf import read_urdf
+from zerobeam.model.parsing.reading import read_text
 
 Reader = Callable[[Path], object]
 

@@ -19,11 +19,11 @@ from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
 from ....model.files.json_document import JsonDocument
 from ....model.files.limits import beyond_limits
-from ....model.files.reading import read_yaml
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import FileModel, as_tuple, validate
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
+from ....model.parsing.reading import read_yaml
+from ....model.parsing.validation import FileModel, as_tuple, validate
 from ..folder import Folder
 from ..requests import Content, EndPoint, Refused, keyed, noted, refused
 from . import contents_process

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.files.reading import decode, read_bytes
+from ....model.parsing.reading import decode, read_bytes
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

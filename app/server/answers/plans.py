@@ -22,8 +22,8 @@ from ....model.files.header import PLAN_SCHEMA
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
-from ....model.files.reading import Document, KeyPath, read_yaml, require_schema
-from ....model.files.validation import FileModel, as_tuple
+from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
+from ....model.parsing.validation import FileModel, as_tuple
 from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines

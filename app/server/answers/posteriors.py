@@ -14,8 +14,8 @@ from ....analysis.estimation.fit import LikelihoodFit
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
-from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
+from ....model.parsing.validation import FileModel, as_tuple
 from ....words.wording import shown
 from ..folder import Folder
 from ..requests import EndPoint

@@ -17,8 +17,8 @@ from ....analysis.solution import Solution, judge, require_noise_data
 from ....analysis.status import known
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
-from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
+from ....model.parsing.validation import FileModel, as_tuple
 from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document

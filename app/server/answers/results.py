@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from ....analysis.answer.document import ReadResult, from_json
 from ....analysis.answer.result import RESULT_SCHEMA
 from ....model.errors import BadInput
-from ....model.files.reading import parse_json, read_text
+from ....model.parsing.reading import parse_json, read_text
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder

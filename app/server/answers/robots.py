@@ -17,7 +17,7 @@ from ....model.files.header import RobotRef, UrdfRef
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
-from ....model.files.validation import FileModel, as_tuple
+from ....model.parsing.validation import FileModel, as_tuple
 from ..folder import Folder
 from ..requests import EndPoint, noted
 from .meshes import read_mesh, simplified, solid

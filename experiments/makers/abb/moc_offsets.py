@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from ....model.errors import BadInput, located
-from ....model.files.reading import did_you_mean, read_text, shown
 from ....model.kinematics.pendant import require_link_encoder
+from ....model.parsing.reading import did_you_mean, read_text, shown
 from ..calibration import JointOffset, RobotCalibration
 from ..maker import numbers_of, one_line, require_vendor
 

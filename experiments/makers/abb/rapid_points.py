@@ -15,12 +15,12 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
-from ....model.files.reading import shown
 from ....model.kinematics.branches import Branches, is_abb_configuration
 from ....model.kinematics.inverse import Solver
 from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
+from ....model.parsing.reading import shown
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 from ..solving import up_to_flange

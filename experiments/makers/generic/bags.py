@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from ....model.errors import BadInput, missing_extra
-from ....model.files.reading import require_regular
+from ....model.parsing.reading import require_regular
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

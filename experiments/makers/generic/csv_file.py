@@ -13,9 +13,9 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.limits import like_radians
-from ....model.files.reading import shown
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3, Robot
+from ....model.parsing.reading import shown
 from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
 from .dwells import JointLog, Mark, Stillness, held
 from .tables import DELIMITERS, TextTable, check_signs, columns_of_joints, read_table, reversed_joints

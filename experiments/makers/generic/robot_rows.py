@@ -19,11 +19,11 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import UrdfRef
-from ....model.files.reading import shown
 from ....model.files.robot_file import RobotFile, StatedJoint, StatedTransform, stated_rows
 from ....model.files.run import Run
 from ....model.kinematics.orientation import angles_of
 from ....model.kinematics.robot import DHRow, Robot, rotation_about, shift
+from ....model.parsing.reading import shown
 from ..calibration import RobotCalibration
 from ..maker import one_line
 

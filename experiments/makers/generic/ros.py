@@ -17,8 +17,8 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
-from ....model.files.reading import did_you_mean, read_text, require_regular, shown
 from ....model.kinematics.robot import Robot
+from ....model.parsing.reading import did_you_mean, read_text, require_regular, shown
 from ..recordings import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
 from .dwells import JointLog, Mark, Stillness

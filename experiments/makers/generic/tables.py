@@ -14,8 +14,8 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
-from ....model.files.reading import LARGEST_TABLE, did_you_mean, read_text, shown
 from ....model.kinematics.robot import Robot
+from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_text, shown
 
 _LINES = 50  # of a file, to find its delimiter in
 _LINE_LENGTH = 100_000

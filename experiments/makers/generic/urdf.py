@@ -18,11 +18,11 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import UrdfRef
-from ....model.files.reading import read_bytes, read_text, shown
 from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES, last_joint
 from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
 from ....model.kinematics.robot import Joint, Robot, axis_rotation
+from ....model.parsing.reading import read_bytes, read_text, shown
 from ..calibration import GeometryValue, JointOffset, RobotCalibration
 
 BASE, FLANGE = "base", "flange"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ....model.errors import BadInput, located
-from ....model.files.reading import shown
+from ....model.parsing.reading import shown
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 

@@ -24,12 +24,12 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
 from ....model.files.header import UrdfRef
-from ....model.files.reading import did_you_mean, read_text, read_yaml
 from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
 from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES
 from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
 from ....model.kinematics.robot import DHRow, Robot, dh_chain, shift
+from ....model.parsing.reading import did_you_mean, read_text, read_yaml
 from ..calibration import RobotCalibration
 from ..generic.robot_rows import corrected_table, rows_text
 from ..maker import one_line, require_vendor

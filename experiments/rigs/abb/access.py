@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from ....model.errors import BadInput
-from ....model.files.reading import shown
 from ....model.kinematics.robot import Robot
+from ....model.parsing.reading import shown
 
 HOST, USER, PASSWORD = "ZEROBEAM_ABB_HOST", "ZEROBEAM_ABB_USER", "ZEROBEAM_ABB_PASSWORD"
 SERVICE = "zerobeam-abb"  # of the keyring; the account is the user's name

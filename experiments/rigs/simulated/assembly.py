@@ -11,13 +11,13 @@ from ....analysis.observability.aim import aim, servo_joints
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.files.reading import KeyPath, did_you_mean
 from ....model.instruments.kind import Instrument
 from ....model.kinematics.orientation import roll_pitch_yaw
 from ....model.kinematics.robot import Robot, same_arm, shift
 from ....model.likelihood.constraint import ShotFunctions, shot_functions
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.problem import Problem
+from ....model.parsing.reading import KeyPath, did_you_mean
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth

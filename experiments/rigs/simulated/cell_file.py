@@ -18,9 +18,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ....model.arrays import Matrix
 from ....model.files.header import RobotRef
-from ....model.files.reading import did_you_mean, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import (
+from ....model.kinematics.robot import Robot
+from ....model.parsing.reading import did_you_mean, shown
+from ....model.parsing.validation import (
     Count,
     FileModel,
     Fraction,
@@ -36,7 +37,6 @@ from ....model.files.validation import (
     refusal,
     tuple_of,
 )
-from ....model.kinematics.robot import Robot
 from ...sensors.psd import face_normal
 
 

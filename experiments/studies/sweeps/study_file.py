@@ -32,9 +32,14 @@ from ....model.files.header import (
     StatedTool,
     check_header,
 )
-from ....model.files.reading import Document, KeyPath, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import (
+from ....model.kinematics.robot import Robot
+from ....model.likelihood.geometry import Geometry
+from ....model.likelihood.noise import NoiseModel
+from ....model.likelihood.parameters import Parameters
+from ....model.likelihood.problem import instrument
+from ....model.parsing.reading import Document, KeyPath, did_you_mean, read_yaml, shown
+from ....model.parsing.validation import (
     FileModel,
     Name,
     NotNegative,
@@ -44,11 +49,6 @@ from ....model.files.validation import (
     validate,
     without_length,
 )
-from ....model.kinematics.robot import Robot
-from ....model.likelihood.geometry import Geometry
-from ....model.likelihood.noise import NoiseModel
-from ....model.likelihood.parameters import Parameters
-from ....model.likelihood.problem import instrument
 from ....words import numbers
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"

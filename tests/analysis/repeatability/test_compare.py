@@ -30,8 +30,8 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.files.validation import LARGEST
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.parsing.validation import LARGEST
 from zerobeam.words.comparison_json import ComparisonDocument
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -7,11 +7,11 @@ import pytest
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.confinement import TOLERANCES, confined
 from zerobeam.model.files.header import header_content
 from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run, write_run
+from zerobeam.model.parsing.confinement import TOLERANCES, confined
 from zerobeam.words.result_json import to_json
 
 HEADER = """\

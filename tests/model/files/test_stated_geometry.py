@@ -11,8 +11,8 @@ import zerobeam as zb
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header, StatedGeometry
 from zerobeam.model.files.header_file import read_header
-from zerobeam.model.files.validation import validate
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.parsing.validation import validate
 
 HEADER = """\
 robot: {robot}

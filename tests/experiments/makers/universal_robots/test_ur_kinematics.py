@@ -11,9 +11,9 @@ from command_line import zerobeam
 from export_runs import TRUTH, saved
 
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.model.files.reading import read_yaml
 from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.parsing.reading import read_yaml
 
 JOINTS = np.random.default_rng(5).uniform(-180, 180, (40, 6))
 

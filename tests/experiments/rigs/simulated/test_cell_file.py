@@ -17,7 +17,7 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.reading import read_yaml
+from zerobeam.model.parsing.reading import read_yaml
 
 WHOLE = """\
 schema: zerobeam/cell/1

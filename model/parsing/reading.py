@@ -24,7 +24,6 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from ..errors import BadInput
-from ..instruments.registry import KINDS
 from .confinement import require_within
 
 KeyPath = tuple[str | int, ...]
@@ -134,8 +133,7 @@ def _near_file(path: Path) -> str | None:
 
 
 # What people call a thing, and the word for it here, where that is among those allowed.
-_MEANT = {
-    **{word: name for name, kind in KINDS.items() for word in kind.also_called},
+_MEANT: dict[str, str] = {
     **dict.fromkeys(("point", "position", "offset", "origin", "tip_mm", "tcp_mm", "ball_mm"), "point_mm"),
     **dict.fromkeys(("min", "lower_limit", "min_deg"), "lower_deg"),
     **dict.fromkeys(("max", "upper_limit", "max_deg"), "upper_deg"),
@@ -143,6 +141,11 @@ _MEANT = {
     **dict.fromkeys(("classic", "distal"), "standard"),
     **dict.fromkeys(("postures", "poses", "joints"), "postures_deg"),
 }
+
+
+def also_called(name: str, words: Iterable[str]) -> None:
+    """`did_you_mean` takes each of the words for `name`."""
+    _MEANT.update(dict.fromkeys(words, name))
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str | None:

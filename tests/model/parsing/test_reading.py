@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from zerobeam.model.files import reading
-from zerobeam.model.files.reading import (
+from zerobeam.model.parsing import reading
+from zerobeam.model.parsing.reading import (
     LARGEST_YAML,
     _Bounded,
     parse_json,

@@ -12,10 +12,10 @@ from cells import good_plan
 from zerobeam.experiments.history import database
 from zerobeam.experiments.sensors.attached import read_sensors
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.confinement import WITHIN, confined, require_within, resolved
-from zerobeam.model.files.reading import read_bytes
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 from zerobeam.model.files.whole_file import write_whole
+from zerobeam.model.parsing.confinement import WITHIN, confined, require_within, resolved
+from zerobeam.model.parsing.reading import read_bytes
 from zerobeam.reports.output.whole_folder import Kind, check_target
 
 ALWAYS = [

@@ -4,7 +4,7 @@ from typing import Annotated
 import pytest
 from pydantic import Field
 
-from zerobeam.model.files.validation import (
+from zerobeam.model.parsing.validation import (
     LARGEST,
     LARGEST_OTHER,
     SMALLEST,

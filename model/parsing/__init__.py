@@ -1,0 +1,1 @@
+"""Text that people write, YAML and JSON, and the models by which it is checked, line by line."""
