@@ -49,6 +49,7 @@ _UNKNOWN: dict[Group, str] = {
     "offset": "offset",
     "target": "target coordinate",
     "tool": "tool parameter",
+    "frame": "frame parameter",
     "noise": "noise factor",
 }
 

@@ -132,7 +132,8 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     q, delta, target = ca.SX.sym("q", n), ca.SX.sym("delta", n), ca.SX.sym("target", 3)
     spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.unknowns))
     turns = robot.turns(q + delta)
-    left, by_joints, by_target = residual(robot, turns, tool, target, unknown, spot)
+    left, by_joints, by_target = residual(robot, turns, tool, target, unknown, ca.SX(0, 1))
+    left -= spot
     jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(left, unknown))
     inputs = [transforms, q, spot, delta, target, unknown]
     return ca.Function("screen", inputs, ca.cse([ca.densify(left), ca.densify(jacobian)]))

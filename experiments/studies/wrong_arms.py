@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.instruments.kind import Instrument
+from ...model.instruments.flange_tool import FlangeTool
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import Geometry
 
@@ -53,7 +53,7 @@ class Course:
 
 
 def typical(
-    robot: Robot, geometry: Geometry, tool: Instrument, target: Matrix, count: int, rng: np.random.Generator
+    robot: Robot, geometry: Geometry, tool: FlangeTool, target: Matrix, count: int, rng: np.random.Generator
 ) -> Course:
     """A random arm with deviations of the sizes that `geometry` and `tool` state, for `count` measurements.
     Offset 1 is 0: the base frame is that of the arm."""
@@ -91,7 +91,7 @@ def recorded(
     postures: Matrix,
     noise: Matrix,
     spot_noise: float,
-    tool: Instrument,
+    tool: FlangeTool,
     rng: np.random.Generator,
 ) -> tuple[Matrix, Matrix] | None:
     """Joints (N, n) rad and spots (N, 2) mm as recorded near `postures` (N, n), with the std `noise` (n,) of
@@ -187,7 +187,7 @@ def _chain(fixed: Matrix, axes: Matrix, robot: Robot, theta: Matrix) -> tuple[Ma
     return pose, np.stack(places, axis=1), np.stack(directions, axis=1)
 
 
-def _aimed(course: Course, postures: Matrix, tool: Instrument) -> Matrix | None:
+def _aimed(course: Course, postures: Matrix, tool: FlangeTool) -> Matrix | None:
     """(N, n) the true positions nearest to `postures` that have the target at the spots."""
     fixed, axes = _with_links(course)
     across = _across(course.direction, tool)
@@ -208,7 +208,7 @@ def _aimed(course: Course, postures: Matrix, tool: Instrument) -> Matrix | None:
     return theta if (off < 1e-6).all() and ahead.all() else None
 
 
-def _across(direction: Matrix, tool: Instrument) -> Matrix:
+def _across(direction: Matrix, tool: FlangeTool) -> Matrix:
     """(N, 2, 3) the axes of the spot: the two coordinate axes across the nominal beam, made square to it."""
     assert tool.direction is not None
     axis = int(np.argmax(np.abs(tool.direction)))

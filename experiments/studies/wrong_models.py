@@ -25,6 +25,7 @@ from ...model.arrays import Matrix, Progress
 from ...model.files.arguments import Laser
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
+from ...model.instruments.flange_tool import flange_tool
 from ...model.likelihood.problem import Problem
 from ...words.wording import listed
 from ..plans.candidates import candidates
@@ -250,12 +251,13 @@ def _solved(scenario: Scenario, postures: Matrix, arms: int, seed: int) -> list[
     name, count = scenario.measured, len(postures)
     header, robot = header_of(name), load_robot(name, Path())
     nominal = Problem.build(header, robot, postures, ["psd"] * count)
+    tool = flange_tool(nominal.tool)
     wrong, target = scenario.robot(robot), np.array(_TARGETS[name])
     solved: list[tuple[Course, Solution]] = []
     for tried in range(3 * arms):
         rng = np.random.default_rng([seed, count, tried])
-        course = scenario.course(typical(robot, nominal.geometry, nominal.tool, target, count, rng))
-        readings = recorded(course, postures, nominal.noise.joint, nominal.noise.spot, nominal.tool, rng)
+        course = scenario.course(typical(robot, nominal.geometry, tool, target, count, rng))
+        readings = recorded(course, postures, nominal.noise.joint, nominal.noise.spot, tool, rng)
         if readings is None:
             continue
         joints, spots = scenario.readings(*readings)

@@ -15,8 +15,8 @@ from pydantic import AliasChoices, BeforeValidator, Discriminator, Field, Tag, m
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..instruments.kind import Instrument
-from ..instruments.registry import KINDS, kind_of, names_of
+from ..instruments.flange_tool import FlangeTool
+from ..instruments.registry import TOOLS, names_of
 from ..kinematics.robot import Robot
 from ..parsing.reading import KeyPath, shown
 from ..parsing.validation import (
@@ -264,13 +264,13 @@ class StatedSigma(FileModel):
 if TYPE_CHECKING:
     ToolKind = str
 else:
-    ToolKind = Literal[tuple(KINDS)]
+    ToolKind = Literal[tuple(TOOLS)]
 
 
 class StatedTool(FileModel):
     """What the flange carries."""
 
-    kind: ToolKind = Field(description="; ".join(f"{name}: {kind.words.is_}" for name, kind in KINDS.items()))
+    kind: ToolKind = Field(description="; ".join(f"{name}: {kind.words.is_}" for name, kind in TOOLS.items()))
     calibrated: bool = Field(default=True, description="false: the tool is estimated along with the offsets")
     point_mm: Vector = Field(
         description="a point on the beam, or the tip of the probe, in the flange frame, millimetres"
@@ -286,7 +286,7 @@ class StatedTool(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        stated_sigma, beam = "sigma" in self.model_fields_set, kind_of(self.kind).beam
+        stated_sigma, beam = "sigma" in self.model_fields_set, TOOLS[self.kind].beam
         if beam and self.direction is None:
             raise refusal(
                 "tool.direction is missing",
@@ -318,7 +318,7 @@ class StatedTool(FileModel):
             # The default depends on the kind. It does not count as stated, so that it is not written out with
             # the header.
             fields = self.sigma.model_fields_set if stated_sigma else set()
-            tilt_deg, shift_mm = kind_of(self.kind).free_sigma
+            tilt_deg, shift_mm = TOOLS[self.kind].free_sigma
             sigma = StatedSigma.model_construct(
                 _fields_set=fields,
                 tilt_deg=self.sigma.tilt_deg if "tilt_deg" in fields else tilt_deg,
@@ -510,9 +510,9 @@ class Header(FileModel):
         return self.tool.calibrated and self.arm is None and not with_sigma
 
     @property
-    def instrument(self) -> type[Instrument]:
+    def instrument(self) -> type[FlangeTool]:
         """The kind of the instrument on the flange."""
-        return kind_of(self.tool.kind)
+        return TOOLS[self.tool.kind]
 
     @property
     def only_target(self) -> str:

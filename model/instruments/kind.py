@@ -7,23 +7,62 @@ a kind's own file asks which kind it is: it asks for the facts below.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
+from ..parsing.validation import FileModel
+
+
+class StatedTarget(Protocol):
+    """What a header states of a target (`model.files.header`)."""
+
+    @property
+    def guess_mm(self) -> tuple[float, float, float] | None: ...
+    @property
+    def sigma_mm(self) -> float: ...
+    @property
+    def sigma_deg(self) -> float: ...
+    @property
+    def normal(self) -> tuple[float, float, float] | None: ...
+    @property
+    def diameter_mm(self) -> float | None: ...
 
 
 class Unknown(NamedTuple):
-    """An unknown of an instrument: its name, its unit, and its prior's mean and std, rad or mm."""
+    """An unknown of an instrument: what it belongs to and which number of that it is, its unit, and its
+    prior's mean and std, rad or mm. A `tolerated` prior is knowledge; that of a guess is not.
+
+    The group is `frame` where it says where a station of the world is, else `tool`.
+    """
 
     axis: str
     unit: Literal["deg", "mm"]
     mean: float
     std: float
+    of: str = "tool"
+    group: Literal["tool", "frame"] = "tool"
+    tolerated: bool = False
+
+
+@dataclass(frozen=True)
+class Flange:
+    """The flange in the base frame: `rotation` (3, 3) and `translation` (3, 1) mm, as symbols."""
+
+    rotation: ca.SX
+    translation: ca.SX
+
+    def in_flange(self, point: ca.SX) -> ca.SX:
+        """A point (3, 1) of the base frame, in the flange frame."""
+        return self.rotation.T @ (point - self.translation)
+
+    def in_base(self, point: ca.SX) -> ca.SX:
+        """A point (3, 1) of the flange frame, in the base frame."""
+        return self.translation + self.rotation @ point
 
 
 @dataclass(frozen=True)
@@ -51,71 +90,157 @@ class Words:
 
 @dataclass(frozen=True, eq=False)
 class Instrument(ABC):
-    """An instrument on the flange, as a header states it, in the flange frame.
-
-    `point` (3,) mm on the beam, or the tip; `direction` (3,) unit of a beam, else None. `tilt_std` (rad) and
-    `shift_std` (mm) are the prior stds of how far it is from that; of a calibrated one only if it is
-    `tolerated`: else it is exact, and has no unknowns.
+    """An instrument as a header states it, under `label`: the name by which measurements call it.
 
     Of the kind: `name` is the header's `kind`, `also_called` what else people call it; `columns` are the
-    readings that a measurement records, none where it is taken when the residual is zero; `residual_size` is
-    the number d of components of a residual. `target` is what a target is called where nobody names it,
-    `free_sigma` the tilt (degrees, of a beam) and shift (mm) of one that is not calibrated. A `beam` has a
-    direction and a length, and is steered by the wrist onto a detector; what is none has all joints to meet
-    its target. Where a free one `turns` about the last axis as that joint does, the last offset is held.
+    readings that a measurement records, by their key, and how many numbers each has; `residual_size` is the
+    number d of components of a residual, mm or rad. `target` is what a target is called where nobody names
+    it, and `target_is` what stands in the world: a point or a plane with three unknowns, or nothing.
+
+    It either reads wherever the arm stands, or is `met`: then a measurement is taken where its residual is
+    zero, and the joints are turned until it is. A `beam` has a direction and a length, and is steered by the
+    wrist onto a detector; what is none has all joints to meet its target. Where a free one `turns` about the
+    last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
+    then the first offset is determined.
     """
 
     name: ClassVar[str]
     also_called: ClassVar[tuple[str, ...]]
-    columns: ClassVar[tuple[str, ...]]
-    residual_size: ClassVar[int]
+    columns: ClassVar[Mapping[str, int]]
     target: ClassVar[str]
-    free_sigma: ClassVar[tuple[float, float]]
-    beam: ClassVar[bool]
-    turns: ClassVar[bool]
+    target_is: ClassVar[Literal["point", "plane", "nothing"]]
+    met: ClassVar[bool]
+    beam: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     words: ClassVar[Words]
 
-    calibrated: bool
-    point: Matrix
-    direction: Matrix | None
-    tilt_std: float
-    shift_std: float
-    tolerated: bool = False
+    label: str
+
+    @classmethod
+    @abstractmethod
+    def of(cls, label: str, stated: Any, *, exact: bool) -> Self:
+        """As a header states it by `Stated`; with `exact`, what has no stated sigma is as it is stated."""
+
+    @property
+    @abstractmethod
+    def residual_size(self) -> int: ...
+
+    @property
+    @abstractmethod
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The k that are estimated: first those of the tool, then those of the frame."""
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether what the flange carries is known to its tolerances."""
+        return all(unknown.tolerated for unknown in self.unknowns if unknown.group == "tool")
 
     @property
     def exact(self) -> bool:
         """Whether it is as stated, and no part of it is estimated."""
-        return self.calibrated and not self.tolerated
+        return not self.unknowns
 
     @property
+    def grounded(self) -> bool:
+        return False
+
+    @property
+    @abstractmethod
     def key(self) -> bytes:
         """The same for all whose functions are the same."""
-        numbers = self.point if self.direction is None else np.concatenate([self.point, self.direction])
-        return f"{self.name} {self.exact} ".encode() + np.asarray(numbers, dtype=float).tobytes()
 
     @property
-    def unknowns(self) -> tuple[Unknown, ...]:
-        """The k that are estimated: none if it is exact."""
-        return () if self.exact else tuple(self._free())
-
-    @abstractmethod
-    def _free(self) -> Iterator[Unknown]: ...
-
-    @property
-    @abstractmethod
     def known_to(self) -> float:
         """Prior std, in the unit of `words`, of what a rotation of the last joint is equivalent to."""
+        stds = [unknown.std for unknown in self.unknowns if unknown.group == "tool"]
+        return max(stds, default=0.0)
+
+    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+        """The three unknowns of a target, of which a header states something or nothing."""
+        guess = (0.0, 0.0, 0.0) if target is None or target.guess_mm is None else target.guess_mm
+        std = 10_000.0 if target is None else target.sigma_mm
+        x, y, z = (Unknown(axis, "mm", mean, std) for axis, mean in zip("xyz", guess, strict=True))
+        return x, y, z
+
+    # The reading
+
+    @property
+    def std(self) -> float | None:
+        """Standard deviation of a reading, mm, where the instrument states it; else it is `noise.spot_mm`."""
+        return None
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """What it may read at a posture, by name: its reflectors. One without a name where there is no
+        choice."""
+        return ("",)
+
+    @property
+    def reading_size(self) -> int:
+        """w: how many numbers a reading is to `residual`; 0 where the residual less its shift is all."""
+        return 0
+
+    @property
+    def varies(self) -> bool:
+        """Whether the last d numbers of a reading are the relative standard deviations of its residual."""
+        return False
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+    ) -> Matrix:
+        """(w,) of what a measurement records by `columns` and a header states of its target; `sigma` (mm) if
+        the measurement states its own. Of a planned one nothing is `measured`: zeros take its place."""
+        return np.zeros(0)
+
+    def shift(self, measured: Mapping[str, Sequence[float]]) -> Matrix:
+        """(d,) what the residual of a measurement is less: a spot that was read beside the centre."""
+        return np.zeros(self.residual_size)
+
+    def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
+        """What a measurement records by `columns`, whose `reading` (w,) leaves the residual `shift` (d,)."""
+        return {}
 
     @abstractmethod
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        """(d, 1) what is predicted less what was read: of a `target` (3, 1), at `unknowns` (k, 1)."""
+
+    def predicted(
+        self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
+    ) -> ca.SX:
+        """(w, 1) the reading that leaves no residual: `reading` with what is measured in its place."""
+        return reading
+
+    @property
+    def point(self) -> Matrix:
+        """(3,) mm in the flange frame: what is measured of it, as stated."""
+        return np.zeros(3)
+
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Point (3, 1) mm and unit direction (3, 1) in the flange frame, the direction 0 where it is no beam;
-        `unknowns` (k, 1), or empty if it is exact."""
+        """Point (3, 1) mm and unit direction (3, 1) in the flange frame, the direction 0 where it is no beam:
+        what is drawn, and what obstacles must not meet."""
+        return ca.SX.zeros(3), ca.SX.zeros(3)
+
+    # Where a fit starts
+
+    def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix | None:
+        """(3,) a target from its own measurements, (N, 4, 4) flange in the base frame and (N, w); None where
+        `ray` says it: the point nearest to all beams, or the mean of the tips."""
+        return None
+
+    def start_unknowns(
+        self, poses: Matrix, readings: Matrix, unknowns: Matrix, variants: Sequence[str]
+    ) -> Matrix:
+        """(k,) `unknowns` with what is only guessed solved for, in closed form, from all its measurements."""
+        return unknowns
 
     def nominal_beam(self) -> tuple[Matrix, Matrix, Matrix]:
         """Point (3,) mm, unit direction (3,) and basis (3, 2) across it of the beam as stated, in the flange
         frame; ValueError for what is no beam."""
         raise ValueError(f"a {self.name} has no beam")
 
-    @abstractmethod
-    def predict(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
-        """The reading (d, 1) of a `target` (3, 1) mm in the flange frame."""
+
+@dataclass(frozen=True, eq=False)
+class Station(Instrument):
+    """An instrument that a header states under `instruments`, by a model of its kind's own: `Stated`."""
+
+    Stated: ClassVar[type[FileModel]]

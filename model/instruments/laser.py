@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
-from .kind import Instrument, Unknown, Words
+from .flange_tool import FlangeTool
+from .kind import Unknown, Words
 
 # The two axes across each nominal beam axis, in the order of tilt1, tilt2 and shift1, shift2.
 _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
 
 
 @dataclass(frozen=True, eq=False)
-class LaserBeam(Instrument):
+class LaserBeam(FlangeTool):
     """Its reading is where the target is across the beam, along b1 and b2 (`beam_frame`)."""
 
     name = "laser"
     also_called = ("beam", "pointer", "psd", "light")
-    columns = ("spot_mm",)
+    columns: ClassVar[dict[str, int]] = {"spot_mm": 2}
     residual_size = 2
     target = "psd"
     free_sigma = (3.0, 10.0)
@@ -61,7 +63,7 @@ class LaserBeam(Instrument):
         point, direction, _ = self.beam_frame(unknowns)
         return point, direction
 
-    def predict(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def seen(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         point, _, across = self.beam_frame(unknowns)
         return across.T @ (target - point)
 
@@ -84,7 +86,7 @@ class LaserBeam(Instrument):
 
     def nominal_beam(self) -> tuple[Matrix, Matrix, Matrix]:
         """Point (3,) mm, unit direction (3,) and basis (3, 2) of the beam as stated, in the flange frame."""
-        exact = replace(self, calibrated=True, tolerated=False)
+        exact = replace(self, is_calibrated=True, tolerated=False)
         point, direction, across = exact.beam_frame(ca.SX())
         return ca.DM(point).full()[:, 0], ca.DM(direction).full()[:, 0], ca.DM(across).full()
 

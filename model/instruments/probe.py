@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
-from .kind import Instrument, Unknown, Words
+from .flange_tool import FlangeTool
+from .kind import Unknown, Words
 
 
 @dataclass(frozen=True, eq=False)
-class ProbeTip(Instrument):
+class ProbeTip(FlangeTool):
     """Nothing is read: a measurement is taken when the tip sits in its socket."""
 
     name = "probe"
     also_called = ("ball", "sphere", "tip", "touch", "pin", "stylus", "tcp", "contact")
-    columns = ()
+    columns: ClassVar[dict[str, int]] = {}
     residual_size = 3
     target = "socket"
     free_sigma = (3.0, 50.0)
-    beam = False
-    turns = False
     words = Words(
         is_="a tip that must meet it",
         part="probe tip",
@@ -46,12 +46,12 @@ class ProbeTip(Instrument):
     def known_to(self) -> float:
         return self.shift_std
 
-    def tip(self, unknowns: ca.SX) -> ca.SX:
+    def tip_at(self, unknowns: ca.SX) -> ca.SX:
         """(3, 1) mm in the flange frame; `unknowns` is x, y, z, or empty if exact."""
         return ca.SX(self.point) if self.exact else unknowns
 
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return self.tip(unknowns), ca.SX.zeros(3)
+        return self.tip_at(unknowns), ca.SX.zeros(3)
 
-    def predict(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
-        return target - self.tip(unknowns)
+    def seen(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+        return target - self.tip_at(unknowns)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from ..parsing.reading import also_called
+from .flange_tool import FlangeTool
 from .kind import Instrument
 from .laser import LaserBeam
 from .probe import ProbeTip
 
-KINDS: dict[str, type[Instrument]] = {kind.name: kind for kind in (LaserBeam, ProbeTip)}
+TOOLS: dict[str, type[FlangeTool]] = {kind.name: kind for kind in (LaserBeam, ProbeTip)}
+KINDS: dict[str, type[Instrument]] = {**TOOLS}
 for _kind in KINDS.values():
     also_called(_kind.name, _kind.also_called)
 
@@ -18,5 +20,5 @@ def kind_of(name: str) -> type[Instrument]:
 
 
 def names_of(*, beam: bool) -> list[str]:
-    """The kinds that are beams, or that are none."""
-    return [name for name, kind in KINDS.items() if kind.beam == beam]
+    """The tools that are beams, or that are none."""
+    return [name for name, kind in TOOLS.items() if kind.beam == beam]

@@ -229,38 +229,44 @@ class Robot:
     @cached_property
     def _both(self) -> ca.Function:
         theta = ca.SX.sym("theta", self.n)
-        rotation, translation, origins, axes, _ = self._chain(theta)
+        rotation, translation, jacobian = self.flange_motion(self.turns(theta))
+        outputs = [ca.densify(ca.horzcat(rotation, translation)), ca.densify(jacobian)]
+        return ca.Function("pose", [theta], ca.cse(outputs), ["theta"], ["pose", "jacobian"])
+
+    def flange_motion(self, turns: Sequence[Turn]) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """R (3, 3) and t (3, 1) mm of the flange in the base frame, and the (6, n) columns by which the
+        joints move it: of t, then the rotation vector in the base frame."""
+        rotation, translation, origins, axes, _ = self._chain(turns)
         columns = [
             ca.vertcat(ca.cross(axis, translation - origin), axis)
             if joint.kind == "revolute"
             else ca.vertcat(axis, ca.SX.zeros(3))
             for joint, origin, axis in zip(self.joints, origins, axes, strict=True)
         ]
-        outputs = [ca.densify(ca.horzcat(rotation, translation)), ca.densify(ca.horzcat(*columns))]
-        return ca.Function("pose", [theta], ca.cse(outputs), ["theta"], ["pose", "jacobian"])
+        return rotation, translation, ca.horzcat(*columns)
 
     def flange_pose(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """R (3, 3) and t (3, 1) mm of the flange in the base frame at the true joint positions (eq. 4).
 
         `theta` is (n, 1), rad or mm: the recorded positions plus the offsets (eq. 3).
         """
-        rotation, translation, *_ = self._chain(theta)
+        rotation, translation, *_ = self._chain(self.turns(theta))
         return rotation, translation
 
     def skeleton(self, theta: ca.SX) -> ca.SX:
         """(3, n + 2) mm: the base, the origin of each joint and the flange, in the base frame."""
-        _, translation, origins, *_ = self._chain(theta)
+        _, translation, origins, *_ = self._chain(self.turns(theta))
         return ca.horzcat(ca.SX.zeros(3), *origins, translation)
 
     def links(self, theta: ca.SX) -> ca.SX:
         """(3, 4 (n + 1)): rotation and place, mm, of the base and of the link behind each joint in the base
         frame, side by side: frames that move with them, as a URDF names them."""
-        poses = [ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), *self._chain(theta)[4]]
+        poses = [ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), *self._chain(self.turns(theta))[4]]
         return ca.horzcat(*poses)
 
     def axes(self, theta: ca.SX) -> ca.SX:
         """(3, n) the unit axis of each joint in the base frame."""
-        return ca.horzcat(*self._chain(theta)[3])
+        return ca.horzcat(*self._chain(self.turns(theta))[3])
 
     def recorded_turns(self, joints: Matrix) -> Matrix:
         """(…, 2n): cosine and sine of each recorded position (…, n); the position and 0 if prismatic."""
@@ -327,12 +333,12 @@ class Robot:
             vectors = ca.sparsify(ca.SX(joint.fixed[:3, :3])) @ vectors
         return ca.horzcat(*reversed(columns)), vectors.T
 
-    def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX], list[ca.SX]]:
+    def _chain(self, turns: Sequence[Turn]) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX], list[ca.SX]]:
         rotation, translation = ca.SX.eye(3), ca.SX.zeros(3)
         origins: list[ca.SX] = []
         axes: list[ca.SX] = []
         links: list[ca.SX] = []
-        for joint, turn in zip(self.joints, self.turns(theta), strict=True):
+        for joint, turn in zip(self.joints, turns, strict=True):
             translation = translation + rotation @ joint.fixed[:3, 3]
             origins.append(translation)
             rotation = rotation @ joint.fixed[:3, :3]

@@ -3,7 +3,8 @@
 One shot has the inputs
 
     q      (n,)   recorded joint positions, rad or mm
-    spot   (d,)   recorded position of the target across the beam, mm (zero for a probe)
+    spot   (d,)   what the residual is less: the recorded position of the target across the beam, mm
+    reading (w,)  what an instrument has read that reads wherever the arm stands (w = 0 of a laser or probe)
     arm    (a,)   joint offsets delta (n,), then the geometry parameters if there are any
     target (3,)   target in the base frame, mm
     tool   (k,)   the free tool parameters (k = 0 if it is exact)
@@ -23,7 +24,8 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from ..instruments.kind import Instrument
+from ..instruments.flange_tool import FlangeTool
+from ..instruments.kind import Flange, Instrument
 from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
@@ -42,24 +44,13 @@ class Posture:
         self.theta = self.q + geometry.bent(robot, self.arm, self.recorded)
 
     @cached_property
-    def pose(self) -> tuple[ca.SX, ca.SX]:
-        """The flange's rotation and translation in the base frame."""
-        return self.robot.flange_pose(self.theta)
-
-    def in_flange(self, point: ca.SX) -> ca.SX:
-        """A point (3, 1) of the base frame, in the flange frame."""
-        rotation, translation = self.pose
-        return rotation.T @ (point - translation)
-
-    def in_base(self, point: ca.SX) -> ca.SX:
-        """A point (3, 1) of the flange frame, in the base frame."""
-        rotation, translation = self.pose
-        return translation + rotation @ point
+    def flange(self) -> Flange:
+        return Flange(*self.robot.flange_pose(self.theta))
 
     def beam(self, tool: Instrument, unknown: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Origin and direction (3, 1) of a beam in the base frame; what is no beam has the direction 0."""
         point, direction = tool.ray(unknown)
-        return self.in_base(point), self.pose[0] @ direction
+        return self.flange.in_base(point), self.flange.rotation @ direction
 
     def inputs(self, **others: ca.SX) -> dict[str, ca.SX]:
         """Of a function of the posture and of `others`."""
@@ -173,14 +164,26 @@ def shot_functions(
 def residual(
     robot: Robot, turns: Sequence[Turn], tool: Instrument, target: ca.SX, unknown: ca.SX, reading: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """What is predicted of a reading (d,), less the reading, and its Jacobians by the joints (d, n) and by
-    the target (d, 3)."""
-    target_in_flange, stations = robot.in_flange(turns, target)
-    at = ca.SX.sym("target_in_flange", 3)
-    predicted = tool.predict(at, unknown)
-    across = ca.jacobian(predicted, at).T
-    predicted, across = ca.substitute([predicted, across], [at], [target_in_flange])
-    return (predicted - reading, *robot.in_flange_jacobian(turns, stations, across))
+    """What is predicted of a `reading` (w,), less the reading (d,), and its Jacobians by the joints (d, n)
+    and by the target (d, 3)."""
+    if isinstance(tool, FlangeTool):  # sees its target in the flange frame: that takes half the operations
+        target_in_flange, stations = robot.in_flange(turns, target)
+        at = ca.SX.sym("target_in_flange", 3)
+        predicted = tool.seen(at, unknown)
+        across = ca.jacobian(predicted, at).T
+        predicted, across = ca.substitute([predicted, across], [at], [target_in_flange])
+        return (predicted, *robot.in_flange_jacobian(turns, stations, across))
+    rotation, translation, columns = robot.flange_motion(turns)
+    flange, turn = Flange(ca.SX.sym("rotation", 3, 3), ca.SX.sym("translation", 3)), ca.SX.sym("turn", 3)
+    (variant,) = tool.variants
+    left = tool.residual(flange, target, unknown, reading, variant)
+    turned = ca.substitute(left, flange.rotation, flange.rotation + ca.skew(turn) @ flange.rotation)
+    by_turn = ca.substitute(ca.jacobian(turned, turn), turn, ca.SX.zeros(3))
+    by_motion = ca.horzcat(ca.jacobian(left, flange.translation), by_turn)
+    parts = [left, by_motion, ca.jacobian(left, target)]
+    symbols = [flange.rotation, flange.translation]
+    left, by_motion, by_target = ca.substitute(parts, symbols, [rotation, translation])
+    return left, by_motion @ columns, by_target
 
 
 class _Shot:
@@ -190,14 +193,16 @@ class _Shot:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
         self.recorded = ca.SX.sym("turns", geometry.recorded_size(functions.robot))
         self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
+        self.reading = ca.SX.sym("reading", tool.reading_size)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
         self.unknown = ca.SX.sym("tool", len(tool.unknowns))
         robot = geometry.moved(functions.robot, self.arm[n:])
         offsets = geometry.bent(functions.robot, self.arm, self.recorded)
         turns = functions.robot.turns_with_offsets(self.recorded, offsets)
-        self.residual, self.by_joints, by_target = residual(
-            robot, turns, tool, self.target, self.unknown, self.spot
+        left, self.by_joints, by_target = residual(
+            robot, turns, tool, self.target, self.unknown, self.reading
         )
+        self.residual = left - self.spot
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
@@ -291,24 +296,24 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
 
 def _visible(functions: ShotFunctions) -> ca.Function:
     posture, target = functions.posture, ca.SX.sym("target", 3)
-    return _function("seen", posture.inputs(target=target), {"y": posture.in_flange(target)})
+    return _function("seen", posture.inputs(target=target), {"y": posture.flange.in_flange(target)})
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:
     posture, target = functions.posture, ca.SX.sym("target", 3)
-    y = posture.in_flange(target)
+    y = posture.flange.in_flange(target)
     outputs = {"y": y, "jacobian": ca.jacobian(y, posture.q)}
     return _function("sighted", posture.inputs(target=target), outputs)
 
 
 def _position(functions: ShotFunctions) -> ca.Function:
     posture, y = functions.posture, ca.SX.sym("y", 3)
-    return _function("place", posture.inputs(y=y), {"target": posture.in_base(y)})
+    return _function("place", posture.inputs(y=y), {"target": posture.flange.in_base(y)})
 
 
 def _placed(functions: ShotFunctions) -> ca.Function:
     posture, y = functions.posture, ca.SX.sym("y", 3)
-    target = posture.in_base(y)
+    target = posture.flange.in_base(y)
     outputs = {"target": target, "jacobian": ca.jacobian(target, ca.vertcat(posture.arm, y))}
     return _function("placed", posture.inputs(y=y), outputs)
 

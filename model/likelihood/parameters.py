@@ -31,14 +31,14 @@ from .noise import NoiseModel
 if TYPE_CHECKING:
     from ..files.header import Header
 
-Group = Literal["offset", "geometry", "target", "tool", "noise"]
+Group = Literal["offset", "geometry", "target", "tool", "frame", "noise"]
 Unit = Literal["deg", "mm", "1"]
 
-ORDER: tuple[Group, ...] = ("offset", "geometry", "target", "tool", "noise")
+ORDER: tuple[Group, ...] = ("offset", "geometry", "target", "tool", "frame", "noise")
 # The groups that forward kinematics depends on: they are contiguous, in this order, from the first on.
 ARM: tuple[Group, ...] = ("offset", "geometry")
 # The groups that the residual of one shot depends on: of the targets it is its own alone.
-IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
+IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool", "frame")
 
 HeldBy = Literal["base frame", "tool rotation", "first link", "free tool", "header"]
 _NOISE_PRIOR = 1.0  # of the logarithm of a noise factor: 95 % between 1/7 and 7 times what is stated
@@ -119,7 +119,7 @@ class Parameters:
             *_offsets(robot, header),
             *_of_geometry(geometry, robot, tool, header.tolerance),
             *(item for target in targets for item in _coordinates(target, header)),
-            *_of_tool(tool, header, known=tool.calibrated or _known_to_sigma(header, robot)),
+            *_of_instrument(tool, header.tolerance),
             *(_noise_factors() if noise.separate else ()),
         ]
         held = _held(header.held, robot, tool, items)
@@ -349,18 +349,11 @@ def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
         )
 
 
-def _known_to_sigma(header: Header, robot: Robot) -> bool:
-    """Whether the sigma of a tool that is not calibrated is knowledge, as that of a calibrated one is: it is
-    stated, and the last joint's offset, which the tool would take up, is to be estimated by it."""
-    estimated = header.held is not None and f"delta{robot.n}" not in header.held
-    return estimated and "sigma" in header.tool.model_fields_set
-
-
-def _of_tool(tool: Instrument, header: Header, *, known: bool) -> Iterator[Parameter]:
-    """The tool's; `known` where the standard deviations of its prior are tolerances."""
-    enough = {"deg": float(np.radians(header.tolerance.tilt_deg)), "mm": header.tolerance.length_mm}
-    for axis, unit, mean, std in tool.unknowns:
-        yield Parameter(f"tool.{axis}", "tool", "tool", axis, unit, mean, std, enough[unit], tolerated=known)
+def _of_instrument(tool: Instrument, known: StatedTolerance) -> Iterator[Parameter]:
+    """Those of the tool, then those of the frame; `known` is up to where one counts as identified."""
+    enough = {"deg": float(np.radians(known.tilt_deg)), "mm": known.length_mm}
+    for axis, unit, mean, std, of, group, tolerated in tool.unknowns:
+        yield Parameter(f"{of}.{axis}", group, of, axis, unit, mean, std, enough[unit], tolerated=tolerated)
 
 
 def _noise_factors() -> Iterator[Parameter]:

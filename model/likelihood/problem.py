@@ -110,7 +110,7 @@ class Problem:
         shot_numbers: Sequence[int] | None = None,
     ) -> Problem:
         """From a header and recorded (or planned) shots; `targets` names the target of each shot."""
-        tool, noise = instrument(header), NoiseModel.from_header(header, robot)
+        tool, noise = instrument(header, robot), NoiseModel.from_header(header, robot)
         geometry = Geometry.from_header(header, robot)
         names = tuple(dict.fromkeys(targets))
         return cls(
@@ -415,18 +415,15 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
-def instrument(header: Header) -> Instrument:
-    """That on the flange, as a header states it."""
-    tool = header.tool
-    direction = None if tool.direction is None else np.array(tool.direction, dtype=float)
-    return header.instrument(
-        calibrated=tool.calibrated,
-        point=np.array(tool.point_mm, dtype=float),
-        direction=None if direction is None else direction / np.linalg.norm(direction),
-        tilt_std=float(np.radians(tool.sigma.tilt_deg)),
-        shift_std=tool.sigma.shift_mm,
-        tolerated=not header.exact_tool,
-    )
+def instrument(header: Header, robot: Robot) -> Instrument:
+    """That on the flange, as a header states it.
+
+    The sigma of a tool that is not calibrated is knowledge, as that of a calibrated one is, where it is
+    stated and the last joint's offset, which the tool would take up, is to be estimated by it.
+    """
+    estimated = header.held is not None and f"delta{robot.n}" not in header.held
+    known = estimated and "sigma" in header.tool.model_fields_set
+    return header.instrument.of("tool", header.tool, exact=header.arm is None, sigma_known=known)
 
 
 def rms_length(residual: Matrix) -> float:

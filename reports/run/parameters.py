@@ -145,6 +145,7 @@ def other_tables(parameters: Sequence[ParameterResult], k: float) -> list[Table]
     captions: tuple[tuple[str, Group], ...] = (
         ("Targets in the base frame", "target"),
         ("Tool in the flange frame", "tool"),
+        ("Frame of the instrument in the base frame", "frame"),
         ("Noise, as a multiple of the stated", "noise"),
     )
     groups = [

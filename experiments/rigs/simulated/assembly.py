@@ -11,6 +11,7 @@ from ....analysis.observability.aim import aim, servo_joints
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ....model.instruments.flange_tool import flange_tool
 from ....model.instruments.kind import Instrument
 from ....model.kinematics.orientation import roll_pitch_yaw
 from ....model.kinematics.robot import Robot, same_arm, shift
@@ -182,7 +183,7 @@ def assemble(
         drawn = drawn.knowing(arm)
         cell = cell.model_copy(update={"arm": cell.arm.model_copy(update={"offsets_deg": None})})
     problem = drawn.problem
-    beam = replace(problem.tool, calibrated=False)
+    beam = replace(flange_tool(problem.tool), is_calibrated=False)
     centres = {name: _centre(plan, cell, problem, name, rng) for name in problem.targets}
     block, x = problem.parameters.block, drawn.x.copy()
     x[block("offset")] = offsets = _offsets(cell, problem, drawn.x[block("offset")])

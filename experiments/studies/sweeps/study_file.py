@@ -497,7 +497,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
     with located(document.file, line(("held",))):
-        tool, noise = instrument(header), NoiseModel.from_header(header, robot)
+        tool, noise = instrument(header, robot), NoiseModel.from_header(header, robot)
         Parameters.build(robot, tool, noise, Geometry.from_header(header, robot), header, [TARGET])
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
     return Case(at, words, settings, header, robot)

@@ -1,11 +1,14 @@
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
 from plain_model import beam, by_differences, unit
 
 from zerobeam.model.files.header import Header
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.instruments.laser import LaserBeam
-from zerobeam.model.likelihood.problem import instrument
+from zerobeam.model.likelihood import problem
 
 
 def header(**tool):
@@ -13,9 +16,13 @@ def header(**tool):
     return Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, "geometry": "exact"})
 
 
+def instrument(stated):
+    return problem.instrument(stated, load_robot("irb1600", Path()))
+
+
 def laser(direction, *, calibrated=False, point=(0.0, 0.0, 65.0)):
     u = np.array(direction, dtype=float)
-    return LaserBeam(calibrated, np.array(point), u / np.linalg.norm(u), np.radians(3), 10.0)
+    return LaserBeam("tool", calibrated, np.array(point), u / np.linalg.norm(u), np.radians(3), 10.0)
 
 
 def at(tool, unknowns=()):

@@ -166,6 +166,7 @@ def test_the_same_function_gives_the_same_source():
 def shot_functions(name, folder, log_det="none"):
     laser = name != "gantry"
     tool = kind_of("laser" if laser else "probe")(
+        "tool",
         False,
         np.array([12.0, -7.0, 65.0]),
         np.array([0.6, 0.0, 0.8]) if laser else None,
