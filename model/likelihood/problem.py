@@ -131,9 +131,9 @@ class Problem:
 
     @classmethod
     def from_run(cls, run: Run) -> Problem:
-        spots = run.spots if run.header.instrument.columns else None
+        spots = run.spots if run.header.tool_kind.columns else None
         numbers = [shot.shot for shot in run.shots]
-        targets = [shot.target for shot in run.shots]
+        targets = [shot.met_target for shot in run.shots]
         with located(run.path, run.header_line):
             problem = cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
             return problem._with_enough(run.header)
@@ -141,7 +141,7 @@ class Problem:
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         with located(plan.path):
-            problem = cls.build(plan.header, plan.robot, plan.postures, plan.targets)
+            problem = cls.build(plan.header, plan.robot, plan.postures, plan.called)
             return problem._with_enough(plan.header)
 
     def _with_enough(self, header: Header) -> Problem:
@@ -422,8 +422,8 @@ def instrument(header: Header, robot: Robot) -> Instrument:
     stated and the last joint's offset, which the tool would take up, is to be estimated by it.
     """
     estimated = header.held is not None and f"delta{robot.n}" not in header.held
-    known = estimated and "sigma" in header.tool.model_fields_set
-    return header.instrument.of("tool", header.tool, exact=header.arm is None, sigma_known=known)
+    known = estimated and "sigma" in header.stated_tool.model_fields_set
+    return header.tool_kind.of("tool", header.stated_tool, exact=header.arm is None, sigma_known=known)
 
 
 def rms_length(residual: Matrix) -> float:
