@@ -325,7 +325,8 @@ class Problem:
     def split(self, x: Matrix) -> ParameterParts:
         """The parts of parameter vectors (..., p)."""
         parameters = self.parameters
-        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], -1, 3)
+        real = len(self.targets) - self.stations
+        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], real, 3)
         if self.stations:
             nothing = np.zeros((*x.shape[:-1], self.stations, 3))
             targets = np.concatenate([targets, nothing], axis=-2)
@@ -477,8 +478,8 @@ class Problem:
 
     def _start_instruments(self, x: Matrix, joints: Matrix) -> None:
         variants = [""] * self.shots
-        for row, own in enumerate(x):
-            parts, poses = self.split(own), self._poses(own, joints[row % len(joints)])
+        for row, point in enumerate(x):
+            parts, poses = self.split(point), self._poses(point, joints[row % len(joints)])
             started = self.tool.start_unknowns(poses, self.readings, parts.tool, variants)
             free = self.parameters.free[self.parameters.instrument]
             x[row, self.parameters.instrument] = np.where(free, started, parts.tool)
@@ -502,8 +503,8 @@ class Problem:
         result = self._nearest_to_rays(parts, joints)
         for k in range(real if self.recorded else 0):
             mine = self.target_index == k
-            for row, own in enumerate(x):
-                poses = self._poses(own, joints[row % len(joints)][mine])
+            for row, point in enumerate(x):
+                poses = self._poses(point, joints[row % len(joints)][mine])
                 known = self.tool.start_target(poses, self.readings[mine], parts.tool[row])
                 if known is not None:
                     result[row, k] = known
