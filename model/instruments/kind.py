@@ -111,7 +111,6 @@ class Instrument(ABC):
     target_is: ClassVar[Literal["point", "plane", "nothing"]]
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
     words: ClassVar[Words]
 
     label: str
@@ -139,6 +138,10 @@ class Instrument(ABC):
     def exact(self) -> bool:
         """Whether it is as stated, and no part of it is estimated."""
         return not self.unknowns
+
+    @property
+    def turns(self) -> bool:
+        return False
 
     @property
     def grounded(self) -> bool:
