@@ -16,6 +16,7 @@ from pydantic import AliasChoices, BeforeValidator, Discriminator, Field, Tag, m
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..instruments.flange_tool import FlangeTool
+from ..instruments.kind import Instrument
 from ..instruments.registry import TOOLS, names_of
 from ..kinematics.robot import Robot
 from ..parsing.reading import KeyPath, shown
@@ -416,6 +417,11 @@ class StatedTarget(FileModel):
     sigma_mm: Positive = Field(
         default=10_000.0, description="standard deviation of that, each direction, millimetres"
     )
+    normal: Vector | None = Field(default=None, description="of a plane: which way it faces, any length")
+    sigma_deg: Positive = Field(
+        default=30.0, description="of a plane: standard deviation of its tilt, degrees"
+    )
+    diameter_mm: Positive | None = Field(default=None, description="of a sphere, millimetres")
 
 
 class StatedDistance(FileModel):
@@ -513,6 +519,21 @@ class Header(FileModel):
     def instrument(self) -> type[FlangeTool]:
         """The kind of the instrument on the flange."""
         return TOOLS[self.tool.kind]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the instruments."""
+        return tuple(self.stated)
+
+    @property
+    def stated(self) -> dict[str, StatedTool]:
+        """What is stated of each instrument, by its label."""
+        return {"tool": self.tool}
+
+    @property
+    def kinds(self) -> dict[str, type[Instrument]]:
+        """The kind of each instrument, by its label."""
+        return {"tool": self.instrument}
 
     @property
     def only_target(self) -> str:
