@@ -82,7 +82,7 @@ class PoseStation(FramedStation):
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3, "measured_quat": 4}
     residual_size = 6
     reading_size = 13
-    Stated = StatedPose
+    Stated: ClassVar[type[FileModel]] = StatedPose
     words = Words(
         is_="an instrument that measures position and orientation of a body on the flange",
         part="measured body",
@@ -108,14 +108,14 @@ class PoseStation(FramedStation):
     tolerated: tuple[bool, bool]
 
     @classmethod
-    def of(cls, label: str, stated: StatedPose, *, exact: bool) -> Self:
-        mount = stated.mount
+    def of(cls, label: str, header: StatedPose, *, exact: bool) -> Self:
+        mount = header.mount
         angle = FREE_RAD if mount.sigma_deg is None else float(np.radians(mount.sigma_deg))
         return cls(
             label=label,
-            frame=known_frame(stated.frame),
-            sigma_mm=stated.sigma_mm,
-            sigma_rad=float(np.radians(stated.sigma_deg)),
+            frame=known_frame(header.frame),
+            sigma_mm=header.sigma_mm,
+            sigma_rad=float(np.radians(header.sigma_deg)),
             mount_point=np.array(mount.guess_mm, dtype=float),
             mount_rotation=rotation_of_quaternion(unit_quaternion(mount.guess_quat)),
             mount_std=(mount.sigma_mm or FREE_MM, angle),

@@ -60,7 +60,8 @@ class Together(Instrument):
 
     @property
     def turns(self) -> bool:
-        return any(instrument.turns for instrument in self.instruments)
+        """Not where one instrument holds the last offset, which it does for all."""
+        return all(instrument.turns for instrument in self.instruments)
 
     @property
     def grounded(self) -> bool:
@@ -68,7 +69,8 @@ class Together(Instrument):
 
     @property
     def calibrated(self) -> bool:
-        return all(instrument.calibrated for instrument in self.instruments)
+        """One that is known determines what the last link does."""
+        return any(instrument.calibrated for instrument in self.instruments)
 
     @property
     def each(self) -> tuple[Instrument, ...]:

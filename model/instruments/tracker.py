@@ -119,7 +119,7 @@ class Tracker(FramedStation):
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
     residual_size = 3
     reading_size = 7
-    Stated = StatedTracker
+    Stated: ClassVar[type[FileModel]] = StatedTracker
     words = Words(
         is_="an instrument that measures the position of reflectors on the flange",
         part="reflector",
@@ -143,19 +143,19 @@ class Tracker(FramedStation):
     reflectors: Mapping[str, Reflector]
 
     @classmethod
-    def of(cls, label: str, stated: StatedTracker, *, exact: bool) -> Self:
-        sigma = stated.sigma_mm
+    def of(cls, label: str, header: StatedTracker, *, exact: bool) -> Self:
+        sigma = header.sigma_mm
         ranged = isinstance(sigma, StatedRangeSigma)
         return cls(
             label=label,
-            frame=known_frame(stated.frame),
+            frame=known_frame(header.frame),
             sigmas=np.ones(3) * (sigma.constant if ranged else sigma),
             per_m=sigma.per_m if ranged else 0.0,
             reflectors={
                 name: Reflector(
                     np.array(each.guess_mm, dtype=float), each.sigma_mm or FREE_MM, each.sigma_mm is not None
                 )
-                for name, each in stated.reflectors.items()
+                for name, each in header.reflectors.items()
             },
         )
 
@@ -220,6 +220,9 @@ class Tracker(FramedStation):
         return unknowns[:3], ca.SX.zeros(3)
 
     def _index(self, variant: str) -> int:
+        """Of a reflector; where there is but one, it needs no name."""
+        if not variant and len(self.reflectors) == 1:
+            return 0
         if variant not in self.reflectors:
             raise BadInput(
                 f"{self.label} has no such reflector",
