@@ -65,12 +65,12 @@ def test_of_a_calibrated_tool_nothing_is_unknown(content):
         np.testing.assert_array_equal(p, [3, 0, 65])
         np.testing.assert_array_equal(u, [1, 0, 0])
     else:
-        np.testing.assert_array_equal(np.array(ca.DM(ca.evalf(tool.tip(ca.SX(0, 1))))).ravel(), [3, 0, 65])
+        np.testing.assert_array_equal(np.array(ca.DM(ca.evalf(tool.tip_at(ca.SX(0, 1))))).ravel(), [3, 0, 65])
 
 
 def test_the_tip_of_an_uncalibrated_probe_is_the_unknown_itself():
     tool = instrument(header(kind="probe", point_mm=[3, 0, 65], calibrated=False))
-    tip = ca.evalf(tool.tip(ca.SX([1.0, 2.0, 3.0])))
+    tip = ca.evalf(tool.tip_at(ca.SX([1.0, 2.0, 3.0])))
     np.testing.assert_array_equal(np.array(ca.DM(tip)).ravel(), [1, 2, 3])
 
 
