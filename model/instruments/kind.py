@@ -133,6 +133,7 @@ class Instrument(ABC):
     target_is: ClassVar[Literal["point", "plane", "nothing"]]
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     words: ClassVar[Words]
 
     label: str
@@ -162,8 +163,8 @@ class Instrument(ABC):
         return not self.unknowns
 
     @property
-    def turns(self) -> bool:
-        return False
+    def turns_freely(self) -> bool:
+        return self.turns and not self.calibrated
 
     @property
     def grounded(self) -> bool:

@@ -80,6 +80,7 @@ class PoseStation(FramedStation):
     name = "pose"
     also_called = ("6d", "6dof", "t-mac", "tmac", "marker", "camera", "hand-eye", "mocap")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3, "measured_quat": 4}
+    turns = True
     residual_size = 6
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose
@@ -132,7 +133,7 @@ class PoseStation(FramedStation):
         return (*shifts, *turns, *self.frame_unknowns)
 
     @property
-    def turns(self) -> bool:
+    def turns_freely(self) -> bool:
         return not self.tolerated[1]
 
     @property

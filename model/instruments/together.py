@@ -59,9 +59,9 @@ class Together(Instrument):
         return self.instruments[0].words
 
     @property
-    def turns(self) -> bool:
-        """Not where one instrument holds the last offset, which it does for all."""
-        return all(instrument.turns for instrument in self.instruments)
+    def turns_freely(self) -> bool:
+        """Not where one instrument determines the last offset: it does so for all."""
+        return all(instrument.turns_freely for instrument in self.instruments)
 
     @property
     def grounded(self) -> bool:

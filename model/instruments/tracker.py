@@ -117,6 +117,7 @@ class Tracker(FramedStation):
     name = "tracker"
     also_called = ("laser tracker", "cmm", "reflector", "smr", "total station", "photogrammetry")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
+    turns = True
     residual_size = 3
     reading_size = 7
     Stated: ClassVar[type[FileModel]] = StatedTracker
@@ -145,12 +146,14 @@ class Tracker(FramedStation):
     @classmethod
     def of(cls, label: str, header: StatedTracker, *, exact: bool) -> Self:
         sigma = header.sigma_mm
-        ranged = isinstance(sigma, StatedRangeSigma)
+        constant, per_m = (
+            (sigma.constant, sigma.per_m) if isinstance(sigma, StatedRangeSigma) else (sigma, 0.0)
+        )
         return cls(
             label=label,
             frame=known_frame(header.frame),
-            sigmas=np.ones(3) * (sigma.constant if ranged else sigma),
-            per_m=sigma.per_m if ranged else 0.0,
+            sigmas=np.broadcast_to(np.array(constant, dtype=float), 3),
+            per_m=per_m,
             reflectors={
                 name: Reflector(
                     np.array(each.guess_mm, dtype=float), each.sigma_mm or FREE_MM, each.sigma_mm is not None
@@ -168,7 +171,7 @@ class Tracker(FramedStation):
         return (*chain.from_iterable(parts), *self.frame_unknowns)
 
     @property
-    def turns(self) -> bool:
+    def turns_freely(self) -> bool:
         return not any(each.tolerated for each in self.reflectors.values())
 
     @property
@@ -299,7 +302,8 @@ class _Sets(NamedTuple):
         """(3 N, 3 f) of the f free reflectors: what a mm of each moves in the base frame."""
         of = np.flatnonzero(self.free)
         on = (self.which[:, None] == of).astype(float)
-        return np.einsum("nij,nk->nikj", self.rotations, on).reshape(3 * len(on), 3 * len(of))
+        moved = np.einsum("nij,nk->nikj", self.rotations, on)
+        return np.asarray(moved.reshape(3 * len(on), 3 * len(of)))
 
     def _linear(self) -> Matrix:
         """(3, 3) from A m + f = R (g + x) + t by least squares in A (any matrix), f and x."""
@@ -322,7 +326,7 @@ class _Sets(NamedTuple):
             wanted = (nominal - self.measured @ turn.T).ravel()
             solution = np.linalg.lstsq(linear, wanted, rcond=1e-9)[0]
             residuals = linear @ solution - wanted
-            return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, solution
+            return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, np.asarray(solution)
 
         rms, residuals, solution = at(turn)
         for _ in range(_STEPS):
@@ -345,4 +349,4 @@ class _Sets(NamedTuple):
                 break
         points = self.points.copy()
         points[self.free] += solution[3:].reshape(-1, 3)
-        return rms, turn, solution[:3], points
+        return rms, turn, np.asarray(solution[:3]), points
