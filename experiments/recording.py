@@ -204,7 +204,7 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
 
 
 def _for_a_beam(plan: Plan) -> str:
-    return f"is for a {' or '.join(names_of(beam=True))}; the plan's tool is a {plan.header.tool.kind}"
+    return f"is for a {' or '.join(names_of(beam=True))}; the plan's tool is a {plan.header.instrument.name}"
 
 
 def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
@@ -216,7 +216,7 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
     )
     if request.rig != "simulated":
         raise BadInput(
-            f"the rig {request.rig} cannot lead a {plan.header.tool.kind}",
+            f"the rig {request.rig} cannot lead a {plan.header.instrument.name}",
             remedy=f"use a {' or '.join(names_of(beam=True))}, or --rig simulated to rehearse",
         )
     arm = None if request.arm is None else corrected_arm(request.arm, plan, None)

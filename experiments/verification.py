@@ -84,7 +84,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
     verified.require_analysable()
     with one_blas_thread():
         solution, entered = _determined(run)
-        targets = tuple(shot.target for shot in verified.shots)
+        targets = tuple(shot.met_target for shot in verified.shots)
         declared = {**run.header.targets, **verified.header.targets}
         kept = {name: declared[name] for name in targets if name in declared}
         header = run.header.model_copy(update={"distances": (), "targets": kept})

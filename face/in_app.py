@@ -116,6 +116,7 @@ def write_plan_beside(plan: Plan, folder: Path) -> str:
         header,
         rows,
         plan.targets,
+        means=plan.means,
         via_deg=[between * display for between in plan.via],
         constraints=plan.constraints,
     )

@@ -283,7 +283,7 @@ class Check:
             postures=tuple(
                 CheckedPosture(
                     i,
-                    plan.targets[i],
+                    plan.called[i],
                     float(aimed.off_mm[i]),
                     bool(aimed.hit[i]),
                     tuple(each for each in violations if each.posture == i),

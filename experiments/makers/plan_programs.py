@@ -92,7 +92,7 @@ def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
 
     return [
         PlanStep(i, target, joints, rows(plan.via_of(i)))
-        for i, (target, joints) in enumerate(zip(plan.targets, rows(plan.postures), strict=True))
+        for i, (target, joints) in enumerate(zip(plan.called, rows(plan.postures), strict=True))
     ]
 
 

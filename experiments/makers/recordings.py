@@ -20,7 +20,7 @@ from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
+from ...model.files.shot import Shot, ShotRules, check_distances, target_names, unknown_targets
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
@@ -46,7 +46,7 @@ class FileMeasurements:
     path: Path
     noun: str
     joints: Matrix
-    targets: Sequence[str]
+    targets: Sequence[str | None]
     lines: Sequence[int] | None = None
     numbers: Sequence[int] | None = None
     spots: Matrix | None = None
@@ -124,7 +124,7 @@ class ImportJob:
                     found=", ".join(names),
                     remedy="leave out --target, or state --header instead of --plan",
                 )
-            return [self.plan.targets[0]] * len(self.paths)
+            return [self.plan.called[0]] * len(self.paths)
         if len(names) != len(self.patterns):
             raise BadInput(
                 "one target name is required for each file",
@@ -138,7 +138,7 @@ class ImportJob:
         robot = self.robot
         if self.plan is not None:
             parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
-        names = tuple(dict.fromkeys(target for part in parts for target in part.targets))
+        names = target_names(target for part in parts for target in part.targets)
         check_distances(self.header, names, file=self.header_path, line=None)
         shots: list[Shot] = []
         sentences: list[str] = []
@@ -225,11 +225,11 @@ class ImportJob:
             columns["spot_mm"] = part.spots.tolist()
         if times is not None:
             columns["time_s"] = times.tolist()
-        shots = []
+        shots, rules = [], ShotRules(self.header, self.robot)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
             with located(part.path, None if part.lines is None else part.lines[i]):
                 shot = validate(Shot, dict(zip(columns, row, strict=True)), file=None, line=_nowhere)
-                check_shot(self.header, self.robot, shot, file=None, line=None)
+                rules.check(shot, file=None, line=None)
             shots.append(shot)
         return shots
 
@@ -270,7 +270,7 @@ def matching(path: Path) -> list[Path]:
 
 def _counted(shots: Sequence[Shot], part: FileMeasurements) -> str:
     """'3 measurements of target 'a', numbered 0 to 2'."""
-    names = list(dict.fromkeys(part.targets))
+    names = target_names(part.targets)
     plural = "s" if len(names) > 1 else ""
     which = ", ".join(repr(name) for name in names)
     numbers = [shot.shot for shot in shots]

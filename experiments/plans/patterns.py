@@ -49,7 +49,7 @@ def pattern(
     if not header.instrument.beam:
         raise BadInput(
             "X- and Y-Pattern are made for a beam",
-            found=f"tool.kind {header.tool.kind}",
+            found=f"tool.kind {header.instrument.name}",
             allowed=" or ".join(names_of(beam=True)),
         )
     arm = reach(robot)

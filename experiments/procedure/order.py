@@ -65,7 +65,7 @@ class WithClosing:
         done = {shot.shot for shot in recorded}.union(refused)
         first: dict[str, int] = {}
         for shot in recorded:
-            first.setdefault(shot.target, shot.shot + self._count)
+            first.setdefault(shot.met_target, shot.shot + self._count)
         return next((closing for closing in first.values() if closing not in done), None)
 
 

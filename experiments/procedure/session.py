@@ -226,7 +226,7 @@ class Procedure:
         if self._watched is not None:
             self._watched.belief = belief
         last = self.journal.shots[-1] if self.journal.shots else None
-        self.rig.begin(number, self.plan.targets[self._posture(number)], last)
+        self.rig.begin(number, self.plan.called[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
             self.told(Attempted(number, attempt, self._now()))
             try:
@@ -257,7 +257,7 @@ class Procedure:
         return number % len(self.plan.postures)
 
     def _shoot(self, number: int, belief: Belief) -> Shot:
-        rig, target = self.rig, self.plan.targets[self._posture(number)]
+        rig, target = self.rig, self.plan.called[self._posture(number)]
         psd, posture = rig.psds[target], self.plan.postures[self._posture(number)]
         with self._phase("move"):
             rig.laser(False)
@@ -355,7 +355,7 @@ def recorded_event(
     """The event of a measurement that is on the disk, with what is known after it."""
     return MeasurementRecorded(
         shot=shot.shot,
-        target=shot.target,
+        target=shot.met_target,
         spot_mm=shot.spot_mm,
         time_s=shot.time_s,
         recorded=recorded,

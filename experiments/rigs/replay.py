@@ -33,16 +33,19 @@ class ReplayRig:
     camera: Camera | None = None
 
     def __init__(self, plan: Plan, run: Run) -> None:
-        if not same_arm(run.robot, plan.robot) or run.header.tool != plan.header.tool:
+        if (
+            not same_arm(run.robot, plan.robot)
+            or run.header.instruments_stated() != plan.header.instruments_stated()
+        ):
             raise BadInput(
                 "the recording is not of this plan's robot and tool",
-                found=f"{run.robot.name} with a {run.header.tool.kind}",
-                allowed=f"{plan.robot.name} with the plan's {plan.header.tool.kind}",
+                found=f"{run.robot.name} with a {run.header.instrument.name}",
+                allowed=f"{plan.robot.name} with the plan's {plan.header.instrument.name}",
                 file=run.path,
                 line=run.header_line,
             )
         if not run.header.instrument.columns:
-            kind = run.header.tool.kind
+            kind = run.header.instrument.name
             raise BadInput(f"a {kind}'s run cannot be replayed: it has no spots", file=run.path)
         self._name, self._display = run.path.name, plan.robot.display
         remedy = "replay it with the plan that it was made with"
@@ -81,7 +84,7 @@ class ReplayRig:
     def currents(self, samples: int) -> Matrix:
         if not self._on:
             return np.zeros((samples, 4))
-        psd = self.psds[self._shot.target]
+        psd = self.psds[self._shot.met_target]
         x, y = self._on_face(psd) / (psd.size / 2)
         return np.tile(np.array([1 + x, 1 - x, 1 + y, 1 - y]) / 2, (samples, 1))
 
@@ -115,9 +118,9 @@ def require_planned(plan: Plan, run: Run, message: str, remedy: str, *, anywhere
                 f"measurement {shot.shot}",
                 f"measurements 0 to {count - 1}, and closing measurements",
             )
-        elif shot.target != plan.targets[number]:
+        elif shot.target != plan.called[number]:
             deviation = f"measurement {shot.shot} at target {shot.target}"
-            allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
+            allowed = f"target {plan.called[number]}, as the plan's posture {number}"
         else:
             off = np.abs(shot.joints_deg - planned_deg[number])[kept]
             if anywhere or off.max(initial=0.0) <= SAME_POSTURE:

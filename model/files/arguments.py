@@ -118,7 +118,8 @@ class Noise:
         Of a joint reading: one number for all revolute joints, degrees; or (n,) one for each joint, degrees
         (mm for a prismatic joint).
     spot_mm
-        Of a spot reading, or of the ball in its socket, in each direction, mm.
+        Of a spot reading, or of the ball in its socket, in each direction, mm; a laser or a probe requires
+        it.
     joint_mm
         Of a prismatic joint's reading, mm, where `joint_deg` is one number.
     scale
@@ -140,7 +141,7 @@ class Noise:
     """
 
     joint_deg: ArrayLike
-    spot_mm: float
+    spot_mm: float | None = None
     joint_mm: float | None = None
     scale: Literal["known", "estimated", "separate"] = "known"
     plausible_factor: float = 3.0
@@ -200,18 +201,23 @@ def _tool(kind: str, keys: Mapping[str, Any], sigma: Mapping[str, Any]) -> dict[
 
 def stated_header(
     robot: RobotArgument,
-    tool: Laser | Probe,
+    tool: Laser | Probe | None,
+    instruments: Mapping[str, Mapping[str, Any]] | None,
     noise: Noise,
     target_priors: Mapping[str, Mapping[str, Any]] | None,
     others: Mapping[str, Any],
 ) -> tuple[Header, Robot]:
     """The header that the arguments of `from_arrays` state, and its robot; BadInput names the argument."""
-    keys = {"tool": tool, "noise": noise, **others}
+    keys: dict[str, object] = {"noise": noise, **others}
+    if tool is not None or instruments is None:
+        keys["tool"] = tool
+    if instruments is not None:
+        keys["instruments"] = instruments
     if target_priors is not None:
         keys["targets"] = target_priors
     ref = robot.name if isinstance(robot, Robot) else str(robot) if isinstance(robot, Path) else robot
     for argument, value, kinds in (("tool", tool, (Laser, Probe)), ("noise", noise, (Noise,))):
-        if not isinstance(value, (*kinds, Mapping)):
+        if argument in keys and not isinstance(value, (*kinds, Mapping)):
             allowed = " or ".join(f"zerobeam.{kind.__name__}(…)" for kind in kinds)
             raise BadInput("this cannot be used", found=repr(value), allowed=allowed, argument=argument)
     header = checked(Header, plain({"robot": ref, **keys}), {"targets": "target_priors"})
@@ -241,8 +247,13 @@ def joint_positions(value: ArrayLike, argument: str, robot: Robot, unit: str) ->
     return positions * robot.display if unit == "rad" else positions
 
 
-def target_of_each(targets: str | Sequence[str] | None, header: Header, count: int, rows: str) -> list[str]:
-    """N names, one for each row of the argument `rows`; by default all are of the header's only target."""
+def target_of_each(
+    targets: str | Sequence[str | None] | None, header: Header, count: int, rows: str
+) -> list[str | None]:
+    """N names, one for each row of the argument `rows`; by default all are of the header's only target, or
+    of none where no instrument has one."""
+    if targets is None and not any(kind.target_kinds() for kind in header.kinds.values()):
+        return [None] * count
     if targets is None:
         if len(header.targets) > 1:
             raise BadInput(
@@ -255,13 +266,35 @@ def target_of_each(targets: str | Sequence[str] | None, header: Header, count: i
     if isinstance(targets, str):
         return [targets] * count
     try:
-        names: list[str] = plain(list(targets))
+        names: list[str | None] = plain(list(targets))
     except TypeError:
         raise BadInput(
             "these are not names", found=repr(targets), allowed="a list of names", argument="targets"
         ) from None
     require_count("targets", len(names), count, rows)
     return names
+
+
+def measured_of_each(
+    measured: Mapping[str, Sequence[Any] | ArrayLike] | None, count: int
+) -> list[dict[str, object]]:
+    """For each of N measurements the keys of a file that the argument `measured` states of it."""
+    rows: list[dict[str, object]] = [{} for _ in range(count)]
+    for key, values in (measured or {}).items():
+        try:
+            items = plain(list(values))  # type: ignore[arg-type]
+        except TypeError:
+            raise BadInput(
+                f"{key} is not a list",
+                found=type(values).__name__,
+                allowed="one value for each measurement",
+                argument="measured",
+            ) from None
+        require_count("measured", len(items), count, "joints")
+        for row, item in zip(rows, items, strict=True):
+            if item is not None:
+                row[key] = item
+    return rows
 
 
 def require_count(argument: str, actual: int, count: int, rows: str) -> None:

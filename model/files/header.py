@@ -6,20 +6,29 @@ are those of `docs/files.md`; what is not among them is an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self, Union
 
 import numpy as np
-from pydantic import AliasChoices, BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    AliasChoices,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainValidator,
+    SerializeAsAny,
+    Tag,
+    model_validator,
+)
 
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..instruments.flange_tool import FlangeTool
-from ..instruments.kind import Instrument
-from ..instruments.registry import TOOLS, names_of
+from ..instruments.kind import POINT, TARGET_KEYS, Instrument, StatedInstrument, Station, TargetKind
+from ..instruments.registry import STATIONS, TOOLS, kind_names, kind_of, names_of
 from ..kinematics.robot import Robot
-from ..parsing.reading import KeyPath, shown
+from ..parsing.reading import KeyPath, did_you_mean, shown
 from ..parsing.validation import (
     FileModel,
     Name,
@@ -32,6 +41,7 @@ from ..parsing.validation import (
     positive_or_list,
     refusal,
     tuple_of,
+    validate,
     without_length,
 )
 from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
@@ -329,6 +339,80 @@ class StatedTool(FileModel):
         return self
 
 
+def _model_of(name: str) -> type[FileModel]:
+    """The model of an entry of `instruments` by its kind."""
+    kind = kind_of(name)
+    return kind.Stated if issubclass(kind, Station) else StatedTool
+
+
+def _instrument(value: object) -> FileModel:
+    """An entry of `instruments`, by the model of its kind."""
+    if isinstance(value, FileModel):
+        return value
+    if not isinstance(value, Mapping):
+        raise refusal("an instrument has keys of its own", found=shown(value), allowed="{kind: …, …}")
+    names = kind_names()
+    name = value.get("kind")
+    if name is None:
+        raise refusal(
+            "the kind of an instrument is missing",
+            found=", ".join(value) if value else "no keys at all",
+            allowed=f"kind: {', '.join(names)}",
+            remedy="add 'kind'",
+        )
+    if name not in names:
+        raise refusal(
+            "there is no such kind of instrument",
+            key=("kind",),
+            found=shown(name),
+            allowed=", ".join(names),
+            remedy=did_you_mean(name, names) if isinstance(name, str) else None,
+        )
+    culprit: KeyPath = ("kind",)
+
+    def no_line(key: KeyPath) -> None:
+        nonlocal culprit
+        culprit = key
+
+    try:
+        return validate(_model_of(name), value, file=None, line=no_line)
+    except BadInput as error:
+        raise refusal(
+            error.what, key=culprit, found=error.found, allowed=error.allowed, remedy=error.remedy
+        ) from None
+
+
+if TYPE_CHECKING:
+    InstrumentEntry = StatedInstrument
+else:
+    InstrumentEntry = Annotated[
+        SerializeAsAny[FileModel],
+        PlainValidator(
+            _instrument,
+            json_schema_input_type=Union[(StatedTool, *(kind.Stated for kind in STATIONS.values()))],
+        ),
+    ]
+
+# Names of factors of noise and of what `tool` states: parameters begin with the names of instruments.
+_TAKEN = ("tool", "joint", "spot")
+
+
+def _instruments(value: object) -> object:
+    for name in value if isinstance(value, dict) else ():
+        if name in _TAKEN:
+            raise refusal(
+                f"an instrument cannot be called {name!r}", key=(name,), remedy="give it another name"
+            )
+    if value == {}:
+        raise refusal(
+            "no instrument is stated",
+            found="{}",
+            allowed="{NAME: {kind: …, …}}",
+            remedy="state one, or leave out the key",
+        )
+    return value
+
+
 class StatedNoise(FileModel):
     """Standard deviations of the readings."""
 
@@ -344,8 +428,9 @@ class StatedNoise(FileModel):
         " one number",
     )
     spot_mm: NotNegative = Field(
+        default=0.0,
         description="of a spot reading, or of the ball in its socket, in each direction, millimetres;"
-        " may be 0"
+        " may be 0; required for a laser or a probe",
     )
     scale: Literal["known", "estimated", "separate"] = Field(
         default="known",
@@ -367,7 +452,7 @@ class StatedNoise(FileModel):
                 found=f"joint_mm: {self.joint_mm:g}",
                 remedy="remove it: the list holds the prismatic joints too, in mm",
             )
-        if self.scale == "separate" and self.spot_mm == 0:
+        if self.scale == "separate" and self.spot_mm == 0 and "spot_mm" in self.model_fields_set:
             raise refusal(
                 "there is no spot noise of which a factor could be estimated",
                 key=("spot_mm",),
@@ -413,15 +498,50 @@ class StatedPrior(FileModel):
 class StatedTarget(FileModel):
     """What is known of a target before the shots."""
 
+    kind: TargetKind = Field(
+        default=POINT, description="what is measured of it: a point, a flat face, or a ball that is touched"
+    )
     guess_mm: Vector | None = Field(default=None, description="approximate position, base frame, millimetres")
     sigma_mm: Positive = Field(
         default=10_000.0, description="standard deviation of that, each direction, millimetres"
     )
-    normal: Vector | None = Field(default=None, description="of a plane: which way it faces, any length")
-    sigma_deg: Positive = Field(
-        default=30.0, description="of a plane: standard deviation of its tilt, degrees"
+    normal: Vector | None = Field(
+        default=None,
+        description="approximate outward normal of a plane, base frame, any length; required for one",
     )
-    diameter_mm: Positive | None = Field(default=None, description="of a sphere, millimetres")
+    sigma_deg: Positive = Field(
+        default=30.0, description="standard deviation of a plane's tilt, each direction, degrees"
+    )
+    diameter_mm: Positive | None = Field(
+        default=None, description="diameter of a sphere, millimetres; required for one"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        needs = TARGET_KEYS[self.kind]
+        for key in sorted({key for keys in TARGET_KEYS.values() for key in keys}):
+            with_key = [kind for kind, keys in TARGET_KEYS.items() if key in keys]
+            if key in self.model_fields_set and key not in needs:
+                raise refusal(
+                    f"{key} is stated for a target that is a {self.kind}",
+                    key=(key,),
+                    found=f"{key}: {shown(getattr(self, key))}",
+                    remedy=f"remove it, or state kind: {' or '.join(with_key)}",
+                )
+            if key in needs and needs[key] and getattr(self, key) is None:
+                raise refusal(
+                    f"the target is a {self.kind} without its {needs[key]}",
+                    found=f"kind: {self.kind}",
+                    remedy=f"add {key}",
+                )
+        if self.normal is not None and without_length(self.normal):
+            raise refusal(
+                "the normal of the plane has no length",
+                key=("normal",),
+                found=shown(self.normal),
+                allowed="any vector but zero",
+            )
+        return self
 
 
 class StatedDistance(FileModel):
@@ -441,6 +561,29 @@ class StatedDistance(FileModel):
                 key=("between",),
                 found=shown(self.between),
                 allowed="two targets",
+            )
+        return self
+
+
+class StatedAngle(FileModel):
+    """A known angle between two planes: of a datum cube."""
+
+    between: Annotated[tuple[TargetName, TargetName], tuple_of(2, "[one plane, another plane]")] = Field(
+        description="names of the two planes"
+    )
+    deg: Annotated[float, Field(gt=0, lt=180)] = Field(
+        description="the angle between their outward normals, degrees"
+    )
+    sigma_deg: Positive = Field(description="its standard deviation, degrees")
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.between[0] == self.between[1]:
+            raise refusal(
+                "an angle is between a plane and itself",
+                key=("between",),
+                found=shown(self.between),
+                allowed="two planes",
             )
         return self
 
@@ -472,7 +615,12 @@ class Header(FileModel):
     robot: RobotRef = Field(
         description="a built-in name, the path of a robot file (.yaml), or a chain of a URDF file"
     )
-    tool: StatedTool = Field(description="what the flange carries")
+    tool: StatedTool | None = Field(
+        default=None, description="a laser or probe that the flange carries; required without `instruments`"
+    )
+    instruments: Annotated[dict[Name, InstrumentEntry], BeforeValidator(_instruments)] = Field(
+        default={}, description="what is measured with, by name, besides `tool`"
+    )
     noise: StatedNoise = Field(description="standard deviations of the readings")
     prior: StatedPrior = Field(default=StatedPrior(), description="what is known of the offsets beforehand")
     targets: dict[TargetName, StatedTarget] = Field(
@@ -480,6 +628,9 @@ class Header(FileModel):
     )
     distances: Annotated[tuple[StatedDistance, ...], BeforeValidator(as_tuple)] = Field(
         default=(), description="measured distances between targets"
+    )
+    angles: Annotated[tuple[StatedAngle, ...], BeforeValidator(as_tuple)] = Field(
+        default=(), description="known angles between targets that are planes"
     )
     held: Annotated[tuple[Name, ...], BeforeValidator(_unique)] | None = Field(
         default=None,
@@ -512,34 +663,125 @@ class Header(FileModel):
     @property
     def exact_tool(self) -> bool:
         """Whether the tool is as stated: a calibrated one without `tool.sigma` on an exact arm."""
-        with_sigma = "sigma" in self.tool.model_fields_set
-        return self.tool.calibrated and self.arm is None and not with_sigma
+        tool = self.stated_tool
+        return tool.calibrated and self.arm is None and "sigma" not in tool.model_fields_set
 
-    @property
-    def instrument(self) -> type[FlangeTool]:
-        """The kind of the instrument on the flange."""
-        return TOOLS[self.tool.kind]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the instruments."""
-        return tuple(self.stated)
-
-    @property
-    def stated(self) -> dict[str, StatedTool]:
-        """What is stated of each instrument, by its label."""
-        return {"tool": self.tool}
+    def instruments_stated(self) -> dict[str, StatedInstrument]:
+        """What is stated of each instrument, by its label; that of the key `tool` is called so."""
+        return {**({} if self.tool is None else {"tool": self.tool}), **self.instruments}
 
     @property
     def kinds(self) -> dict[str, type[Instrument]]:
         """The kind of each instrument, by its label."""
-        return {"tool": self.instrument}
+        return {label: kind_of(entry.kind) for label, entry in self.instruments_stated().items()}
+
+    @property
+    def only_tools(self) -> bool:
+        """Whether all that is measured with is a laser or a probe."""
+        return all(issubclass(kind, FlangeTool) for kind in self.kinds.values())
+
+    @property
+    def instrument(self) -> type[Instrument]:
+        """The kind of the only instrument; BadInput where there are several."""
+        (kind, *others) = self.kinds.values()
+        if others:
+            raise BadInput(
+                "this needs a single instrument",
+                found=", ".join(f"{label}: {kind.name}" for label, kind in self.kinds.items()),
+                allowed="one instrument",
+            )
+        return kind
+
+    @property
+    def tool_kind(self) -> type[FlangeTool]:
+        """The kind of the only instrument, a laser or a probe; BadInput where it is none."""
+        if issubclass(self.instrument, FlangeTool):
+            return self.instrument
+        raise BadInput(
+            "this needs a tool on the flange that meets its target",
+            found=f"kind: {self.instrument.name}",
+            allowed=" or ".join(TOOLS),
+        )
+
+    @property
+    def stated_tool(self) -> StatedTool:
+        """What is stated of the only instrument, a laser or a probe; BadInput where it is none."""
+        kind, entry = self.tool_kind, next(iter(self.instruments_stated().values()))
+        assert isinstance(entry, StatedTool), kind
+        return entry
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the instruments."""
+        return tuple(self.instruments_stated())
 
     @property
     def only_target(self) -> str:
         """The name of a run's target where none is stated for a measurement: the header's first, or the
-        default of the tool."""
+        default of the instrument."""
         return next(iter(self.targets), self.instrument.target)
+
+    @model_validator(mode="after")
+    def _agree_with_instruments(self) -> Self:
+        if self.tool is None and not self.instruments:
+            raise refusal(
+                "the key 'tool' is missing",
+                found=", ".join(key for key in sorted(self.model_fields_set)),
+                remedy="add 'tool' for a laser or a probe on the flange, or 'instruments' for any others",
+            )
+        tools = [label for label, kind in self.kinds.items() if issubclass(kind, FlangeTool)]
+        if tools and "spot_mm" not in self.noise.model_fields_set:
+            raise refusal(
+                "the key 'spot_mm' is missing in noise",
+                key=("noise",),
+                found=", ".join(self.noise.model_dump(exclude_unset=True)),
+                remedy=f"add 'spot_mm': {', '.join(tools)} has no other noise",
+            )
+        self._check_targets()
+        return self
+
+    def _check_targets(self) -> None:
+        """A refusal for a target that is called as an instrument, or that no instrument can measure."""
+        measurable = {target for kind in self.kinds.values() for target in kind.target_kinds()}
+        for name, target in self.targets.items():
+            if name in self.instruments:
+                raise refusal(
+                    f"a target and an instrument are both called {name!r}",
+                    key=("targets", name),
+                    remedy="give one of them another name",
+                )
+            if target.kind not in measurable:
+                raise refusal(
+                    f"no instrument measures a target that is a {target.kind}",
+                    key=("targets", name, *(("kind",) if "kind" in target.model_fields_set else ())),
+                    found=f"kind: {target.kind}",
+                    allowed=" or ".join(sorted(measurable)) or "no target",
+                    remedy="state the target's kind, or an instrument that measures it",
+                )
+        for i, distance in enumerate(self.distances):
+            self._check_pair(("distances", i, "between"), distance.between, flat=False)
+        for i, angle in enumerate(self.angles):
+            self._check_pair(("angles", i, "between"), angle.between, flat=True)
+
+    def _check_pair(self, key: KeyPath, names: tuple[str, str], *, flat: bool) -> None:
+        """A refusal where an angle is not between planes, or a distance not between points."""
+        for i, name in enumerate(names):
+            target = self.targets.get(name)
+            if flat and target is None:
+                raise refusal(
+                    "an angle names a plane that the header does not state",
+                    key=(*key, i),
+                    found=name,
+                    allowed=", ".join(self.targets) or "a name under `targets`",
+                    remedy=did_you_mean(name, self.targets) or f"state targets.{name}",
+                )
+            if target is not None and (target.normal is not None) != flat:
+                raise refusal(
+                    f"{'an angle' if flat else 'a distance'} is to a target that is a {target.kind}",
+                    key=(*key, i),
+                    found=name,
+                    allowed="planes" if flat else "points and spheres",
+                )
 
 
 def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, object]:

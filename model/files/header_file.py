@@ -79,8 +79,15 @@ def completed(
     typical = plant.model_dump(exclude={"tool_sigma"})
     tolerance = typical["tolerance"] | explicit.get("tolerance", {})
     merged = StatedGeometry.model_validate({**typical, **explicit, "tolerance": tolerance})
-    tool = _completed(header.tool, plant.tool_sigma)
-    return header.model_copy(update={"geometry": merged, "tool": tool})
+    update: dict[str, object] = {"geometry": merged}
+    if header.tool is not None:
+        update["tool"] = _completed(header.tool, plant.tool_sigma)
+    if header.instruments:
+        update["instruments"] = {
+            name: _completed(entry, plant.tool_sigma) if isinstance(entry, StatedTool) else entry
+            for name, entry in header.instruments.items()
+        }
+    return header.model_copy(update=update)
 
 
 def _plant(

@@ -19,7 +19,7 @@ from ..parsing.reading import shown
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .robot_file import load_robot
 from .run import Run, header_text, recorded, shot_text
-from .shot import Shot, check_shot
+from .shot import Shot, ShotRules
 from .whole_file import Closing, lock, refuse_existing, sync_folder, write_whole
 
 RunCheck = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
@@ -65,7 +65,10 @@ class RunJournal(Closing):
         """Record one measurement; RigFault if it cannot be brought to the disk."""
         if self._file.closed:
             raise RigFault(f"{self.path}: the run is closed, measurement {shot.shot} was not recorded")
-        check_shot(self.header, self.robot, shot, file=self.path, line=None)
+        self._rules.check(shot, file=self.path, line=None)
+        if shot.posture is not None:
+            same = [other for other in self.shots if other.posture == shot.posture]
+            self._rules.check_postures([*same, shot], [None] * (len(same) + 1), file=self.path)
         if shot.shot in self._shots:
             raise BadInput(
                 f"the measurement number {shot.shot} is recorded already",
@@ -111,6 +114,7 @@ class RunJournal(Closing):
             if fits is not None:
                 fits(run)
             self.header, self.robot = run.header, run.robot
+            self._rules = ShotRules(run.header, run.robot)
             self._shots = {shot.shot: shot for shot in run.shots}
             starts = np.cumsum([0, *(len(line) + 1 for line in content.split(b"\n"))])
             self._places = {

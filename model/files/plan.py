@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ from .arguments import (
     checked,
     joint_positions,
     plain,
+    require_count,
     stated_header,
     target_of_each,
 )
@@ -34,8 +35,21 @@ from .header_file import completed
 from .limits import check_limits, require_joint_count
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .robot_file import load_robot
-from .shot import check_distances, unknown_targets
+from .shot import Measurement, Shot, ShotRules, check_distances, target_names, unknown_targets
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
+
+
+class Means(NamedTuple):
+    """What a planned measurement is made with, as stated: None where the header leaves no choice. Those of
+    one `posture` are made in the same one."""
+
+    instrument: str | None = None
+    reflector: str | None = None
+    posture: int | None = None
+
+    @classmethod
+    def of(cls, row: StatedPosture) -> Self:
+        return cls(row.instrument, row.reflector, row.posture)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,7 +65,7 @@ class Plan:
     postures : ndarray
         (N, n) joint positions, rad (mm for prismatic joints).
     targets : tuple of str
-        (N,) the target of each posture.
+        (N,) the target of each posture; None where its instrument has none.
     lines : tuple
         (N,) where each is in its file; None for a plan that is in no file.
     path : Path
@@ -64,6 +78,8 @@ class Plan:
         (N,) the intermediate postures on the way to each, (k, n) rad or mm; empty without any.
     constraints : StatedConstraints
         What every measurement must keep, in degrees and mm: `check` judges it.
+    means : tuple of Means
+        (N,) the instrument and reflector of each posture, as stated; empty where none is stated.
 
     Examples
     --------
@@ -81,24 +97,27 @@ class Plan:
     header: Header
     robot: Robot
     postures: Matrix
-    targets: tuple[str, ...]
+    targets: tuple[str | None, ...]
     lines: tuple[int | None, ...]
     path: Path
     sha256: str
     warnings: tuple[str, ...]
     via: tuple[Matrix, ...] = ()
     constraints: StatedConstraints = UNCONSTRAINED
+    means: tuple[Means, ...] = ()
 
     @classmethod
     def from_arrays(
         cls,
         *,
         robot: RobotArgument,
-        tool: Laser | Probe,
+        tool: Laser | Probe | None = None,
+        instruments: Mapping[str, Mapping[str, Any]] | None = None,
         postures: ArrayLike,
         noise: Noise,
         unit: Literal["deg", "rad"] = "deg",
-        targets: str | Sequence[str] | None = None,
+        targets: str | Sequence[str | None] | None = None,
+        means: Sequence[Mapping[str, Any]] = (),
         target_priors: Mapping[str, Mapping[str, Any]] | None = None,
         constraints: Mapping[str, Any] | None = None,
         name: str = "arrays",
@@ -111,7 +130,9 @@ class Plan:
         robot
             A built-in name, the path of a robot file, {"urdf", "base", "tip"} or a `Robot`.
         tool
-            What the flange carries.
+            The laser or probe that the flange carries, if there is one.
+        instruments
+            Other instruments by name, {name: {"kind": …, …}}: the key `instruments` of a file.
         postures
             (N, n) joint positions, joint 1 first; those of prismatic joints in mm.
         noise
@@ -121,6 +142,8 @@ class Plan:
         targets
             N names, the target of each posture, or one name for all. By default all are of one target: the
             only one in `target_priors`, or "psd" (of a probe "socket").
+        means
+            N mappings, {"instrument", "reflector", "posture"} of each posture as in a file.
         target_priors
             What is known of targets beforehand, {name: {"guess_mm": [x, y, z], "sigma_mm": std}}: the key
             `targets` of a file.
@@ -141,16 +164,20 @@ class Plan:
         BadInput
             Names the argument, what was found, what is allowed and what to do.
         """
-        parsed, arm = stated_header(robot, tool, noise, target_priors, {"schema": PLAN_SCHEMA, **header})
+        parsed, arm = stated_header(
+            robot, tool, instruments, noise, target_priors, {"schema": PLAN_SCHEMA, **header}
+        )
         positions = joint_positions(postures, "postures", arm, unit)
         names = target_of_each(targets, parsed, len(positions), "postures")
-        try:
-            for target in names:
-                validate(
-                    StatedPosture, {"joints_deg": [0.0], "target": target}, file=None, line=lambda _: None
-                )
-        except BadInput as error:
-            raise error.of_argument("targets") from None
+        if means:
+            require_count("means", len(means), len(positions), "postures")
+        rows = []
+        for target, more in zip(names, means or [{}] * len(names), strict=True):
+            try:
+                content = {**plain(more), "joints_deg": [0.0], "target": target}
+                rows.append(validate(StatedPosture, content, file=None, line=lambda _: None))
+            except BadInput as error:
+                raise error.of_argument("means" if more else "targets") from None
         try:
             return cls.of_postures(
                 parsed,
@@ -159,6 +186,7 @@ class Plan:
                 names,
                 name,
                 checked(StatedConstraints, plain(constraints or {})),
+                [Means.of(row) for row in rows] if means else (),
             )
         except BadInput as error:
             raise error.of_argument("postures") from None
@@ -169,17 +197,18 @@ class Plan:
         header: Header,
         robot: Robot,
         postures_deg: Matrix,
-        targets: Sequence[str],
+        targets: Sequence[str | None],
         name: str,
         constraints: StatedConstraints = UNCONSTRAINED,
+        means: Sequence[Means] = (),
     ) -> Self:
         """A plan that is in no file, `postures_deg` (N, n) degrees or mm; BadInput where it is unsound."""
         if not len(postures_deg):
             raise BadInput("the plan has no postures", remedy="state one at least")
         nowhere = (None,) * len(postures_deg)
-        warnings = _check_postures(header, robot, postures_deg.tolist(), targets, nowhere, None)
-        check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-        text = _plan_text(header, postures_deg.tolist(), targets, constraints=constraints)
+        warnings = _check_postures(header, robot, postures_deg.tolist(), targets, means, nowhere, None)
+        check_distances(header, target_names(targets), file=None, line=None)
+        text = _plan_text(header, postures_deg.tolist(), targets, constraints=constraints, means=means)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
         postures = postures_deg / robot.display
         return cls(
@@ -192,6 +221,7 @@ class Plan:
             sha256,
             warnings,
             constraints=constraints,
+            means=tuple(means),
         )
 
     def __repr__(self) -> str:
@@ -205,12 +235,29 @@ class Plan:
     @cached_property
     def target_names(self) -> tuple[str, ...]:
         """The targets in the order in which they first appear."""
-        return tuple(dict.fromkeys(self.targets))
+        return target_names(self.targets)
 
     @cached_property
     def target_index(self) -> NDArray[np.int64]:
-        """(N,) index into `target_names` of each posture."""
-        return np.array([self.target_names.index(name) for name in self.targets], dtype=np.int64)
+        """(N,) index into `target_names` of each posture; -1 of one without a target."""
+        index: dict[str | None, int] = {None: -1}
+        index |= {name: k for k, name in enumerate(self.target_names)}
+        return np.array([index[name] for name in self.targets], dtype=np.int64)
+
+    @cached_property
+    def measurements(self) -> tuple[Measurement, ...]:
+        """(N,) what is to be measured in each posture; nothing is `measured` yet."""
+        rows = (self.postures * self.robot.display).tolist()
+        shots = _planned(rows, self.targets, self.means)
+        return tuple(ShotRules(self.header, self.robot).measurements(shots))
+
+    @cached_property
+    def called(self) -> tuple[str, ...]:
+        """(N,) the name of what is measured in each posture: its target, else its reflector or instrument."""
+        return tuple(
+            measurement.target or measurement.variant or measurement.instrument
+            for measurement in self.measurements
+        )
 
 
 def read_plan(path: Path | str) -> Plan:
@@ -255,19 +302,22 @@ def plan_of(document: Document) -> Plan:
     check_header(header, robot, file=file, line=document.line)
     lines = tuple(document.line(("postures_deg", i)) for i in range(len(content.postures_deg)))
     rows: list[tuple[float, ...]] = []
-    targets: list[str] = []
+    targets: list[str | None] = []
+    means: list[Means] = []
     via: list[Matrix] = []
     for i, posture in enumerate(content.postures_deg):
         if isinstance(posture, StatedPosture):
             rows.append(posture.joints_deg)
             targets.append(posture.target)
+            means.append(Means.of(posture))
             via.append(_checked_via(posture.via_deg, i, header, robot, file, lines[i]))
         else:
             rows.append(posture)
             targets.append(_only_target(header, i, file, lines[i]))
+            means.append(Means())
             via.append(np.zeros((0, robot.n)))
-    warnings = _check_postures(header, robot, rows, targets, lines, file)
-    check_distances(header, tuple(dict.fromkeys(targets)), file=file, line=document.line(("distances",)))
+    warnings = _check_postures(header, robot, rows, targets, means, lines, file)
+    check_distances(header, target_names(targets), file=file, line=document.line(("distances",)))
     postures = np.array(rows) / robot.display
     passing = tuple(via) if any(len(between) for between in via) else ()
     return Plan(
@@ -281,7 +331,12 @@ def plan_of(document: Document) -> Plan:
         warnings,
         passing,
         content.constraints,
+        tuple(means) if any(map(any, means)) else (),
     )
+
+
+def _without_none(**values: object) -> dict[str, object]:
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def _checked_via(
@@ -310,9 +365,12 @@ def _checked_via(
     return values / robot.display
 
 
-def _only_target(header: Header, posture: int, file: Path | None, line: int | None) -> str:
-    """The target of a row that names none: the header's only one, or that of its tool."""
+def _only_target(header: Header, posture: int, file: Path | None, line: int | None) -> str | None:
+    """The target of a row that names none: the header's only one, or that of its only instrument."""
     names = tuple(header.targets)
+    kinds = list(header.kinds.values())
+    if len(kinds) > 1 or not kinds[0].target_kinds():
+        return None
     if len(names) > 1:
         raise BadInput(
             f"posture {posture} does not say which target it is for",
@@ -329,30 +387,47 @@ def _check_postures(
     header: Header,
     robot: Robot,
     rows: Sequence[Sequence[float]],
-    targets: Sequence[str],
+    targets: Sequence[str | None],
+    means: Sequence[Means],
     lines: Sequence[int | None],
     file: Path | None,
 ) -> tuple[str, ...]:
-    for i, row in enumerate(rows):
-        require_joint_count(row, robot, f"posture {i}", file, lines[i])
+    rules, shots = ShotRules(header, robot), _planned(rows, targets, means)
+    for shot, line in zip(shots, lines, strict=True):
+        rules.check_planned(shot, file=file, line=line)
+    rules.check_postures(shots, lines, file=file)
     numbers = list(range(len(rows)))
     values = np.array(rows, dtype=float)
     limits = check_limits(robot, values, "posture", numbers, lines, limits=header.limits, file=file)
-    return limits + unknown_targets(header, tuple(dict.fromkeys(targets)))
+    return limits + unknown_targets(header, target_names(targets))
+
+
+def _planned(
+    rows: Sequence[Sequence[float]], targets: Sequence[str | None], means: Sequence[Means]
+) -> list[Shot]:
+    """The measurements of a plan, (N, n) degrees or mm, without what is measured."""
+    return [
+        Shot.model_construct(shot=i, target=target, joints_deg=tuple(row), **more._asdict())
+        for i, (row, target, more) in enumerate(
+            zip(rows, targets, means or [Means()] * len(rows), strict=True)
+        )
+    ]
 
 
 def write_plan(
     path: Path | str,
     header: Header,
     postures_deg: Sequence[Sequence[float]] | Matrix,
-    targets: Sequence[str],
+    targets: Sequence[str | None],
     *,
+    means: Sequence[Means] = (),
     via_deg: Sequence[Matrix] = (),
     constraints: StatedConstraints = UNCONSTRAINED,
     force: bool = False,
 ) -> None:
-    """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each, `via_deg` the (k, n)
-    intermediate postures on the way to each, if there are any, `constraints` what each must keep.
+    """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each, `means` what each is
+    measured with, `via_deg` the (k, n) intermediate postures on the way to each, if there are any,
+    `constraints` what each must keep.
 
     Written to another name, then renamed; BadInput if the path exists (unless `force`) or if the plan could
     not be read again. Paths in the header are taken relative to `path`.
@@ -366,29 +441,33 @@ def write_plan(
         raise BadInput("a posture holds a number that is not finite", file=path)
     robot = load_robot(header.robot, path.parent)
     check_header(header, robot, file=None, line=lambda _: None)
-    _check_postures(header, robot, rows, targets, [0] * len(rows), None)
-    check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-    text = _plan_text(header, rows, targets, via_deg, constraints)
+    _check_postures(header, robot, rows, targets, means, [0] * len(rows), None)
+    check_distances(header, target_names(targets), file=None, line=None)
+    text = _plan_text(header, rows, targets, via_deg, constraints, means)
     write_whole(path, schema_line(path, "plan") + text, force=force)
 
 
 def _plan_text(
     header: Header,
     rows: Sequence[Sequence[float]],
-    targets: Sequence[str],
+    targets: Sequence[str | None],
     via: Sequence[Matrix] = (),
     constraints: StatedConstraints = UNCONSTRAINED,
+    means: Sequence[Means] = (),
 ) -> str:
     """The text of a plan file: `rows` (N, n) degrees or mm."""
     keys = header_content(header, PLAN_SCHEMA)
     if constraints.model_fields_set:
         keys["constraints"] = constraints.model_dump(mode="json", exclude_unset=True)
     content = CommentedMap(short_in_one_line(keys))
-    plain = len(header.targets) < 2 and set(targets) == {header.only_target} and not via
-    content["postures_deg"] = CommentedSeq(
-        flow(row) if plain else flow({"joints_deg": flow(row), "target": target})
-        for row, target in zip(rows, targets, strict=True)
-    )
+    bare = len(header.targets) < 2 and not via and not any(map(any, means))
+    if bare and any(targets):
+        bare = len(header.kinds) == 1 and set(targets) == {header.only_target}
+    whole = [
+        {"joints_deg": flow(row), **_without_none(target=target, **more._asdict())}
+        for row, target, more in zip(rows, targets, means or [Means()] * len(rows), strict=True)
+    ]
+    content["postures_deg"] = CommentedSeq(map(flow, rows if bare else whole))
     for posture, between in zip(content["postures_deg"], via, strict=False):
         if len(between):
             posture["via_deg"] = flow([flow(row) for row in between.tolist()])

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from ..instruments.registry import names_of
 from ..parsing.reading import shown
 from ..parsing.validation import (
+    MOST,
     FileModel,
     Name,
     NotNegative,
@@ -121,7 +122,19 @@ class StatedPosture(FileModel):
     joints_deg: JointValues = Field(
         description="joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"
     )
-    target: TargetName = Field(description="name of the target to hit")
+    target: TargetName | None = Field(
+        default=None, description="name of the target; required unless the instrument has none"
+    )
+    instrument: Name | None = Field(
+        default=None, description="name of the instrument; required where the header states several"
+    )
+    reflector: Name | None = Field(
+        default=None, description="name of the reflector; required where the header states several"
+    )
+    posture: Annotated[int, Field(ge=0, le=MOST)] | None = Field(
+        default=None,
+        description="number of the posture, of rows that are measured in the same one, one after another",
+    )
     via_deg: Annotated[tuple[JointValues, ...], BeforeValidator(as_tuple)] = Field(
         default=(),
         description="safe intermediate postures on the way from the posture before, in order, degrees",
@@ -147,15 +160,17 @@ class PlanFile(Header):
     )
     postures_deg: Annotated[tuple[PostureRow, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="one row a measurement: its joints, degrees (millimetres for a prismatic joint), "
-        "or {joints_deg, target, via_deg}"
+        "or {joints_deg, target, via_deg, …}"
     )
 
     @model_validator(mode="after")
     def _suit_the_tool(self) -> Self:
         beam_keys = [key for key in BEAM_ONLY if getattr(self.constraints, key) is not None]
-        if beam_keys and not self.instrument.beam:
+        kinds = self.kinds.values()
+        if beam_keys and not any(kind.beam for kind in kinds):
+            names = " and a ".join(kind.name for kind in kinds)
             raise refusal(
-                f"constraints.{beam_keys[0]} is stated for a {self.tool.kind}, which has no beam",
+                f"constraints.{beam_keys[0]} is stated for a {names}, which has no beam",
                 key=("constraints", beam_keys[0]),
                 allowed="margin_deg, obstacles",
                 remedy=f"remove it, or state tool.kind: {' or '.join(names_of(beam=True))}",

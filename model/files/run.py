@@ -38,6 +38,7 @@ from .arguments import (
     RobotArgument,
     array,
     joint_positions,
+    measured_of_each,
     require_count,
     stated_header,
     target_of_each,
@@ -45,10 +46,11 @@ from .arguments import (
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .robot_file import load_robot
-from .shot import Shot, check_distances, check_shots
+from .shot import Measurement, Shot, ShotRules, check_distances, check_shots, shot_model, target_names
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
+_UNKNOWNS = 3  # of a target
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,12 +89,14 @@ class Run:
         cls,
         *,
         robot: RobotArgument,
-        tool: Laser | Probe,
+        tool: Laser | Probe | None = None,
+        instruments: Mapping[str, Mapping[str, Any]] | None = None,
         joints: ArrayLike,
         noise: Noise,
         unit: Literal["deg", "rad"] = "deg",
-        targets: str | Sequence[str] | None = None,
+        targets: str | Sequence[str | None] | None = None,
         spots_mm: ArrayLike | None = None,
+        measured: Mapping[str, Sequence[Any] | ArrayLike] | None = None,
         target_priors: Mapping[str, Mapping[str, Any]] | None = None,
         name: str = "arrays",
         **header: Any,
@@ -105,7 +109,9 @@ class Run:
             A built-in name, the path of a robot file, {"urdf", "base", "tip"} or a `Robot`. Of the last the
             run's text has the name only.
         tool
-            What the flange carries.
+            The laser or probe that the flange carries, if there is one.
+        instruments
+            Other instruments by name, {name: {"kind": …, …}}: the key `instruments` of a file.
         joints
             (N, n) recorded joint positions, joint 1 first; those of prismatic joints in mm.
         noise
@@ -118,6 +124,9 @@ class Run:
         spots_mm
             (N, 2) where the target's centre is as seen from the beam, along b1 and b2, mm. By default each
             beam is on the centre.
+        measured
+            What else a file has of each measurement, N values by key, None where one has none: "instrument",
+            "reflector", "posture", "measured_mm" (N, 3), "measured_quat" (N, 4), "sigma_mm", "time_s".
         target_priors
             What is known of targets beforehand, {name: {"guess_mm": [x, y, z], "sigma_mm": std}}: the key
             `targets` of a file.
@@ -148,23 +157,28 @@ class Run:
         >>> run.joints.shape, run.target_names
         ((2, 6), ('psd',))
         """
-        parsed, arm = stated_header(robot, tool, noise, target_priors, {"schema": RUN_SCHEMA, **header})
+        parsed, arm = stated_header(
+            robot, tool, instruments, noise, target_priors, {"schema": RUN_SCHEMA, **header}
+        )
         positions = joint_positions(joints, "joints", arm, unit)
         count, spots = len(positions), None
         if spots_mm is not None:
-            if not parsed.instrument.columns:
-                raise BadInput(f"a {parsed.tool.kind} has no spots", allowed="None", argument="spots_mm")
+            if not parsed.tool_kind.columns:
+                raise BadInput(
+                    f"a {parsed.instrument.name} has no spots", allowed="None", argument="spots_mm"
+                )
             spots = array(spots_mm, "spots_mm", columns=2, meaning="dx, dy of each measurement")
             require_count("spots_mm", len(spots), count, "joints")
-        shots = []
+        others = measured_of_each(measured, count)
+        model, shots = shot_model(parsed), []
         for i, target in enumerate(target_of_each(targets, parsed, count, "joints")):
             content = {"shot": i, "target": target, "joints_deg": positions[i].tolist()}
             if spots is not None:
                 content["spot_mm"] = spots[i].tolist()
             try:
-                shots.append(validate(Shot, content, file=None, line=_always(None)))
-            except BadInput as error:
-                raise error.of_argument("targets") from None  # all else is checked already
+                shots.append(validate(model, {**others[i], **content}, file=None, line=_always(None)))
+            except BadInput as error:  # all else is checked already
+                raise error.of_argument("measured" if others[i] else "targets") from None
         try:
             return cls.of_shots(parsed, arm, shots, name)
         except BadInput as error:
@@ -189,25 +203,34 @@ class Run:
 
     @cached_property
     def spots(self) -> Matrix:
-        """(N, 2) mm; zeros where a shot states no spot."""
+        """(N, 2) mm, of a laser; zeros where a shot states no spot."""
         return np.array([shot.spot_mm or (0.0, 0.0) for shot in self.shots])
 
     @cached_property
     def target_names(self) -> tuple[str, ...]:
         """The targets in the order in which they first appear."""
-        return tuple(dict.fromkeys(shot.target for shot in self.shots))
+        return target_names(shot.target for shot in self.shots)
 
     @cached_property
     def target_index(self) -> NDArray[np.int64]:
-        """(N,) index into `target_names` of each shot."""
-        return np.array([self.target_names.index(shot.target) for shot in self.shots], dtype=np.int64)
+        """(N,) index into `target_names` of each shot; -1 of one that has no target."""
+        index: dict[str | None, int] = {None: -1}
+        index |= {name: k for k, name in enumerate(self.target_names)}
+        return np.array([index[shot.target] for shot in self.shots], dtype=np.int64)
+
+    @cached_property
+    def measurements(self) -> tuple[Measurement, ...]:
+        """(N,) what each measurement is of, and what was measured."""
+        return tuple(ShotRules(self.header, self.robot).measurements(self.shots))
 
     def require_analysable(self) -> None:
         """BadInput for a run that no analysis can say anything about."""
         check_header(self.header, self.robot, file=self.path, line=_always(self.header_line))
-        enough = ENOUGH_CALIBRATED if self.header.tool.calibrated else ENOUGH_UNCALIBRATED
+        rules = ShotRules(self.header, self.robot)
+        calibrated = all(instrument.calibrated for instrument in rules.instruments.values())
+        enough = ENOUGH_CALIBRATED if calibrated else ENOUGH_UNCALIBRATED
         if len(self.shots) < 2:
-            tool = "a calibrated" if self.header.tool.calibrated else "an uncalibrated"
+            tool = "a calibrated" if calibrated else "an uncalibrated"
             raise BadInput(
                 "one measurement cannot determine any offset",
                 found="1 measurement",
@@ -225,20 +248,33 @@ class Run:
                 file=self.path,
                 line=self.lines[0],
             )
-        for name in self.target_names:
-            rows = [i for i, shot in enumerate(self.shots) if shot.target == name]
-            if len(rows) == 1:
-                others = [other for other in self.target_names if other != name]
-                near = did_you_mean(name, others)
-                raise BadInput(
-                    f"the target {name!r} is measured only once: that determines its position at most",
-                    found=f"measurement {self.shots[rows[0]].shot}",
-                    allowed="at least two measurements of each target",
-                    remedy=near or "record more measurements of it, or remove this one",
-                    file=self.path,
-                    line=self.lines[rows[0]],
-                )
+        self._require_enough_of_each_target(rules)
         check_distances(self.header, self.target_names, file=self.path, line=self.header_line)
+
+    def _require_enough_of_each_target(self, rules: ShotRules) -> None:
+        """BadInput for a target of which no more numbers are measured than its three unknowns."""
+        tied = {name for angle in self.header.angles for name in angle.between}
+        of_target: dict[str, list[int]] = {name: [] for name in self.target_names}
+        for i, shot in enumerate(self.shots):
+            if shot.target is not None:
+                of_target[shot.target].append(i)
+        for name, rows in of_target.items():
+            labels = [rules.label(self.shots[i].instrument) for i in rows[: _UNKNOWNS + 1]]
+            numbers = sum(rules.instruments[label].residual_size for label in labels)
+            once = len(rows) == 1
+            if not once and (numbers > _UNKNOWNS or name in tied):
+                continue
+            near = did_you_mean(name, [other for other in self.target_names if other != name])
+            how = "only once: that determines" if once else f"with {numbers} numbers: they determine"
+            many = "two measurements" if once else f"{_UNKNOWNS + 1} numbers"
+            raise BadInput(
+                f"the target {name!r} is measured {how} its position at most",
+                found=", ".join(f"measurement {self.shots[i].shot}" for i in rows),
+                allowed=f"at least {many} of each target",
+                remedy=near or "record more measurements of it, or remove this one",
+                file=self.path,
+                line=self.lines[rows[0]],
+            )
 
 
 def read_run(path: Path | str) -> Run:
@@ -297,6 +333,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     robot = load_robot(header.robot, path.parent, file=path, line=header_line)
     check_header(header, robot, file=path, line=_always(header_line))
     shots, lines = [], []
+    model = shot_model(header)
     for line, row in rows[1:]:
         if isinstance(row, dict) and "schema" in row:
             raise BadInput(
@@ -306,7 +343,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
                 file=path,
                 line=line,
             )
-        shots.append(validate(Shot, row, file=path, line=_always(line)))
+        shots.append(validate(model, row, file=path, line=_always(line)))
         lines.append(line)
     warnings: tuple[str, ...] = () if torn is None else (_torn(torn),)
     if shots:
@@ -343,14 +380,23 @@ def header_text(header: Header) -> str:
 
 def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file, which may have a million of them: what `json_line` would write."""
-    spot = "" if shot.spot_mm is None else f',"spot_mm":{_numbers(shot.spot_mm)}'
+    posture = "" if shot.posture is None else f',"posture":{shot.posture}'
+    instrument = "" if shot.instrument is None else f',"instrument":{_json_text(shot.instrument)}'
+    reflector = "" if shot.reflector is None else f',"reflector":{_json_text(shot.reflector)}'
+    target = "" if shot.target is None else f',"target":{_json_text(shot.target)}'
+    joints = _numbers(shot.joints_deg)
+    readings = "".join(f',"{column}":{_numbers(value)}' for column, value in shot.readings.items())
+    sigma = "" if shot.sigma_mm is None else f',"sigma_mm":{float.__repr__(shot.sigma_mm)}'
     time = "" if shot.time_s is None else f',"time_s":{float.__repr__(shot.time_s)}'
     comment = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
-    target, joints = _json_text(shot.target), _numbers(shot.joints_deg)
-    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{joints}{spot}{time}{comment}}}\n'
+    which = f"{posture}{instrument}{reflector}{target}"
+    rest = f"{readings}{sigma}{time}{comment}"
+    return f'{{"shot":{shot.shot}{which},"joints_deg":{joints}{rest}}}\n'
 
 
-def _numbers(values: Sequence[float]) -> str:
+def _numbers(values: float | Sequence[float]) -> str:
+    if isinstance(values, float):
+        return float.__repr__(values)
     return f"[{','.join(map(float.__repr__, values))}]"
 
 

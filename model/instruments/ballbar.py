@@ -97,7 +97,7 @@ class Ballbar(TipStation):
         return np.array(measured.get("measured_mm", (0.0,)), dtype=float)
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        return {"measured_mm": tuple((reading - shift).tolist())}
+        return {"measured_mm": tuple((reading + shift).tolist())}
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return self.predicted(flange, target, unknowns, reading, variant) - reading

@@ -94,7 +94,7 @@ class Dial(TipStation):
         return np.array([*measured.get("measured_mm", (0.0,)), *unit_normal(target)])
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        return {"measured_mm": tuple((reading[:1] - shift).tolist())}
+        return {"measured_mm": tuple((reading[:1] + shift).tolist())}
 
     def _travel(self, flange: Flange, target: ca.SX, unknowns: ca.SX, normal: ca.SX) -> ca.SX:
         n, d = plane_at(target, normal)

@@ -18,6 +18,16 @@ import numpy as np
 from ..arrays import Index, Matrix
 from ..parsing.validation import FileModel
 
+TargetKind = Literal["point", "plane", "sphere"]
+POINT: TargetKind = "point"
+# What a header states of a target of each kind besides its position, and what a person calls that; empty
+# where it has a default.
+TARGET_KEYS: dict[TargetKind, dict[str, str]] = {
+    "point": {},
+    "plane": {"normal": "normal", "sigma_deg": ""},
+    "sphere": {"diameter_mm": "diameter"},
+}
+
 
 class StatedTarget(Protocol):
     """What a header states of a target (`model.files.header`)."""
@@ -32,6 +42,15 @@ class StatedTarget(Protocol):
     def normal(self) -> tuple[float, float, float] | None: ...
     @property
     def diameter_mm(self) -> float | None: ...
+
+
+class StatedInstrument(Protocol):
+    """What a header states of an instrument, by the model of its kind."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def model_fields_set(self) -> set[str]: ...
 
 
 class Unknown(NamedTuple):
@@ -131,12 +150,19 @@ class Instrument(ABC):
     columns: ClassVar[Mapping[str, int]]
     target: ClassVar[str]
     target_is: ClassVar[Literal["point", "plane", "nothing"]]
+    touches_ball: ClassVar[bool] = False
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
     words: ClassVar[Words]
 
     label: str
+
+    @classmethod
+    def target_kinds(cls) -> tuple[TargetKind, ...]:
+        """What a header may state of its targets."""
+        if cls.target_is == "nothing":
+            return ()
+        return ("sphere",) if cls.touches_ball else (cls.target_is,)
 
     @classmethod
     @abstractmethod
@@ -163,8 +189,8 @@ class Instrument(ABC):
         return not self.unknowns
 
     @property
-    def turns_freely(self) -> bool:
-        return self.turns and not self.calibrated
+    def turns(self) -> bool:
+        return False
 
     @property
     def grounded(self) -> bool:
@@ -235,7 +261,7 @@ class Instrument(ABC):
         return np.zeros(self.residual_size)
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        """What a measurement records by `columns`, whose `reading` (w,) leaves the residual `shift` (d,)."""
+        """What a measurement with this `reading` (w,) and `shift` (d,) records by `columns`."""
         return {}
 
     def row(self, some: Sequence[Measured], target: StatedTarget | None) -> tuple[Matrix, Matrix]:

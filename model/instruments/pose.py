@@ -80,7 +80,6 @@ class PoseStation(FramedStation):
     name = "pose"
     also_called = ("6d", "6dof", "t-mac", "tmac", "marker", "camera", "hand-eye", "mocap")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3, "measured_quat": 4}
-    turns = True
     residual_size = 6
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose
@@ -133,7 +132,7 @@ class PoseStation(FramedStation):
         return (*shifts, *turns, *self.frame_unknowns)
 
     @property
-    def turns_freely(self) -> bool:
+    def turns(self) -> bool:
         return not self.tolerated[1]
 
     @property
@@ -161,9 +160,9 @@ class PoseStation(FramedStation):
         return np.array([*position, *turn, *[length] * 3, *[self.sigma_rad / self.sigma_mm] * 3])
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        turn = rotation(-shift[3:]) @ rotation_of_quaternion(reading[3:7])
+        turn = rotation(shift[3:]) @ rotation_of_quaternion(reading[3:7])
         return {
-            "measured_mm": tuple((reading[:3] - shift[:3]).tolist()),
+            "measured_mm": tuple((reading[:3] + shift[:3]).tolist()),
             "measured_quat": tuple(quaternion(turn).tolist()),
         }
 

@@ -117,7 +117,6 @@ class Tracker(FramedStation):
     name = "tracker"
     also_called = ("laser tracker", "cmm", "reflector", "smr", "total station", "photogrammetry")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
-    turns = True
     residual_size = 3
     reading_size = 7
     Stated: ClassVar[type[FileModel]] = StatedTracker
@@ -171,7 +170,7 @@ class Tracker(FramedStation):
         return (*chain.from_iterable(parts), *self.frame_unknowns)
 
     @property
-    def turns_freely(self) -> bool:
+    def turns(self) -> bool:
         return not any(each.tolerated for each in self.reflectors.values())
 
     @property
@@ -200,7 +199,7 @@ class Tracker(FramedStation):
         return np.array([*position, stated_std, *(ranged if sigma is None else [stated_std] * 3)])
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        return {"measured_mm": tuple((reading[:3] - shift).tolist())}
+        return {"measured_mm": tuple((reading[:3] + shift).tolist())}
 
     def _position(self, flange: Flange, unknowns: ca.SX, variant: str) -> ca.SX:
         """(3, 1) mm of a reflector, in the tracker's frame."""

@@ -378,7 +378,7 @@ def _held(
     """What is held, and by what: the method's own choice unless the header states a list."""
     method: dict[str, HeldBy] = {} if tool.grounded else {"delta1": "base frame"}
     names = [item.name for item in items]
-    if tool.turns_freely:
+    if tool.turns and not tool.calibrated:
         method[f"delta{robot.n}"] = "tool rotation"
     if listed is None:
         return method

@@ -85,7 +85,7 @@ def _overview(plan: Plan, postures: Postures, pendant: Pendant) -> Table:
         row_of(
             str(i), clipped(target, 24), *_joints(pendant, plan.postures[i]), _millimetres(postures.length[i])
         )
-        for i, target in enumerate(plan.targets)
+        for i, target in enumerate(plan.called)
     ]
     columns = [("posture", "right"), ("target", "left"), *_names(pendant), ("beam", "right")]
     return table_of("Planned postures, and the length of the beam", columns, rows)
@@ -120,7 +120,7 @@ def _posture(plan: Plan, postures: Postures, i: int, pendant: Pendant) -> Sectio
     note = None
     if not postures.reaches[i]:
         note = Paragraph("By the model this posture does not reach its target: see zerobeam check.")
-    title = f"Posture {i}, target {clipped(plan.targets[i], 24)}"
+    title = f"Posture {i}, target {clipped(plan.called[i], 24)}"
     blocks = (note, FigureBlock(f"posture-{i}"), Facts(where), table, Facts(filled))
     return section_of(title, *blocks, new_page=True)
 

@@ -274,7 +274,7 @@ def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:
     """The aimed postures as in a plan file: degrees, or mm for a prismatic joint."""
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]
-    for row, name in zip((postures.joints * plan.robot.display).tolist(), plan.targets, strict=True):
+    for row, name in zip((postures.joints * plan.robot.display).tolist(), plan.called, strict=True):
         values = json.dumps([round(value, 6) + 0.0 for value in row])
         lines.append(
             f"  - {{joints_deg: {values}, target: {json.dumps(name)}}}" if several else f"  - {values}"

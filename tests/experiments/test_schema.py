@@ -53,18 +53,20 @@ def test_the_kinds_of_file_are_told_by_their_schema_key():
         content = json_schema("run-header" if name == "run" else name)
         assert content["properties"]["schema"]["const"] == f"zerobeam/{name}/1"
         assert "schema" in content["required"]
-    assert set(json_schema("header")["required"]) == {"robot", "tool", "noise"}
-    assert json_schema("run-shot")["required"] == ["shot", "target", "joints_deg"]
+    assert set(json_schema("header")["required"]) == {"robot", "noise"}
+    assert json_schema("run-shot")["required"] == ["shot", "joints_deg"]
 
 
 def test_the_examples_of_the_design_have_only_keys_of_the_schema():
     header = json_schema("run-header")["properties"]
     wanted = (
-        "schema robot tool noise prior targets distances held limits tolerance geometry required provenance"
+        "schema robot tool instruments noise prior targets distances angles held limits tolerance geometry"
+        " required provenance"
     )
     assert set(header) == set(wanted.split())
     assert set(json_schema("plan")["properties"]) == {*header, "constraints", "postures_deg"}
-    shot = "shot target joints_deg spot_mm time_s comment"
+    shot = "shot posture instrument reflector target joints_deg spot_mm measured_mm measured_quat sigma_mm"
+    shot += " time_s comment"
     assert set(json_schema("run-shot")["properties"]) == set(shot.split())
 
 

@@ -180,7 +180,7 @@ def plan(folder: Folder, name: str) -> ReadPlan:
     return ReadPlan(
         file=folder.called(path),
         plan=document.data,
-        targets=list(read.targets),
+        targets=list(read.called),
         robot=arm_of(arm),
         notes=[*notes, *read.warnings],
     )
@@ -202,6 +202,7 @@ def write(folder: Folder, request: AskedPlan) -> WrittenPlan:
         written.header,
         np.round(rows, 9),
         written.targets,
+        means=written.means,
         via_deg=via,
         constraints=written.constraints,
         force=path.exists(),
@@ -330,7 +331,7 @@ def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureSce
             tool=rounded(postures.origin[i], 3),
             beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if beam else None,
             target=rounded(postures.targets[scene_plan.target_index[i]], 3),
-            target_name=scene_plan.targets[i],
+            target_name=scene_plan.called[i],
             reaches=bool(postures.reaches[i]),
             violations=[violation_words(one) for one in broken_in[i]],
             touches=[

@@ -26,7 +26,7 @@ def csv_table(plan: Plan, motion: ProgramMotion) -> str:
     rows: list[dict[str, object]] = []
     for i, posture in enumerate(plan.postures):
         way = rounded(pendant.shown(np.array([*plan.via_of(i), posture]) * robot.display))
-        texts = [("", "")] * (len(way) - 1) + [(str(i), one_line(plan.targets[i]))]
+        texts = [("", "")] * (len(way) - 1) + [(str(i), one_line(plan.called[i]))]
         for (number, target), row in zip(texts, way, strict=True):
             rows.append({"posture": number, "target": target, **dict(zip(names, row, strict=True))})
     return spreadsheet.csv_text(rows)
@@ -46,7 +46,7 @@ def ros_trajectories(plan: Plan, motion: ProgramMotion) -> str:
     for i, posture in enumerate(plan.postures):
         rows = [*plan.via_of(i), posture]
         document = _document(robot, before, rows, motion.speed)
-        documents.append(f"# posture {i}, target {json.dumps(plan.targets[i])}\n{document}")
+        documents.append(f"# posture {i}, target {json.dumps(plan.called[i])}\n{document}")
         before = posture
     head = [
         *head_lines(plan, replace(motion, j3="link"), None),

@@ -68,7 +68,7 @@ class AbbRig:
         self._speed = np.minimum(np.degrees(speeds) * caution.share, _GUIDED_SPEED)
         self._session = Session(access)
         self._guidance: Guidance | None = None
-        self._target = plan.targets[0]
+        self._target = plan.called[0]
         self._done = 0.0  # commands that had ended when guidance began
         self._started: float | None = None
         self._confirmed = self._running = self._lit = self._faulty = False

@@ -245,7 +245,7 @@ class Manual:
         self.listener(
             PostureRequested(
                 shot=number,
-                target=self.plan.targets[posture],
+                target=self.plan.called[posture],
                 done=len(self.journal.shots) + len(self._refused),
                 postures=len(self.plan.postures),
                 joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),

@@ -223,8 +223,8 @@ def turned(rpy_deg: Sequence[float]) -> Matrix:
 def _require_fit(plan: Plan, cell: CellFile) -> None:
     if not plan.header.instrument.beam:
         raise BadInput(
-            f"a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.tool.kind}",
-            found=f"tool.kind: {plan.header.tool.kind}",
+            f"a simulated cell has a laser and PSDs, the plan's tool is a {plan.header.instrument.name}",
+            found=f"tool.kind: {plan.header.instrument.name}",
             remedy="run the plan without --cell: its measurements are then led by hand",
         )
     robot = cell.named_robot()

@@ -180,7 +180,7 @@ class SimulatedRig:
         come of it; a single one that has not is refused when it comes."""
         offsets, off_axis, front = self._parts.arm.offsets, [], []
         origins, directions = self._functions.kernel("beam")(plan.postures, offsets, self._parts.tool)
-        for origin, direction, target in zip(origins, directions, plan.targets, strict=True):
+        for origin, direction, target in zip(origins, directions, plan.called, strict=True):
             way = self._parts.centres[target] - origin
             normal = self.psds[target].normal
             off_axis.append(np.arccos(np.clip(direction @ way / np.linalg.norm(way), -1.0, 1.0)))
@@ -189,7 +189,7 @@ class SimulatedRig:
         seeing, count = int((in_sight & front).sum()), len(plan.postures)
         if seeing >= min(ENOUGH_CALIBRATED, count):
             return
-        target, off = plan.targets[int(np.argmin(off_axis))], np.degrees(np.median(off_axis))
+        target, off = plan.called[int(np.argmin(off_axis))], np.degrees(np.median(off_axis))
         raise self._cell.refuse(
             ("psd",),
             f"the PSD is out of view in {count - seeing} of the plan's {count} postures",

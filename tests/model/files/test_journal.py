@@ -305,7 +305,7 @@ def test_the_same_header_may_be_written_otherwise(path: Path, whole: bytes) -> N
         (b"mine\n", "not JSON"),
         (b'{"schema":"zerobeam/plan/1"}\n', "not a run file"),
         (b'HEADER{"shot":0,\nSHOT', "not JSON"),
-        (b'HEADERSHOT{"shot":1}\n', "'target' is missing"),
+        (b'HEADERSHOT{"shot":1}\n', "'joints_deg' is missing"),
         (b"HEADERSHOTSHOT", "duplicate"),
         (b"HEADERHEADER", "second header"),
     ],

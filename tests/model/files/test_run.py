@@ -178,7 +178,7 @@ def test_a_probe_makes_no_spot(run_file, refused):
     tool = {"kind": "probe", "point_mm": [0, 0, 100]}
     assert len(read_run(run_file(text(shot(0), shot(1), tool=tool))).shots) == 2
     error = refused(read_run, run_file(text(shot(0), shot(1, spot_mm=[0, 0]), tool=tool)))
-    assert "a probe makes none" in error.what
+    assert "a probe records no spot_mm" in error.what
     assert error.line == 3
 
 

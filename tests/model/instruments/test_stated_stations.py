@@ -31,8 +31,8 @@ def test_unknowns_of_a_tracker():
     assert [each.group for each in instrument.unknowns] == ["tool"] * 6 + ["frame"] * 6
     assert instrument.variants == ("A", "B")
     assert not instrument.calibrated
-    assert not instrument.turns_freely  # A says how the flange is turned
-    assert station("tracker", reflectors={"B": {}}).turns_freely
+    assert not instrument.turns  # A says how the flange is turned
+    assert station("tracker", reflectors={"B": {}}).turns
     assert len(station("tracker", frame=KNOWN).unknowns) == 6
 
 
@@ -42,15 +42,15 @@ def test_unknowns_of_a_pose():
         *block("S.mount", TURNS, 180),
         *FRAME,
     ]
-    assert station("pose").turns_freely
+    assert station("pose").turns
     mount = {"guess_mm": [1.0, 2, 3], "sigma_mm": 0.3, "guess_quat": [1.0, 0, 0, 0], "sigma_deg": 0.2}
     known = station("pose", mount=mount, frame=KNOWN)
     assert facts(known) == [*block("S.mount", "xyz", 0.3, True), *block("S.mount", TURNS, 0.2, True)]
     assert known.calibrated
-    assert not known.turns_freely
+    assert not known.turns
     assert known.known_to == pytest.approx(0.2)
     # An orientation that is known holds the last offset, whatever is known of the position.
-    assert not station("pose", mount={"guess_quat": [1.0, 0, 0, 0], "sigma_deg": 0.2}).turns_freely
+    assert not station("pose", mount={"guess_quat": [1.0, 0, 0, 0], "sigma_deg": 0.2}).turns
 
 
 @pytest.mark.parametrize("kind", ["plane", "sphere", "ballbar", "dial"])

@@ -109,7 +109,7 @@ def test_what_does_not_go_together(read, refused):
     assert "is not a measurement number" in what(rows().replace(",11,", ",1.5,"))
     assert "duplicate" in what(rows().replace(",11,", ",10,"))
     assert "column 10 is not a finite number" in what(rows().replace(",0.1,", ",nan,"))
-    assert "but a probe makes none" in what(rows(), header=HEADER)
+    assert "a probe records no spot_mm" in what(rows(), header=HEADER)
     assert "'tool'" in what(rows().replace("left", "tool"))
     still = Stillness(0.02, 0.5)
     assert "what counts as a dwell" in what(rows(), marker_column="nr")
