@@ -166,8 +166,8 @@ def sphere_through(points: Matrix, lengths: Matrix, *, zero_free: bool) -> Matri
     square = (near**2).sum(axis=1) - lengths**2
     centre = np.linalg.lstsq(np.hstack(columns), square / scale, rcond=1e-9)[0][:3]
     _, _, directions = np.linalg.svd(near, full_matrices=True)
-    aside = directions[2] * float(np.median(np.abs(lengths)))
-    starts = (centre, centre + aside, centre - aside)
+    sideways = directions[2] * float(np.median(np.abs(lengths)))
+    starts = (centre, centre + sideways, centre - sideways)
     best = min(
         (_climbed(near, lengths, start, zero_free=zero_free) for start in starts), key=lambda fit: fit[0]
     )

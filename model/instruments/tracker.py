@@ -322,9 +322,9 @@ class _Sets(NamedTuple):
 
         def at(turn: Matrix) -> tuple[float, Matrix, Matrix]:
             """The rms, residuals (3 N,) and solution of the linear unknowns, at a rotation."""
-            wanted = (nominal - self.measured @ turn.T).ravel()
-            solution = np.linalg.lstsq(linear, wanted, rcond=1e-9)[0]
-            residuals = linear @ solution - wanted
+            right = (nominal - self.measured @ turn.T).ravel()
+            solution = np.linalg.lstsq(linear, right, rcond=1e-9)[0]
+            residuals = linear @ solution - right
             return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, np.asarray(solution)
 
         rms, residuals, solution = at(turn)
