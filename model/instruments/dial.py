@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field
 from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal, without_length
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
 
 _LEAST_SLOPE = 1e-9  # of the direction against the plane
@@ -85,11 +85,11 @@ class Dial(TipStation):
     def key(self) -> bytes:
         return super().key + self.direction.tobytes()
 
-    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         return plane_coordinates(target)
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         return np.array([*measured.get("measured_mm", (0.0,)), *unit_normal(target)])
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from ..arrays import Matrix
 from ..parsing.validation import FileModel, NotNegative
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
 
 
@@ -72,11 +72,11 @@ class PlaneProbe(TipStation):
     def key(self) -> bytes:
         return super().key + f" {self.radius}".encode()
 
-    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         return plane_coordinates(target)
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         return unit_normal(target)
 

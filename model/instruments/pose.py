@@ -14,7 +14,7 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .rotations import (
     Quaternion,
     matrix_of,
@@ -152,7 +152,7 @@ class PoseStation(FramedStation):
         return self.mount_point
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         position = measured.get("measured_mm", (0.0, 0.0, 0.0))
         turn = unit_quaternion(measured.get("measured_quat", (1.0, 0.0, 0.0, 0.0)))

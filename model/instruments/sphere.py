@@ -13,7 +13,7 @@ from pydantic import Field
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..parsing.validation import FileModel, NotNegative
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
 
 
@@ -75,7 +75,7 @@ class SphereProbe(TipStation):
     def key(self) -> bytes:
         return super().key + f" {self.radius}".encode()
 
-    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         if target is None or target.diameter_mm is None:
             raise BadInput(
                 "a ball without a diameter cannot be used",
@@ -86,7 +86,7 @@ class SphereProbe(TipStation):
         return super().coordinates(target)
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         """What reads no ball has the radius 0."""
         return np.array([0.0 if target is None else (target.diameter_mm or 0.0) / 2])

@@ -14,7 +14,7 @@ from ..errors import BadInput
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, without_length
 from .frames import vector_unknowns
-from .kind import StatedTarget, Station, Unknown
+from .kind import Station, TargetEntry, Unknown
 from .rotations import across, basis_across
 
 TIP_MM = 0.1  # prior std of a stated tip, each direction
@@ -96,14 +96,14 @@ def distance(point: ca.SX, other: ca.SX) -> ca.SX:
 # Planes
 
 
-def unit_normal(target: StatedTarget | None) -> Matrix:
+def unit_normal(target: TargetEntry | None) -> Matrix:
     """(3,) the unit normal that a header states of a plane. What reads no plane has one as well, which keeps
     its functions finite."""
     normal = _NO_NORMAL if target is None or target.normal is None else target.normal
     return np.asarray(np.array(normal, dtype=float) / np.linalg.norm(normal))
 
 
-def plane_coordinates(target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+def plane_coordinates(target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
     """Distance d of a plane along its normal from the base's origin, mm, and its two tilts, rad. A tilt about
     a stated point off the normal moves d, which the prior of d allows for."""
     if target is None or target.normal is None or without_length(target.normal):
@@ -166,8 +166,8 @@ def sphere_through(points: Matrix, lengths: Matrix, *, zero_free: bool) -> Matri
     square = (near**2).sum(axis=1) - lengths**2
     centre = np.linalg.lstsq(np.hstack(columns), square / scale, rcond=1e-9)[0][:3]
     _, _, directions = np.linalg.svd(near, full_matrices=True)
-    aside = directions[2] * float(np.median(np.abs(lengths)))
-    starts = (centre, centre + aside, centre - aside)
+    sideways = directions[2] * float(np.median(np.abs(lengths)))
+    starts = (centre, centre + sideways, centre - sideways)
     best = min(
         (_climbed(near, lengths, start, zero_free=zero_free) for start in starts), key=lambda fit: fit[0]
     )

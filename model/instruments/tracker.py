@@ -24,7 +24,7 @@ from ..parsing.validation import (
     tuple_of,
 )
 from .frames import FREE_MM, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
@@ -145,12 +145,14 @@ class Tracker(FramedStation):
     @classmethod
     def of(cls, label: str, header: StatedTracker, *, exact: bool) -> Self:
         sigma = header.sigma_mm
-        ranged = isinstance(sigma, StatedRangeSigma)
+        constant, per_m = (
+            (sigma.constant, sigma.per_m) if isinstance(sigma, StatedRangeSigma) else (sigma, 0.0)
+        )
         return cls(
             label=label,
             frame=known_frame(header.frame),
-            sigmas=np.ones(3) * (sigma.constant if ranged else sigma),
-            per_m=sigma.per_m if ranged else 0.0,
+            sigmas=np.broadcast_to(np.array(constant, dtype=float), 3),
+            per_m=per_m,
             reflectors={
                 name: Reflector(
                     np.array(each.guess_mm, dtype=float), each.sigma_mm or FREE_MM, each.sigma_mm is not None
@@ -189,7 +191,7 @@ class Tracker(FramedStation):
         return next(iter(self.reflectors.values())).point
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         position = np.array(measured.get("measured_mm", (0.0, 0.0, 0.0)), dtype=float)
         stated_std = 0.0 if sigma is None else sigma / self.std
@@ -299,7 +301,8 @@ class _Sets(NamedTuple):
         """(3 N, 3 f) of the f free reflectors: what a mm of each moves in the base frame."""
         of = np.flatnonzero(self.free)
         on = (self.which[:, None] == of).astype(float)
-        return np.einsum("nij,nk->nikj", self.rotations, on).reshape(3 * len(on), 3 * len(of))
+        moved = np.einsum("nij,nk->nikj", self.rotations, on)
+        return np.asarray(moved.reshape(3 * len(on), 3 * len(of)))
 
     def _linear(self) -> Matrix:
         """(3, 3) from A m + f = R (g + x) + t by least squares in A (any matrix), f and x."""
@@ -319,10 +322,10 @@ class _Sets(NamedTuple):
 
         def at(turn: Matrix) -> tuple[float, Matrix, Matrix]:
             """The rms, residuals (3 N,) and solution of the linear unknowns, at a rotation."""
-            wanted = (nominal - self.measured @ turn.T).ravel()
-            solution = np.linalg.lstsq(linear, wanted, rcond=1e-9)[0]
-            residuals = linear @ solution - wanted
-            return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, solution
+            right = (nominal - self.measured @ turn.T).ravel()
+            solution = np.linalg.lstsq(linear, right, rcond=1e-9)[0]
+            residuals = linear @ solution - right
+            return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, np.asarray(solution)
 
         rms, residuals, solution = at(turn)
         for _ in range(_STEPS):
@@ -345,4 +348,4 @@ class _Sets(NamedTuple):
                 break
         points = self.points.copy()
         points[self.free] += solution[3:].reshape(-1, 3)
-        return rms, turn, solution[:3], points
+        return rms, turn, np.asarray(solution[:3]), points
