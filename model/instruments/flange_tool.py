@@ -86,12 +86,12 @@ class FlangeTool(Instrument):
         return {column: tuple(shift.tolist()) for column in self.columns}
 
     @abstractmethod
-    def miss(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def beside(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         """(d, 1) the residual of a `target` (3, 1) mm in the flange frame; `unknowns` (k, 1), or empty if it
         is exact."""
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
-        return self.miss(flange.in_flange(target), unknowns)
+        return self.beside(flange.in_flange(target), unknowns)
 
 
 def flange_tool(instrument: Instrument) -> FlangeTool:

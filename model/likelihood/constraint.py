@@ -171,7 +171,7 @@ def residual(
     if isinstance(tool, FlangeTool):  # sees its target in the flange frame: that takes half the operations
         target_in_flange, stations = robot.in_flange(turns, target)
         at = ca.SX.sym("target_in_flange", 3)
-        predicted = tool.miss(at, unknown)
+        predicted = tool.beside(at, unknown)
         across = ca.jacobian(predicted, at).T
         predicted, across = ca.substitute([predicted, across], [at], [target_in_flange])
         return (predicted, *robot.in_flange_jacobian(turns, stations, across))
