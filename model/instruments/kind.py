@@ -245,6 +245,11 @@ class Instrument(ABC):
         return ResidualLayout(relative, none, np.zeros(d, dtype=np.int64))
 
     @property
+    def lengths(self) -> list[list[int]]:
+        """The components of a residual that are lengths, mm, part by part; others are angles."""
+        return [list(range(min(self.residual_size, 3)))]
+
+    @property
     def each(self) -> tuple[Instrument, ...]:
         """The instruments that it is made of."""
         return (self,)

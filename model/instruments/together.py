@@ -138,6 +138,13 @@ class Together(Instrument):
         return [slice(start, stop) for start, stop in pairwise(ends)]
 
     @property
+    def lengths(self) -> list[list[int]]:
+        return [
+            [rows.start + k for some in instrument.lengths for k in some]
+            for instrument, rows in zip(self._of_parts, self.rows, strict=True)
+        ]
+
+    @property
     def _of_parts(self) -> list[Instrument]:
         return [self.instruments[part.instrument] for part in self.parts]
 
