@@ -224,7 +224,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
         once = np.ones(len(residual))
         once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
         residual, jacobian = residual * once, jacobian * once[:, None]
-        numbers += d * (problem.shots - float(problem.weights.sum()))
+        numbers += float(problem.sizes @ (1 - problem.weights))
     basis = _range_of(jacobian[:, free])
     rest = residual - basis @ (basis.T @ residual)
     by_offsets = jacobian[:, free & problem.parameters.group("offset")]

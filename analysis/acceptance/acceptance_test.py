@@ -149,8 +149,7 @@ class AcceptancePrediction:
             i = parameters.index(name)
             x[i] += value / parameters.items[i].display
         target = self.problem.parameters.block("target")
-        parts = self.problem.split(x)
-        x[target] = self.problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
+        x[target] = self.problem.nearest_targets(x[None])[0]
         for _ in range(_STEPS):
             residual, jacobian = self._whitened(x)[:2]
             step = np.linalg.lstsq(jacobian[:, target], residual, rcond=None)[0]

@@ -126,8 +126,8 @@ def _residuals(
         if item.group in ("tool", "noise"):
             x[problem.parameters.index(item.name)] = solution.fit.x[old.parameters.index(item.name)]
     problem, x = problem.with_noise_of(x)
-    target, parts = problem.parameters.block("target"), problem.split(x)
-    x[target] = problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
+    target = problem.parameters.block("target")
+    x[target] = problem.nearest_targets(x[None])[0]
     for _ in range(_STEPS):
         whitened = problem.whiten(x)
         by = whitened.jacobian[: whitened.residual_mm.size, target].reshape(*whitened.residual_mm.shape, -1)

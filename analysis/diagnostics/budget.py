@@ -179,8 +179,8 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
     by_joint, by_spot = every.by_joint[:, at], every.by_spot[:, at]
     variances = problem.variances(fit.x) / fit.weight
     parts = [
-        (by_joint**2).sum(axis=0).T * variances[:-1, None],
-        (by_spot**2).sum(axis=(0, 2))[None] * variances[-1],
+        (by_joint**2).sum(axis=0).T * variances[: problem.robot.n, None],
+        np.einsum("nfd,ind->if", by_spot**2, problem.of_sources(variances)),
     ]
     sources = _noise_sources(solution, np.sqrt(variances))
 
@@ -215,23 +215,26 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
 def _noise_sources(solution: Solution, std: Matrix) -> list[BudgetRow]:
     """The joints, then the spot, with the `std` (n + 1,) of one reading as it was found or stated."""
     problem, robot = solution.problem, solution.problem.robot
-    kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + 1)
+    sources = len(problem.noise.readings)
+    kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + sources)
     if problem.noise.estimated:
-        kinds = [("A", noise_dof(solution.fit))] * (robot.n + 1)
+        kinds = [("A", noise_dof(solution.fit))] * (robot.n + sources)
     elif problem.noise.separate:
         status = dict(zip(problem.parameters.names, solution.status, strict=True))
         variance = np.diag(log_scales(solution.fit))
-        joint, spot = (
+        factors = problem.noise.factors
+        joint_kind, *reading_kinds = (
             _of_factor(status[f"noise.{name}"], float(value))
-            for name, value in zip(("joint", "spot"), variance, strict=True)
+            for name, value in zip(factors, variance, strict=True)
         )
-        kinds = [joint] * robot.n + [spot]
-    display = np.append(robot.display, 1.0)
-    units = [*("deg" if joint.kind == "revolute" else "mm" for joint in robot.joints), "mm"]
+        kinds = [joint_kind] * robot.n + reading_kinds
+    display = np.append(robot.display, np.ones(sources))
+    units = [*("deg" if joint.kind == "revolute" else "mm" for joint in robot.joints), *["mm"] * sources]
+    several = [each.label for each in problem.tool.each] if sources > 1 else []
     return [
         BudgetRow(
-            "spot" if i == robot.n else "joint",
-            () if i == robot.n else (str(i + 1),),
+            "spot" if i >= robot.n else "joint",
+            tuple(several[i - robot.n : i - robot.n + 1]) if i >= robot.n else (str(i + 1),),
             kind,
             value,
             units[i],

@@ -433,12 +433,12 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
 def _without_outlying(problem: Problem, x: Matrix) -> Iterator[HypothesisFit]:
     """Of many measurements: without the outliers, again and again until there are no more."""
     density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
-    d, left = problem.tool.residual_size, None
+    sizes, left = problem.sizes, None
     for _ in range(_ROUNDS):
         quads = density.quads(x)
         # One far off pulls all: an outlier is judged by the scale of the rest, as long as that is too large.
-        scale = max(1.0, float(np.median(quads[~gone]) / scipy.special.chdtri(d, 0.5)))
-        off = scipy.special.chdtrc(d, quads / scale) * problem.shots < SIGNIFICANCE
+        scale = max(1.0, float(np.median((quads / scipy.special.chdtri(sizes, 0.5))[~gone])))
+        off = scipy.special.chdtrc(sizes, quads / scale) * problem.shots < SIGNIFICANCE
         if not (off & ~gone).any() or (off | gone).sum() > max(3, problem.shots // 10):
             break
         gone |= off

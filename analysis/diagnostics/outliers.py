@@ -90,7 +90,7 @@ def robust_result(solution: Solution, loss: Loss) -> Robust:
         )
 
     dof = max(1, int(_MEDIAN_WORTH * numbers)) if problem.noise.estimated else None
-    off = outlying(robust.whitened, problem.tool.residual_size, OUTLYING, dof)
+    off = outlying(robust.whitened, problem.sizes, OUTLYING, dof)
     return Robust(
         loss=loss,
         tuning=robust.tuning,
@@ -123,8 +123,8 @@ def single_outlier(fit: LikelihoodFit, dof: int) -> SingleOutlier | None:
 
     Only by a stated noise, and where the others leave numbers over (`dof` with it) to contradict it.
     """
-    problem, size = fit.problem, fit.problem.tool.residual_size
-    if not problem.noise.known or dof <= size:
+    problem, sizes = fit.problem, fit.problem.sizes
+    if not problem.noise.known or dof <= sizes.max():
         return None
 
     def cost(candidate: LikelihoodFit) -> float:
@@ -135,7 +135,7 @@ def single_outlier(fit: LikelihoodFit, dof: int) -> SingleOutlier | None:
     others = [fit_likelihood(problem.select(np.delete(rows, i)), starts=0) for i in rows]
     i = int(np.argmin([cost(rest) for rest in others]))
     drop = max(cost(fit) - cost(others[i]), 0.0)
-    p_value = min(1.0, problem.shots * float(scipy.special.chdtrc(size, drop)))
+    p_value = min(1.0, problem.shots * float(scipy.special.chdtrc(sizes[i], drop)))
     residual_mm = problem.select(rows[[i]]).whiten(others[i].x).residual_mm[0]
     if p_value >= _SIGNIFICANT:
         return None

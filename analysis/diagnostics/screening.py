@@ -68,21 +68,22 @@ class _Screen:
         problem, parameters = self.problem, self.problem.parameters
         x, shots, d = self.parameters(z), problem.shots, problem.tool.residual_size
         parts = problem.split(x)
-        joints = self.joints[rows]
+        joints, targets = self.joints[rows], parts.targets[:, problem.target_index]
+        if problem.tool.target_is == "nothing":
+            targets = targets[..., :0]
         of_shots = [
             np.repeat(self.transforms[rows], shots, axis=0),
             joints.reshape(-1, joints.shape[-1]),
-            np.tile(problem.spots, (len(z), 1)),
+            np.tile(problem.data, (len(z), 1)),
             np.repeat(parts.arm, shots, axis=0),
-            parts.targets[:, problem.target_index].reshape(-1, 3),
+            targets.reshape(len(z) * shots, -1) if targets.size else np.zeros((len(z) * shots, 0)),
             np.repeat(parts.tool, shots, axis=0),
         ]
         mapped = self.function.map(len(z) * shots)(*(values.T for values in of_shots))
         residual = mapped[0].full().T.reshape(len(z), shots, d)
         jacobian = mapped[1].full().reshape(d, len(z), shots, -1).transpose(1, 2, 0, 3)
         by_joints = jacobian[..., problem.parameters.in_shot("offset")]
-        variances = problem.noise.variances
-        covariance = (by_joints * variances[:-1]) @ by_joints.swapaxes(-1, -2) + variances[-1] * np.eye(d)
+        covariance = np.stack([problem.covariances(each, problem.noise.variances) for each in by_joints])
         scaled = jacobian * parameters.prior_std[problem.columns][:, None, :]
         stacked = np.concatenate([residual[..., None], scaled], axis=-1)
         with np.errstate(all="ignore"):
@@ -118,7 +119,7 @@ class _ToolKey:
 
 @lru_cache(maxsize=8)
 def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
-    """(transforms, q, spot, delta, target, tool) -> residual (d,), its Jacobian by the last three."""
+    """(transforms, q, data, delta, target, tool) -> residual (d,), its Jacobian by the last three."""
     tool, n = key.tool, len(kinds)
     transforms = ca.SX.sym("transforms", 12 * (n + 1))
     # Transforms that are symbols, as those of `Geometry.moved`.
@@ -129,11 +130,13 @@ def _function(kinds: tuple[JointKind, ...], key: _ToolKey) -> ca.Function:
     along = np.array([0.0, 0.0, 1.0])
     joints = tuple(Joint("", kind, at, along, 0.0, 0.0) for kind, at in zip(kinds, fixed, strict=False))
     robot = Robot("", joints, fixed[-1])
-    q, delta, target = ca.SX.sym("q", n), ca.SX.sym("delta", n), ca.SX.sym("target", 3)
-    spot, unknown = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("tool", len(tool.unknowns))
+    q, delta = ca.SX.sym("q", n), ca.SX.sym("delta", n)
+    target = ca.SX.sym("target", 0 if tool.target_is == "nothing" else 3)
+    d = tool.residual_size
+    data, unknown = ca.SX.sym("data", d + tool.reading_size), ca.SX.sym("tool", len(tool.unknowns))
     turns = robot.turns(q + delta)
-    left, by_joints, by_target = residual(robot, turns, tool, target, unknown, ca.SX(0, 1))
-    left -= spot
+    left, by_joints, by_target = residual(robot, turns, tool, target, unknown, data[d:])
+    left -= data[:d]
     jacobian = ca.horzcat(by_joints, by_target, ca.jacobian(left, unknown))
-    inputs = [transforms, q, spot, delta, target, unknown]
+    inputs = [transforms, q, data, delta, target, unknown]
     return ca.Function("screen", inputs, ca.cse([ca.densify(left), ca.densify(jacobian)]))

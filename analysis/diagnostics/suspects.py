@@ -485,9 +485,7 @@ def _noise(linear: Linear) -> Iterator[Suspect]:
 
     def corrected(linear: Linear, _: Matrix) -> Problem:
         noise = linear.problem.noise
-        return replace(
-            linear.problem, noise=replace(noise, joint=noise.joint * times, spot=noise.spot * times)
-        )
+        return replace(linear.problem, noise=noise.times(times))
 
     suspect = _made("noise", _no_columns, corrected)
     yield replace(suspect, evidence=evidence - price, log_choices=price, fixed_amount=times)

@@ -88,7 +88,8 @@ def effective_dof(fit: LikelihoodFit) -> Matrix:
         parts = (variances - of_data)[:, None]
     else:
         of_noise = problem.variances(fit.x)
-        joints = ((each.by_joint**2).sum(axis=0) * of_noise[:-1]).sum(axis=1)
-        parts = np.stack([joints, (each.by_spot**2).sum(axis=(0, 2)) * of_noise[-1]], axis=1)
+        joints = ((each.by_joint**2).sum(axis=0) * of_noise[: problem.robot.n]).sum(axis=1)
+        readings = np.einsum("nfd,ind->fi", each.by_spot**2, problem.of_sources(of_noise))
+        parts = np.hstack([joints[:, None], readings])
     with np.errstate(divide="ignore"):
         return np.asarray(variances**2 / (2 * ((parts @ log_scales(fit)) * parts).sum(axis=1)))

@@ -375,17 +375,15 @@ def single(problem: Problem, fits: Fits, row: int, others: Sequence[int] = ()) -
 
 
 def start_at(problem: Problem, z: Matrix, joints: Matrix | None = None) -> Matrix:
-    """x (W, p) with the free offsets and tool at z (W, f) and each target nearest to its beams there.
+    """x (W, p) with the free offsets and tool at z (W, f), and what is only guessed as the measurements say
+    there.
 
     `joints` (W, N, n) are the recorded ones of each row, the problem's own by default.
     """
     parameters = problem.parameters
     x = np.tile(parameters.prior_mean, (len(z), 1))
     x[:, parameters.free] += z * parameters.prior_std[parameters.free]
-    parts, targets = problem.split(x), parameters.group("target")
-    nearest = problem.nearest_targets(parts.arm, parts.tool, joints).reshape(len(z), -1)
-    x[:, targets] = np.where(parameters.free[targets], nearest, parameters.prior_mean[targets])
-    return x
+    return problem.started(x, joints)
 
 
 def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:

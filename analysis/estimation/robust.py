@@ -53,20 +53,20 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     An estimated noise scale is taken from the median residual, which outliers hardly move; noise factors are
     kept as they were fitted, and x is without them.
     """
-    d = problem.tool.residual_size
+    d = problem.sizes
     known, x = problem.with_noise_of(fit.x)
-    tuning = float(np.sqrt(scipy.special.chdtri(d, 1 - _HUBER_SHARE))) if loss == "huber" else STUDENT_NU
+    tuning = np.sqrt(scipy.special.chdtri(d, 1 - _HUBER_SHARE)) if loss == "huber" else STUDENT_NU
     density, weights = Density(known), np.ones(problem.shots)
     first = fit_robust(problem, fit, "huber") if loss == "student" else None
     x = x if first is None else first.x
     # The residuals are what the fit has left of the errors.
-    left = max(1 - density.size / (problem.shots * d), 1e-3)
+    left = max(1 - density.size / d.sum(), 1e-3)
 
     def scale_of(quads: Matrix) -> float:
         if not problem.noise.estimated:
             return 1.0
         return (
-            float(np.sqrt(np.median(quads) / scipy.special.chdtri(d, 0.5) / left))
+            float(np.sqrt(np.median(quads / scipy.special.chdtri(d, 0.5)) / left))
             if first is None
             else first.scale
         )
@@ -89,7 +89,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     length = np.sqrt(density.quads(x)) / scale
     return RobustFit(
         loss,
-        tuning,
+        float(np.max(tuning)),
         x,
         weights,
         length,
@@ -100,14 +100,14 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     )
 
 
-def _weights(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
+def _weights(length: Matrix, d: Matrix, loss: Loss, tuning: float | Matrix) -> Matrix:
     """(N,) weights of residuals of these whitened lengths: rho'(r) / r of each loss."""
     if loss == "huber":
         return np.asarray(np.minimum(1.0, tuning / np.maximum(length, 1e-300)))
     return np.asarray((tuning + d) / (tuning + length**2))
 
 
-def _weight_slope(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
+def _weight_slope(length: Matrix, d: Matrix, loss: Loss, tuning: float | Matrix) -> Matrix:
     """(N,) w'(r) / r: how the weights fall, so that the pull w m has the slope w I + (w' / r) m m'."""
     if loss == "huber":
         return np.asarray(np.where(length > tuning, -tuning / np.maximum(length, tuning) ** 3, 0.0))
@@ -115,7 +115,7 @@ def _weight_slope(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
 
 
 def _sandwich(
-    problem: Problem, x: Matrix, weights: Matrix, scale: float, loss: Loss, tuning: float
+    problem: Problem, x: Matrix, weights: Matrix, scale: float, loss: Loss, tuning: float | Matrix
 ) -> Matrix | None:
     """(f, f), or None where a measurement has leverage 1 or the loss has no minimum here.
 
@@ -130,7 +130,7 @@ def _sandwich(
     root = np.sqrt(weights)[:, None]
     blocks = jacobian * root[:, :, None]
     open_part, decides = leverages(blocks, np.linalg.inv(np.einsum("idf,idg->fg", blocks, blocks) + prior))
-    weight_slope = _weight_slope(np.linalg.norm(residuals, axis=1), d, loss, tuning)
+    weight_slope = _weight_slope(np.linalg.norm(residuals, axis=1), problem.sizes, loss, tuning)
     slope = (
         weights[:, None, None] * np.eye(d)
         + weight_slope[:, None, None] * residuals[:, :, None] * residuals[:, None, :]
@@ -144,15 +144,16 @@ def _sandwich(
     return covariance
 
 
-def outlying(length: Matrix, d: int, level: float, dof: int | None = None) -> Index:
+def outlying(length: Matrix, d: Matrix | int, level: float, dof: int | None = None) -> Index:
     """Shots whose whitened residuals are longer than one of N normal residuals is with probability `chance`,
-    the longest first. `dof` are those of an estimated noise scale: the squares are then F's."""
+    the longest first. `d` (N,) components each; `dof` are those of an estimated noise scale: the squares are
+    then F's."""
     share = level / max(len(length), 1)
     limit = np.sqrt(
         scipy.special.chdtri(d, share) if dof is None else d * scipy.special.fdtri(d, dof, 1 - share)
     )
     order = np.argsort(-length)
-    return np.asarray(order[length[order] > limit])
+    return np.asarray(order[(length > limit)[order]])
 
 
 def leverages(blocks: Matrix, covariance: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.arrays import Mask, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
@@ -96,7 +96,7 @@ def at_one_position(aimed: Aimed, x: Matrix, rest: Mask, weights: Matrix) -> Aim
     again = aim(aimed.problem.moved(joints), x, np.where(rest, 0.0, weights))
     turned = np.abs(again.problem.joints - joints) / joint_scale(aimed.problem)
     near = turned.max(axis=1) <= _NEAR
-    there = again.problem.moved(np.where(near[:, None], again.problem.joints, joints))
+    there = again.problem.moved(np.where(near[:, None], again.problem.joints, joints)).at_predicted(x)
     return Aimed(there, aimed.off_mm, again.hit & near, ahead(there, x))
 
 
@@ -116,7 +116,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     weights = weights[turned] * scale**2
     d = problem.tool.residual_size
     joints = problem.joints.copy()
-    residual, jacobian = problem.linearise(x)
+    residual, jacobian = to_meet(problem, x, joints, slice(None))
     off = np.linalg.norm(residual, axis=1)
     best, smallest = joints.copy(), off.copy()
     active = np.arange(problem.shots)
@@ -139,13 +139,24 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         largest = np.abs(step / scale).max(axis=1)
         step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
         joints[active[:, None], turned] += step
-        residual, jacobian = problem.linearise(x, joints[active], active)
+        residual, jacobian = to_meet(problem, x, joints[active], active)
         size = np.linalg.norm(residual, axis=1)
         better = size < smallest[active]
         nearer = active[better]
         best[nearer], smallest[nearer] = joints[nearer], size[better]
     aimed = problem.moved(best)
+    if problem.tool.reading_size:
+        aimed = aimed.at_predicted(x)
     return Aimed(aimed, off, smallest < HIT_MM, ahead(aimed, x))
+
+
+def to_meet(problem: Problem, x: Matrix, joints: Matrix, rows: Index | slice) -> tuple[Matrix, Matrix]:
+    """Residuals and Jacobians of what the joints are turned to bring to zero; 0 of what reads anywhere."""
+    residual, jacobian = problem.linearise(x, joints, rows)
+    if problem.met.all():
+        return residual, jacobian
+    met = problem.met[rows]
+    return residual * met, jacobian * met[:, :, None]
 
 
 def ahead(problem: Problem, x: Matrix) -> Mask:

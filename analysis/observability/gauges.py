@@ -3,14 +3,15 @@ by."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from ...model.arrays import Mask, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
-from .aim import HIT_MM, Aimed, aim, at_one_position, at_rest, joint_scale, moving_joints
+from .aim import HIT_MM, Aimed, aim, at_one_position, at_rest, joint_scale, moving_joints, to_meet
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements come to hit by small steps only
@@ -101,7 +102,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
         aimed = aim(every, np.repeat(some, shots, axis=0), weights)
         for k, x in enumerate(some):
             rows = slice(k * shots, (k + 1) * shots)
-            there, hit = centred.moved(aimed.problem.joints[rows]), aimed.hit[rows]
+            there, hit = aimed.problem.select(np.arange(k * shots, (k + 1) * shots)), aimed.hit[rows]
             if rest.any():
                 still = at_one_position(
                     Aimed(there, aimed.off_mm[rows], hit, aimed.ahead[rows]), x, rest, weights
@@ -210,11 +211,24 @@ def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     that joint, one off the axis at two turns only.
     """
     _, jacobian_mm = aimed.linearise(x)
-    by_joints = (aimed.by_joints(jacobian_mm) * joint_scale(aimed))[hit][:, :, moving]
-    if by_joints.shape[2] < aimed.tool.residual_size:
-        return len(by_joints) == 0
-    singular = np.linalg.svd(by_joints, compute_uv=False)
-    return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
+    by_joints = (aimed.by_joints(jacobian_mm) * joint_scale(aimed))[:, :, moving]
+    for components, shots in _alike(aimed.met, hit):
+        some = by_joints[shots][:, components]
+        if some.shape[2] < some.shape[1]:
+            return False
+        singular = np.linalg.svd(some, compute_uv=False)
+        if (singular[:, -1] <= _CANNOT_FOLLOW * singular[:, 0]).any():
+            return False
+    return True
+
+
+def _alike(met: Matrix, hit: Mask) -> Iterator[tuple[Index, Index]]:
+    """Of the shots `hit` (N,) those whose joints are turned by the same components of `met` (N, d): these,
+    and the shots."""
+    for kind in np.unique(met[hit], axis=0):
+        components = np.flatnonzero(kind)
+        if len(components):
+            yield components, np.flatnonzero(hit & (met == kind).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +257,7 @@ def _near_by(
     same; fewer joints than a residual has coordinates reach no other point then.
     """
     weights, tolerated = _weights(problem), problem.parameters.tolerated[problem.parameters.free]
-    if followed is None and np.count_nonzero(weights) < problem.tool.residual_size:
+    if followed is None and np.count_nonzero(weights) < problem.met.sum(axis=1).max():
         return []
     # Near special points other directions at every distance.
     rng = np.random.default_rng(2014 if followed else [2014, int(10 * target_mm)])
@@ -285,15 +299,16 @@ def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Ma
     """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x predicts:
     one step of Newton's by the joints with a weight (n,) leaves little of their residuals."""
     weights = weights * joint_scale(aimed) ** 2
-    _, jacobian_mm = aimed.linearise(x)
-    residual, _ = aimed.linearise(other)
+    _, jacobian_mm = to_meet(aimed, x, aimed.joints, slice(None))
+    residual, _ = to_meet(aimed, other, aimed.joints, slice(None))
     by_joints = aimed.by_joints(jacobian_mm)[hit]
     gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
-    gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(gram.shape[1])  # as `aim` does
+    damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30  # as `aim` does
+    gram += damping[:, None, None] * np.eye(gram.shape[1])
     across = np.linalg.solve(gram, residual[hit][:, :, None])
     joints = aimed.joints.copy()
     joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
-    left, _ = aimed.linearise(other, joints)
+    left, _ = to_meet(aimed, other, joints, slice(None))
     before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
     return bool((after <= _PREDICTED * before + HIT_MM).all())
 

@@ -164,7 +164,7 @@ def too_few_measurements(problem: Problem) -> Mechanism | None:
     for item in (parameters.items[i] for i in np.flatnonzero(parameters.untolerated)):
         by_group[item.group] = by_group.get(item.group, 0) + 1
     distances = len(problem.distances)
-    needed = -(-(count - distances) // problem.tool.residual_size)
+    needed = -(-(count - distances) // round(float(problem.sizes.max())))
     cause = TooFewMeasurements(problem.shots, distances, measured, by_group, needed)
     return Mechanism(np.ones(len(parameters), dtype=bool), cause)
 

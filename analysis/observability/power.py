@@ -288,7 +288,7 @@ class _Powers:
         """More noise, by its variance over the stated."""
         biases, problem = self._biases, self._biases.problem
         gram = np.einsum("nda,ndb->ab", biases.roots, biases.roots)
-        readings, through = problem.shots * problem.tool.residual_size, gram @ biases.taken
+        readings, through = float(problem.sizes.sum()), gram @ biases.taken
         # The form of the readings' errors has these sums of its eigenvalues and of their squares.
         first = readings + float(np.trace(through))
         second = readings + float(2 * np.trace(through) + (through * through.T).sum())

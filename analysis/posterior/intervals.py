@@ -134,6 +134,6 @@ def _profile_width(solution: Solution) -> float:
     gives Student's interval for a linear fit, whose log-density is -M log(1 + t^2 / dof) / 2."""
     problem, dof = solution.problem, solution.dof
     if problem.noise.estimated and dof:
-        numbers = float(problem.weights.sum()) * problem.tool.residual_size
+        numbers = float(problem.weights @ problem.sizes)
         return float(np.sqrt(numbers * np.log1p(solution.quantile**2 / dof)))
     return NORMAL_95

@@ -142,7 +142,7 @@ class Planner:
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)
         unknowns = self._problem.parameters.without_tolerance
-        least = max(2, -(-unknowns // self._problem.tool.residual_size))
+        least = max(2, -(-unknowns // round(float(self._problem.sizes.max()))))
         if most < least:
             raise BadInput(
                 "too few measurements to identify the offsets",
@@ -200,7 +200,8 @@ class Planner:
         # With C the covariance and A the whitened rows, C = C (A'A + 1) C: each noise enters through A C.
         through = self.candidates.roots[rows] @ column
         back = np.linalg.solve(self._factor[rows].transpose(0, 2, 1), through[:, :, None])
-        spot = float(self._problem.noise.variances[-1]) * float((back**2).sum())
+        sources = self._problem.of_sources(self._problem.noise.variances).sum(axis=0)[rows]
+        spot = float((sources * back[:, :, 0] ** 2).sum())
         return (
             self._offsets[worst].name,
             float(variances[worst]),

@@ -97,7 +97,7 @@ class Estimates:
 def with_half_the_noise(problem: Problem) -> Problem:
     """The problem of a control, whose intervals are too short by 2."""
     noise = problem.noise
-    return replace(problem, noise=replace(noise, joint=noise.joint / 2, spot=noise.spot / 2))
+    return replace(problem, noise=noise.times(0.5))
 
 
 def likelihood(data: DataSets, fits: Fits, which: Index) -> Estimates:

@@ -9,12 +9,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
 import casadi as ca
 import numpy as np
 
-from ..arrays import Matrix
+from ..arrays import Index, Matrix
 from ..parsing.validation import FileModel
 
 TargetKind = Literal["point", "plane", "sphere"]
@@ -48,6 +49,8 @@ class StatedInstrument(Protocol):
 
     @property
     def kind(self) -> str: ...
+    @property
+    def model_fields_set(self) -> set[str]: ...
 
 
 class Unknown(NamedTuple):
@@ -103,6 +106,27 @@ class Words:
     to_do: str
     fields: tuple[str, ...]
     traced: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+class Measured(NamedTuple):
+    """What an instrument, by its label, reads of a target at one posture: `reading` by its columns, `sigma`
+    (mm) of its own."""
+
+    label: str
+    variant: str
+    target: str | None
+    reading: Mapping[str, Sequence[float]]
+    sigma: float | None = None
+
+
+class Layout(NamedTuple):
+    """Of each component (d,) of a residual: the number of a reading that is its relative standard deviation
+    (-1: it has that of the instrument), the number that is 1 where it was read at all and else 0 (-1:
+    always), and the index of the instrument that it comes from."""
+
+    relative: Index
+    active: Index
+    source: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +234,18 @@ class Instrument(ABC):
         """Whether the last d numbers of a reading are the relative standard deviations of its residual."""
         return False
 
+    @cached_property
+    def layout(self) -> Layout:
+        d, w = self.residual_size, self.reading_size
+        none = np.full(d, -1, dtype=np.int64)
+        relative = np.arange(w - d, w, dtype=np.int64) if self.varies else none
+        return Layout(relative, none, np.zeros(d, dtype=np.int64))
+
+    @property
+    def each(self) -> tuple[Instrument, ...]:
+        """The instruments that it is made of."""
+        return (self,)
+
     def reading(
         self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
     ) -> Matrix:
@@ -224,6 +260,11 @@ class Instrument(ABC):
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
         """What a measurement records by `columns`, whose `reading` (w,) leaves the residual `shift` (d,)."""
         return {}
+
+    def row(self, some: Sequence[Measured], target: StatedTarget | None) -> tuple[Matrix, Matrix]:
+        """Reading (w,) and shift (d,) of what is measured at one posture."""
+        (item,) = some
+        return self.reading(item.reading, item.sigma, target), self.shift(item.reading)
 
     @abstractmethod
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:

@@ -3,11 +3,11 @@
 One shot has the inputs
 
     q      (n,)   recorded joint positions, rad or mm
-    spot   (d,)   what the residual is less: the recorded position of the target across the beam, mm
-    reading (w,)  what an instrument has read that reads wherever the arm stands (w = 0 of a laser or probe)
+    data   (d + w,) what the residual is less (of a laser the spot, mm), then what was read (w = 0 of a laser
+                  or probe)
     arm    (a,)   joint offsets delta (n,), then the geometry parameters if there are any
     target (3,)   target in the base frame, mm
-    tool   (k,)   the free tool parameters (k = 0 if it is exact)
+    tool   (k,)   the free parameters of tool and frame (k = 0 if they are exact)
 
 and the residual m (d,), kept in the flange frame: there the rotation of base and target about joint 1
 cancels exactly, whatever the residual. Since q and delta enter only as q + delta, the Jacobian
@@ -65,13 +65,13 @@ _HOISTED = ("arm", "tool", "variances", "stated")
 class ShotFunctions:
     """Named CasADi functions of one shot, built when first asked for; every derivative is exact.
 
-    linear    (q, spot, arm, target, tool) -> m (d,), jacobian (d, a + 3 + k) by arm, target, tool
-    terms     (turns, spot, weight, arm, target, tool, variances, stated) -> quad, logdet: weight times
+    linear    (q, data, arm, target, tool) -> m (d,), jacobian (d, a + 3 + k) by arm, target, tool
+    terms     (turns, data, weight, arm, target, tool, variances, stated) -> quad, logdet: weight times
               m' S^-1 m, and the log det of `log_det`
-    slopes    the same -> quad, logdet, their gradients (f,), the lower triangle (3,) of the information on
-              the logarithms of the noise factors of joints and spot, root_weight, and root (d, a + 3 + k),
+    slopes    the same -> quad, logdet, their gradients (f,), the lower triangle of the information on the
+              logarithms of the noise factors of joints and instruments, root_weight, and root (d, a + 3 + k),
               the whitened Jacobian: its kernel has weight root' root, the lower triangle row by row, in place
-              of the last two. f = a + 3 + k, and 2 for the noise factors where `log_det` is "relative"
+              of the last two. f = a + 3 + k, and 1 + I for the noise factors where `log_det` is "relative"
     seen      (q, arm, target) -> y (3,), the target seen from the flange
     sighted   the same -> y (3,), jacobian (3, n) by the joints
     place     (q, arm, y) -> target (3,): the way back
@@ -80,12 +80,14 @@ class ShotFunctions:
               for a probe the direction is zero and the origin is its tip
     hit       (q, arm, tool, centre, normal) -> point (3,), length, jacobian (3, n) by the joints: where
               the beam meets the plane through `centre` across `normal`, and how far from its origin
+    pose      (q, arm) -> pose (3, 4): rotation and translation of the flange in the base frame
+    predicted (q, arm, target, tool, reading) -> predicted (w,), the reading that leaves no residual
     skeleton  (q, arm) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, arm) -> axes (3, n): unit joint axes in the base frame
     midpoint  of two shots of a beam: see `_midpoint`
 
-    `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + 1,) those of the
-    joints and of the spot, `stated` (n + 1,) what the header says of them.
+    `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + I,) those of the
+    joints and of the I instruments, `stated` (n + I,) what the header says of them.
 
     `log_det` says which determinant goes with the residuals. The recorded joints are the data; the residual
     is made of them with the parameters, and log det S alone would change with what the residual is measured
@@ -192,8 +194,10 @@ class _Shot:
     def __init__(self, functions: ShotFunctions) -> None:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
         self.recorded = ca.SX.sym("turns", geometry.recorded_size(functions.robot))
-        self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
-        self.reading = ca.SX.sym("reading", tool.reading_size)
+        d = tool.residual_size
+        self.data = ca.SX.sym("data", d + tool.reading_size)
+        spot, self.reading = self.data[:d], self.data[d:]
+        self.target = ca.SX.sym("target", 0 if tool.target_is == "nothing" else 3)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
         self.unknown = ca.SX.sym("tool", len(tool.unknowns))
         robot = geometry.moved(functions.robot, self.arm[n:])
@@ -202,7 +206,7 @@ class _Shot:
         left, self.by_joints, by_target = residual(
             robot, turns, tool, self.target, self.unknown, self.reading
         )
-        self.residual = left - self.spot
+        self.residual = left - spot
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
@@ -220,7 +224,7 @@ def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) ->
 
 def _linear(functions: ShotFunctions) -> ca.Function:
     posture, shot = functions.posture, functions.weighted
-    others = {"spot": shot.spot, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
+    others = {"data": shot.data, "arm": shot.arm, "target": shot.target, "tool": shot.unknown}
     at_turns = ca.Function("shot", [shot.recorded, *others.values()], [shot.residual, shot.jacobian])
     residual, jacobian = at_turns(posture.recorded, *others.values())
     return _function("linear", {"q": posture.q, **others}, {"m": residual, "jacobian": jacobian})
@@ -231,30 +235,44 @@ class _Weighted(_Shot):
 
     def __init__(self, functions: ShotFunctions) -> None:
         super().__init__(functions)
-        n = functions.robot.n
+        n, layout = functions.robot.n, functions.tool.layout
+        sources = n + len(functions.tool.each)
         self.weight = ca.SX.sym("weight")
-        self.variances, self.stated_variances = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
+        self.variances, self.stated_variances = (ca.SX.sym(name, sources) for name in ("variances", "stated"))
+        relative = [self.reading[at] ** 2 if at >= 0 else ca.SX(1) for at in layout.relative.tolist()]
+        active = [self.reading[at] if at >= 0 else ca.SX(1) for at in layout.active.tolist()]
+        # What was not read has a residual of 0 and the variance 1.
+        self._without = ca.diag(ca.vertcat(*(1 - each for each in active)))
+        self._unit = [
+            ca.vertcat(
+                *(
+                    a * r if source == k else 0
+                    for a, r, source in zip(active, relative, layout.source.tolist(), strict=True)
+                )
+            )
+            for k in range(sources - n)
+        ]
         self.by_noise = self._covariances(self.variances)
-        self.factor = _cholesky(sum(self.by_noise, ca.SX(0)))
+        self.factor = _cholesky(sum(self.by_noise, self._without))
         self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.residual))
         self.logdet = ca.SX(0)
         if functions.log_det != "none":
             self.logdet = self.weight * _log_det(self.factor)
         if functions.log_det == "relative":
-            stated_factor = _cholesky(sum(self._covariances(self.stated_variances), ca.SX(0)))
+            stated_factor = _cholesky(sum(self._covariances(self.stated_variances), self._without))
             self.logdet -= self.weight * _log_det(stated_factor)
 
-    def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """What the joints' noise and the spot's add to the covariance of the residual."""
+    def _covariances(self, variances: ca.SX) -> list[ca.SX]:
+        """What the joints' noise and that of each instrument add to the covariance of the residual."""
         n = self.by_joints.size2()
         by_joints = self.by_joints @ ca.diag(variances[:n]) @ self.by_joints.T
-        return by_joints, variances[n] * ca.SX.eye(self.by_joints.size1())
+        return [by_joints, *(ca.diag(variances[n + k] * unit) for k, unit in enumerate(self._unit))]
 
     @property
     def inputs(self) -> dict[str, ca.SX]:
         return {
             "turns": self.recorded,
-            "spot": self.spot,
+            "data": self.data,
             "weight": self.weight,
             "arm": self.arm,
             "target": self.target,
@@ -272,15 +290,16 @@ def _terms(functions: ShotFunctions) -> ca.Function:
 def _slopes(functions: ShotFunctions) -> ca.Function:
     shot, n = functions.weighted, functions.robot.n
     gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
-    noise_information = ca.SX(3, 1)
+    count = len(shot.by_noise)
+    noise_information = ca.SX(count * (count + 1) // 2, 1)
     if functions.log_det == "relative":
         # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
         # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
         for k, value in enumerate((shot.quad, shot.logdet)):
             by_variances = 2 * shot.variances * ca.gradient(value, shot.variances)
-            gradients[k] = ca.vertcat(gradients[k], ca.sum1(by_variances[:n]), by_variances[n])
-        joint, spot = (_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise)
-        pairs = ((joint, joint), (spot, joint), (spot, spot))
+            gradients[k] = ca.vertcat(gradients[k], ca.sum1(by_variances[:n]), by_variances[n:])
+        halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
+        pairs = [(halves[i], halves[j]) for i in range(count) for j in range(i + 1)]
         noise_information = ca.vertcat(*(shot.weight * ca.trace(a @ b.T) / 2 for a, b in pairs))
     outputs = {
         "quad": shot.quad,
@@ -336,6 +355,20 @@ def _hit(functions: ShotFunctions) -> ca.Function:
     return _function("hit", inputs, outputs)
 
 
+def _pose(functions: ShotFunctions) -> ca.Function:
+    posture = functions.posture
+    rotation, translation = posture.flange.rotation, posture.flange.translation
+    return _function("pose", posture.inputs(), {"pose": ca.horzcat(rotation, translation)})
+
+
+def _predicted(functions: ShotFunctions) -> ca.Function:
+    posture, tool = functions.posture, functions.tool
+    unknown, reading = ca.SX.sym("tool", len(tool.unknowns)), ca.SX.sym("reading", tool.reading_size)
+    target = ca.SX.sym("target", 3)
+    outputs = {"predicted": tool.predicted(posture.flange, target, unknown, reading, tool.variants[0])}
+    return _function("predicted", posture.inputs(target=target, tool=unknown, reading=reading), outputs)
+
+
 def _skeleton(functions: ShotFunctions) -> ca.Function:
     posture = functions.posture
     return _function("skeleton", posture.inputs(), {"points": posture.robot.skeleton(posture.theta)})
@@ -381,11 +414,13 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "skeleton": _skeleton,
     "axes": _axes,
     "midpoint": _midpoint,
+    "pose": _pose,
+    "predicted": _predicted,
 }
 
 
 def _cholesky(covariance: ca.SX) -> ca.SX:
-    """(d, d) lower factor, written out: d is 2 or 3."""
+    """(d, d) lower factor, written out."""
     d = covariance.size1()
     factor = ca.SX.zeros(d, d)
     for i in range(d):

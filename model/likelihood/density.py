@@ -59,6 +59,10 @@ class Density:
         self.joints = problem.joints[None] if joints is None else joints
         self.spots = problem.spots[None] if spots is None else spots
         self.weights = problem.weights[None] if weights is None else weights
+        self._data = self.spots
+        if problem.tool.reading_size:
+            readings = np.broadcast_to(problem.readings, (len(self.spots), *problem.readings.shape))
+            self._data = np.concatenate([self.spots, readings], axis=2)
         self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
         self._stated: dict[int, GridInput] = {}  # by the number of shots
         self._columns: dict[int | None, tuple[Offsets, Offsets, Offsets]] = {}  # by target
@@ -109,12 +113,13 @@ class Density:
         """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
         problem = self.problem
         parts = problem.split(x)
+        targets = parts.targets[problem.target_index]
         quad, _ = self._kernel("terms")(
             self._turns[0],
-            self.spots[0],
+            self._data[0],
             np.ones(1),
             parts.arm,
-            parts.targets[problem.target_index],
+            targets[:, :0] if problem.tool.target_is == "nothing" else targets,
             parts.tool,
             problem.variances(x),
             problem.noise.variances,
@@ -130,7 +135,7 @@ class Density:
 
     def numbers(self, of: Index | None = None) -> Matrix:
         """(W,) or (1,): how many residuals' components the data sets have, those left out not counted."""
-        count = self.weights.sum(axis=1) * self.problem.tool.residual_size
+        count = self.weights @ self.problem.sizes
         return np.asarray(count if of is None or len(count) == 1 else count[of])
 
     # Slopes
@@ -222,7 +227,7 @@ class Density:
         if kept and target in self._kept:
             recorded = self._kept[target]
         else:
-            over = (self._turns, self.spots, self.weights[:, :, None])
+            over = (self._turns, self._data, self.weights[:, :, None])
             recorded = [_over(values, of, shots) for values in over]
             if kept:
                 self._kept[target] = recorded
@@ -237,10 +242,12 @@ class Density:
         if target not in self._columns:
             parameters, problem = self.problem.parameters, self.problem
             if target is None:
-                targets = parameters.block("target").start + 3 * problem.target_index
+                first = parameters.block("target").start
+                real = problem.target_index < len(problem.targets) - problem.stations
+                targets = np.where(real, first + 3 * problem.target_index, first)
             else:
-                targets = np.full(count, parameters.block("target", target).start)
-            arm, tool = (np.full(count, block.start) for block in (parameters.arm, parameters.block("tool")))
+                targets = np.full(count, parameters.of_shot(target)[parameters.in_shot("target")][:1].sum())
+            arm, tool = (np.full(count, block.start) for block in (parameters.arm, parameters.instrument))
             self._columns[target] = (Offsets.of(arm), Offsets.of(targets), Offsets.of(tool))
         return self._columns[target]
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Matrix
+from ..instruments.kind import Instrument
 from ..kinematics.robot import Robot
 
 if TYPE_CHECKING:
@@ -17,36 +18,48 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Standard deviations of one reading: `joint` (n,) rad or mm, `spot` mm.
+    """Standard deviations of one reading: `joint` (n,) rad or mm, `readings` (I,) mm of each instrument.
 
     With `estimated` they are right up to one common factor, which is integrated out; with `separate` up to
-    one factor for all joints and one for the spot, which are parameters like any other. A factor beyond
-    `plausible`, or below 1 over it, is not taken for noise.
+    one factor for all joints and one for each instrument, which are parameters like any other: `factors` are
+    their names. A factor beyond `plausible`, or below 1 over it, is not taken for noise.
     """
 
     joint: Matrix
-    spot: float
+    readings: Matrix
     estimated: bool
     separate: bool = False
     plausible: float = 3.0
+    factors: tuple[str, ...] = ("joint", "spot")
 
     @classmethod
-    def from_header(cls, header: Header, robot: Robot) -> NoiseModel:
-        """The noise that a header states; BadInput if that does not suit the robot."""
+    def from_header(cls, header: Header, robot: Robot, tool: Instrument) -> NoiseModel:
+        """The noise that a header and its instruments state; BadInput if that does not suit the robot."""
         noise = header.noise
+        stds = [noise.spot_mm if each.std is None else each.std for each in tool.each]
+        names = ["spot" if each.std is None else each.label for each in tool.each]
         return cls(
             noise.of_joints(robot),
-            noise.spot_mm,
+            np.array(stds, dtype=float),
             noise.scale == "estimated",
             noise.scale == "separate",
             noise.plausible_factor,
+            ("joint", *names),
         )
 
     @property
     def known(self) -> bool:
         return not (self.estimated or self.separate)
 
+    @property
+    def spot(self) -> float:
+        """That of the first instrument."""
+        return float(self.readings[0])
+
+    def times(self, factor: float) -> NoiseModel:
+        return replace(self, joint=self.joint * factor, readings=self.readings * factor)
+
     @cached_property
     def variances(self) -> Matrix:
-        """(n + 1,): the joints' variances, then the spot's."""
-        return np.append(self.joint**2, self.spot**2)
+        """(n + I,): the joints' variances, then the instruments'."""
+        return np.append(self.joint**2, self.readings**2)

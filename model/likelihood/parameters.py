@@ -11,7 +11,7 @@ noise factor is its logarithm inside.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -112,15 +112,16 @@ class Parameters:
         noise: NoiseModel,
         geometry: Geometry,
         header: Header,
-        targets: Sequence[str],
+        targets: Mapping[str, Instrument],
     ) -> Parameters:
-        """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
+        """Name every unknown of shots at `targets`, each with what measures it; raises BadInput for a held
+        name that is none of them."""
         items = [
             *_offsets(robot, header),
             *_of_geometry(geometry, robot, tool, header.tolerance),
-            *(item for target in targets for item in _coordinates(target, header)),
+            *(item for name, measured in targets.items() for item in _coordinates(name, measured, header)),
             *_of_instrument(tool, header.tolerance),
-            *(_noise_factors() if noise.separate else ()),
+            *(_noise_factors(noise.factors) if noise.separate else ()),
         ]
         held = _held(header.held, robot, tool, items)
         return cls(
@@ -150,9 +151,18 @@ class Parameters:
     def block(self, group: Group, which: int | None = None) -> slice:
         """The slice of a group in x, an empty slice where there are none.
 
-        `which` chooses the k-th owner in it, such as `block("target", k)`.
+        `which` chooses the k-th owner in it, such as `block("target", k)`: an empty slice behind the last.
         """
-        return self._groups[group] if which is None else self._owners[group][which]
+        if which is None:
+            return self._groups[group]
+        owners = self._owners[group]
+        stop = self._groups[group].stop
+        return owners[which] if which < len(owners) else slice(stop, stop)
+
+    @cached_property
+    def instrument(self) -> slice:
+        """Those of what the flange carries and of the frames of stations."""
+        return slice(self.block("tool").start, self.block("frame").stop)
 
     @cached_property
     def arm(self) -> slice:
@@ -161,11 +171,11 @@ class Parameters:
 
     def of_shot(self, target: int, *, noise: bool = True) -> NDArray[np.int64]:
         """The parameters that a shot at the k-th target depends on, in the order of its own Jacobian;
-        without `noise` those of its residual alone."""
+        without `noise` those of its residual alone. A shot at a station, which has no target, has the columns
+        of the first one: it does not depend on them."""
         groups = [*IN_RESIDUAL, *(("noise",) if noise else ())]
-        blocks = [
-            self.block("target", target) if group == "target" else self.block(group) for group in groups
-        ]
+        owner = target if target < len(self._owners["target"]) else 0
+        blocks = [self.block("target", owner) if group == "target" else self.block(group) for group in groups]
         return np.concatenate([np.arange(len(self))[block] for block in blocks])
 
     def in_shot(self, group: Group) -> slice:
@@ -302,7 +312,7 @@ def _of_geometry(
     Gauges are held: what moves all that follows, the targets too; and what the last link does to the tool,
     where a free tool takes it up.
     """
-    moving_all = set(_moving_all(robot))
+    moving_all = set() if tool.grounded else set(_moving_all(robot))
     for of, axis in geometry.names:
         unit: Unit = "mm" if axis in ("a", "b", "d") else "deg"
         held_by: HeldBy | None = "first link" if (of, axis) in moving_all else None
@@ -339,25 +349,26 @@ def _moving_all(robot: Robot) -> Iterator[tuple[str, str]]:
         yield (f"link{slides + 1}", "d")
 
 
-def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
-    known = header.targets.get(target)
-    guess = (0.0, 0.0, 0.0) if known is None or known.guess_mm is None else known.guess_mm
-    std = 10_000.0 if known is None else known.sigma_mm
-    for axis, mean in zip("xyz", guess, strict=True):
-        yield Parameter(
-            f"{target}.{axis}", "target", target, axis, "mm", mean, std, header.tolerance.length_mm
-        )
+def _coordinates(target: str, measured: Instrument, header: Header) -> Iterator[Parameter]:
+    enough = _enough(header.tolerance)
+    for axis, unit, mean, std, *_ in measured.coordinates(header.targets.get(target)):
+        yield Parameter(f"{target}.{axis}", "target", target, axis, unit, mean, std, enough[unit])
 
 
 def _of_instrument(tool: Instrument, known: StatedTolerance) -> Iterator[Parameter]:
     """Those of the tool, then those of the frame; `known` is up to where one counts as identified."""
-    enough = {"deg": float(np.radians(known.tilt_deg)), "mm": known.length_mm}
+    enough = _enough(known)
     for axis, unit, mean, std, of, group, tolerated in tool.unknowns:
         yield Parameter(f"{of}.{axis}", group, of, axis, unit, mean, std, enough[unit], tolerated=tolerated)
 
 
-def _noise_factors() -> Iterator[Parameter]:
-    for axis in ("joint", "spot"):
+def _enough(known: StatedTolerance) -> dict[str, float]:
+    """Up to where a tilt (rad) and a length (mm) count as identified."""
+    return {"deg": float(np.radians(known.tilt_deg)), "mm": known.length_mm}
+
+
+def _noise_factors(names: Sequence[str]) -> Iterator[Parameter]:
+    for axis in names:
         yield Parameter(f"noise.{axis}", "noise", "noise", axis, "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
 
 
@@ -365,7 +376,7 @@ def _held(
     listed: Sequence[str] | None, robot: Robot, tool: Instrument, items: Sequence[Parameter]
 ) -> dict[str, HeldBy]:
     """What is held, and by what: the method's own choice unless the header states a list."""
-    method: dict[str, HeldBy] = {"delta1": "base frame"}
+    method: dict[str, HeldBy] = {} if tool.grounded else {"delta1": "base frame"}
     names = [item.name for item in items]
     if tool.turns and not tool.calibrated:
         method[f"delta{robot.n}"] = "tool rotation"

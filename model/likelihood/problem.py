@@ -19,7 +19,9 @@ from ..arrays import Index, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
 from ..files.shot import check_distances
-from ..instruments.kind import Instrument
+from ..instruments.flange_tool import FlangeTool
+from ..instruments.kind import Instrument, Measured
+from ..instruments.together import Part, Together
 from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
 from .geometry import Geometry
@@ -58,7 +60,7 @@ def distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
 @dataclass(frozen=True)
 class ParameterParts:
     """Parameter vectors (..., p) taken apart: `arm` (..., a) what forward kinematics takes (offsets and
-    geometry), `targets` (..., K, 3) mm, `tool` (..., k)."""
+    geometry), `targets` (..., K, 3), zeros of stations, `tool` (..., k) that of tool and frames."""
 
     arm: Matrix
     targets: Matrix
@@ -80,9 +82,12 @@ class Whitened(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """N shots of one robot and tool at K targets. `joints` (N, n) rad or mm, `spots` (N, d) mm,
+    """N shots of one robot and tool at K targets, the stations last: instruments that have none.
+
+    `joints` (N, n) rad or mm; `spots` (N, d) mm, what each residual is less; `readings` (N, w) as read; and
     `guessed` (K,) True where the header says where the target is; `weights` (N,) how often each shot counts
-    (2: as if it were recorded twice; 1 / kappa: one of kappa that say the same).
+    (2: as if it were recorded twice; 1 / kappa: one of kappa that say the same). Of `planned` ones nothing
+    was read yet.
     """
 
     robot: Robot
@@ -92,12 +97,14 @@ class Problem:
     functions: ShotFunctions
     joints: Matrix
     spots: Matrix
+    readings: Matrix
     shot_numbers: tuple[int, ...]
     targets: tuple[str, ...]
     target_index: Index
     guessed: NDArray[np.bool_]
     distances: tuple[Distance, ...]
     weights: Matrix
+    planned: bool = False
 
     @classmethod
     def build(
@@ -109,40 +116,76 @@ class Problem:
         spots: Matrix | None = None,
         shot_numbers: Sequence[int] | None = None,
     ) -> Problem:
-        """From a header and recorded (or planned) shots; `targets` names the target of each shot."""
-        tool, noise = instrument(header, robot), NoiseModel.from_header(header, robot)
+        """From a header whose one tool meets a target at every shot, recorded or planned; `targets` names
+        the target of each shot."""
+        (label,) = header.kinds
+        measured = [(Measured(label, "", target, {}),) for target in targets]
+        problem = cls.of_measured(header, robot, joints, measured, shot_numbers)
+        return problem if spots is None else replace(problem, spots=spots)
+
+    @classmethod
+    def of_measured(
+        cls,
+        header: Header,
+        robot: Robot,
+        joints: Matrix,
+        measured: Sequence[Sequence[Measured]],
+        shot_numbers: Sequence[int] | None = None,
+    ) -> Problem:
+        """From a header and (N,) what is measured at each of the recorded (or planned) `joints` (N, n)."""
+        every = [item for some in measured for item in some]
+        instruments = tuple(
+            instrument(header, robot, label) for label in dict.fromkeys(item.label for item in every)
+        )
+        labels = [each.label for each in instruments]
+        parts = dict.fromkeys(Part(labels.index(item.label), item.variant) for item in every)
+        tool: Instrument = instruments[0]
+        if len(instruments) > 1 or len(tool.variants) > 1:
+            tool = Together("", instruments, tuple(parts))
+        noise = NoiseModel.from_header(header, robot, tool)
         geometry = Geometry.from_header(header, robot)
-        names = tuple(dict.fromkeys(targets))
+        of_target: dict[str, Instrument] = {}
+        for item in every:
+            if item.target is not None:
+                of_target.setdefault(item.target, instruments[labels.index(item.label)])
+        # A shot belongs to its target; what has none, to the first instrument that reads there.
+        belongs = [next((item.target for item in some if item.target), some[0].label) for some in measured]
+        names = tuple(dict.fromkeys([*of_target, *belongs]))
+        rows = [
+            tool.row(some, header.targets.get(name)) for some, name in zip(measured, belongs, strict=True)
+        ]
         return cls(
             robot=robot,
             tool=tool,
             noise=noise,
-            parameters=Parameters.build(robot, tool, noise, geometry, header, names),
+            parameters=Parameters.build(robot, tool, noise, geometry, header, of_target),
             functions=shot_functions(robot, tool, "relative" if noise.separate else "none", geometry),
             joints=np.asarray(joints, dtype=float),
-            spots=np.zeros((len(joints), tool.residual_size)) if spots is None else spots,
+            spots=np.array([shift for _, shift in rows]).reshape(len(joints), tool.residual_size),
+            readings=np.array([reading for reading, _ in rows]).reshape(len(joints), tool.reading_size),
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
             targets=names,
-            target_index=np.array([names.index(t) for t in targets], dtype=np.int64),
+            target_index=np.array([names.index(name) for name in belongs], dtype=np.int64),
             guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in names]),
             distances=distances(header, names),
             weights=np.ones(len(joints)),
+            planned=not any(item.reading for item in every),
         )
 
     @classmethod
     def from_run(cls, run: Run) -> Problem:
-        spots = run.spots if run.header.tool_kind.columns else None
-        numbers = [shot.shot for shot in run.shots]
-        targets = [shot.met_target for shot in run.shots]
+        first, measured = run.by_posture
+        numbers = [run.shots[i].shot for i in first]
         with located(run.path, run.header_line):
-            problem = cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
-            return problem._with_enough(run.header)
+            problem = cls.of_measured(run.header, run.robot, run.joints[list(first)], measured, numbers)
+            return replace(problem, planned=False)._with_enough(run.header)
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         with located(plan.path):
-            problem = cls.build(plan.header, plan.robot, plan.postures, plan.called)
-            return problem._with_enough(plan.header)
+            first, measured = plan.by_posture
+            problem = cls.of_measured(plan.header, plan.robot, plan.postures[list(first)], measured)
+            return problem.at_predicted(problem.nominal())._with_enough(plan.header)
 
     def _with_enough(self, header: Header) -> Problem:
         """The same; BadInput where the header insists on more parameters than there are numbers for."""
@@ -161,6 +204,7 @@ class Problem:
             self,
             joints=self.joints[rows],
             spots=self.spots[rows],
+            readings=self.readings[rows],
             target_index=self.target_index[rows],
             shot_numbers=tuple(self.shot_numbers[i] for i in rows),
             weights=self.weights[rows],
@@ -206,7 +250,8 @@ class Problem:
         if not self.noise.separate:
             return replace(self, noise=replace(self.noise, estimated=False)), x
         variances = self.variances(x)
-        noise = NoiseModel(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
+        n = self.robot.n
+        noise = NoiseModel(np.sqrt(variances[:n]), np.sqrt(variances[n:]), estimated=False)
         parameters = self.parameters.without("noise")
         functions = shot_functions(self.robot, self.tool, geometry=self.geometry)
         problem = replace(self, noise=noise, parameters=parameters, functions=functions)
@@ -223,10 +268,27 @@ class Problem:
     def shots(self) -> int:
         return len(self.joints)
 
+    @cached_property
+    def active(self) -> Matrix:
+        """(N, d) 1 for each component of a residual that was read, else 0."""
+        active = self.tool.layout.active
+        return np.where(active < 0, 1.0, np.pad(self.readings, ((0, 0), (0, 1)))[:, active])
+
+    @cached_property
+    def met(self) -> Matrix:
+        """(N, d) 1 for each component that the joints are turned to bring to zero, else 0."""
+        met = np.array([each.met for each in self.tool.each], dtype=float)
+        return np.asarray(self.active * met[self.tool.layout.source])
+
+    @cached_property
+    def sizes(self) -> Matrix:
+        """(N,) how many components of each residual were read."""
+        return np.asarray(self.active.sum(axis=1))
+
     @property
     def measured_size(self) -> int:
-        """Number of residuals: d for each shot (as often as it counts), one for each distance."""
-        return round(float(self.weights.sum()) * self.tool.residual_size) + len(self.distances)
+        """Number of residuals: those of each shot (as often as it counts), one for each distance."""
+        return round(float(self.weights @ self.sizes)) + len(self.distances)
 
     @property
     def data_size(self) -> int:
@@ -261,11 +323,19 @@ class Problem:
     def split(self, x: Matrix) -> ParameterParts:
         """The parts of parameter vectors (..., p)."""
         parameters = self.parameters
-        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], len(self.targets), 3)
-        return ParameterParts(x[..., parameters.arm], targets, x[..., parameters.block("tool")])
+        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], -1, 3)
+        if self.stations:
+            nothing = np.zeros((*x.shape[:-1], self.stations, 3))
+            targets = np.concatenate([targets, nothing], axis=-2)
+        return ParameterParts(x[..., parameters.arm], targets, x[..., parameters.instrument])
+
+    @cached_property
+    def stations(self) -> int:
+        """How many of the targets are none."""
+        return len(self.targets) - int(self.parameters.group("target").sum()) // 3
 
     def variances(self, x: Matrix) -> Matrix:
-        """(..., n + 1) of joints and spot at parameter vectors (..., p), or (n + 1,) as stated."""
+        """(..., n + I) of joints and instruments at parameter vectors (..., p), or (n + I,) as stated."""
         if not self.noise.separate:
             return self.noise.variances
         with np.errstate(over="ignore"):  # what overflows is -inf in the density
@@ -273,8 +343,26 @@ class Problem:
         joints = np.repeat(factors[..., :1], self.robot.n, axis=-1)
         return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
 
+    def of_sources(self, variances: Matrix) -> Matrix:
+        """(I, N, d) what each instrument adds to the variance of a component, from `variances` (n + I,)."""
+        layout, count = self.tool.layout, len(self.tool.each)
+        padded = np.pad(self.readings, ((0, 0), (0, 1)))
+        relative = np.where(layout.relative < 0, 1.0, padded[:, layout.relative])
+        unit = self.active * relative**2
+        by_source = np.equal(layout.source, np.arange(count)[:, None])
+        return np.asarray(by_source[:, None, :] * unit * variances[self.robot.n :][:, None, None])
+
+    def covariances(self, by_joints: Matrix, variances: Matrix) -> Matrix:
+        """(N, d, d) of the residuals, by their Jacobian (N, d, n) and `variances` (n + I,); 1 for each
+        component that was not read."""
+        result = (by_joints * variances[: self.robot.n]) @ by_joints.transpose(0, 2, 1)
+        diagonal = self.of_sources(variances).sum(axis=0) + 1 - self.active
+        d = diagonal.shape[1]
+        result.reshape(len(result), d * d)[:, :: d + 1] += diagonal
+        return np.asarray(result)
+
     def noise_information(self, x: Matrix, jacobian: Matrix, factor: Matrix) -> Matrix:
-        """(2, 2) the information of the residuals' scatter on the logarithms of the two noise factors at x.
+        """(1 + I, 1 + I) the information of the residuals' scatter on the logarithms of the noise factors.
 
         Of a normal's covariance: tr(S^-1 dS_a S^-1 dS_b) / 2 (`jacobian` and `factor` as of `linearise`
         and `factors`).
@@ -282,9 +370,9 @@ class Problem:
         variances = self.variances(x)
         by_joints = self.by_joints(jacobian)
         halves = []
-        joint = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
-        spot = np.broadcast_to(variances[-1] * np.eye(self.tool.residual_size), joint.shape)
-        for part in (joint, spot):
+        joint = (by_joints * variances[: self.robot.n]) @ by_joints.transpose(0, 2, 1)
+        unit = np.eye(self.tool.residual_size)
+        for part in (joint, *(each[:, :, None] * unit for each in self.of_sources(variances))):
             half = np.linalg.solve(factor, 2 * part)
             halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
         return np.array([[np.einsum("i,iab,iab->", self.weights, a, b) / 2 for b in halves] for a in halves])
@@ -313,17 +401,22 @@ class Problem:
             own_target = parts.targets[self.target_index[rows]]
         else:
             own_target = parts.targets[np.arange(len(parts.targets)), self.target_index[rows]]
+        if self.tool.target_is == "nothing":
+            own_target = own_target[:, :0]
         residual, jacobian = self.functions.kernel("linear")(
-            joints, self.spots[rows], parts.arm, own_target, parts.tool
+            joints, self.data[rows], parts.arm, own_target, parts.tool
         )
         return residual, jacobian
+
+    @cached_property
+    def data(self) -> Matrix:
+        """(N, d + w) spots and readings, as the functions of a shot take them."""
+        return np.hstack([self.spots, self.readings]) if self.tool.reading_size else self.spots
 
     def factors(self, x: Matrix, jacobian: Matrix) -> Matrix:
         """(N, d, d) lower Cholesky factors of S_i = J_i diag(joint variances) J_i' + spot variance."""
         by_joints = self.by_joints(jacobian)
-        variances = self.variances(x)
-        covariance = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
-        covariance += variances[-1] * np.eye(self.tool.residual_size)
+        covariance = self.covariances(by_joints, self.variances(x))
         try:
             return np.asarray(np.linalg.cholesky(covariance), dtype=float)
         except np.linalg.LinAlgError as error:
@@ -370,32 +463,91 @@ class Problem:
         jacobian = whitened.jacobian[: self.shots * d, self.parameters.free]
         return np.asarray(jacobian.reshape(self.shots, d, -1))
 
-    def nearest_targets(self, arm: Matrix, tool: Matrix, joints: Matrix | None = None) -> Matrix:
-        """(W, K, 3) mm: for each target the point nearest to all its beams (or the mean of the tips).
+    def started(self, x: Matrix, joints: Matrix | None = None) -> Matrix:
+        """(W, p) x with what is only guessed solved for, of each row with its offsets: frames and tools, and
+        each target that is not held. `joints` (W, N, n) as recorded, the problem's own by default."""
+        x, parameters = x.copy(), self.parameters
+        if self.recorded:
+            self._start_instruments(x, self.joints[None] if joints is None else joints)
+        targets = parameters.group("target") & parameters.free
+        x[:, targets] = self.nearest_targets(x, joints)[:, targets[parameters.block("target")]]
+        return x
 
-        `arm` (W, a), `tool` (W, k) and the recorded `joints` (W, N, n), the problem's own by default.
-        Directions that the beams leave open (one beam, parallel beams) stay at the prior mean.
+    def _start_instruments(self, x: Matrix, joints: Matrix) -> None:
+        variants = [""] * self.shots
+        for row, own in enumerate(x):
+            parts, poses = self.split(own), self._poses(own, joints[row % len(joints)])
+            started = self.tool.start_unknowns(poses, self.readings, parts.tool, variants)
+            free = self.parameters.free[self.parameters.instrument]
+            x[row, self.parameters.instrument] = np.where(free, started, parts.tool)
+
+    def _poses(self, x: Matrix, joints: Matrix) -> Matrix:
+        """(N, 4, 4) the flange in the base frame at x (p,)."""
+        (upper,) = self.functions.kernel("pose")(joints, self.split(x).arm)
+        result = np.tile(np.eye(4), (len(joints), 1, 1))
+        result[:, :3] = upper
+        return result
+
+    def nearest_targets(self, x: Matrix, joints: Matrix | None = None) -> Matrix:
+        """(W, 3 K) coordinates of each target from its own measurements alone, at x (W, p): the point nearest
+        to all beams, the mean of the tips, or as the instrument knows.
+
+        Directions that the beams leave open (one beam, parallel beams) stay at the prior mean. `joints`
+        (W, N, n) as recorded, the problem's own by default.
         """
-        origin, direction = self._beams(arm, tool, self.joints[None] if joints is None else joints)
+        joints = self.joints[None] if joints is None else joints
+        parts, real = self.split(x), len(self.targets) - self.stations
+        result = self._nearest_to_rays(parts, joints)
+        for k in range(real if self.recorded else 0):
+            mine = self.target_index == k
+            for row, own in enumerate(x):
+                poses = self._poses(own, joints[row % len(joints)][mine])
+                known = self.tool.start_target(poses, self.readings[mine], parts.tool[row])
+                if known is not None:
+                    result[row, k] = known
+        return result.reshape(len(x), 3 * real)
+
+    def _nearest_to_rays(self, parts: ParameterParts, joints: Matrix) -> Matrix:
         start = self.split(self.parameters.prior_mean).targets
+        origin, direction = self._beams(parts.arm, parts.tool, joints)
         across = np.eye(3) - direction[..., :, None] * direction[..., None, :]
-        result = np.empty((len(arm), len(self.targets), 3))
-        for k in range(len(self.targets)):
+        result = np.empty((len(parts.arm), len(self.targets) - self.stations, 3))
+        for k in range(result.shape[1]):
             mine = self.target_index == k
             weight = across[:, mine].sum(axis=1) + 1e-9 * np.eye(3)
             pull = (across[:, mine] @ origin[:, mine][..., None]).sum(axis=1) + 1e-9 * start[k][:, None]
             result[:, k] = np.linalg.solve(weight, pull)[..., 0]
         return result
 
+    @property
+    def recorded(self) -> bool:
+        """Whether instruments have read what a start can be found from; a plan's have not."""
+        return bool(self.tool.reading_size) and not self.planned
+
     def nominal(self) -> Matrix:
         """(p,) the nominal parameters, before any shot: no offsets, the nominal tool, each target at its
-        guess or, without one, at the point nearest to its beams."""
-        x = self.parameters.prior_mean.copy()
+        guess or, without one, as its measurements say; so too a frame that is free."""
+        x = self.parameters.prior_mean[None].copy()
+        if self.recorded:
+            self._start_instruments(x, self.joints[None])
+        block, real = self.parameters.block("target"), len(self.targets) - self.stations
+        guessed = np.repeat(self.guessed[:real], 3)
+        x[0, block] = np.where(guessed, x[0, block], self.nearest_targets(x)[0])
+        return np.asarray(x[0])
+
+    def at_predicted(self, x: Matrix) -> Problem:
+        """The same shots with the readings that leave no residual at x, and no spots; `x` as for
+        `linearise`."""
+        nothing = np.zeros_like(self.spots)
+        if not self.tool.reading_size:
+            return replace(self, spots=nothing)
         parts = self.split(x)
-        nearest = self.nearest_targets(parts.arm[None], parts.tool[None])[0]
-        targets = np.where(self.guessed[:, None], parts.targets, nearest)
-        x[self.parameters.block("target")] = targets.reshape(-1)
-        return x
+        every = np.arange(self.shots)
+        targets = parts.targets[self.target_index] if x.ndim == 1 else parts.targets[every, self.target_index]
+        (readings,) = self.functions.kernel("predicted")(
+            self.joints, parts.arm, targets, parts.tool, self.readings
+        )
+        return replace(self, spots=nothing, readings=readings)
 
     def beams(self, x: Matrix) -> tuple[Matrix, Matrix]:
         """Origins (N, 3) mm and unit directions (N, 3) of the beams in the base frame (eq. 7); `x` as for
@@ -415,15 +567,18 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
-def instrument(header: Header, robot: Robot) -> Instrument:
-    """That on the flange, as a header states it.
+def instrument(header: Header, robot: Robot, label: str) -> Instrument:
+    """That of a label, as a header states it.
 
     The sigma of a tool that is not calibrated is knowledge, as that of a calibrated one is, where it is
     stated and the last joint's offset, which the tool would take up, is to be estimated by it.
     """
-    estimated = header.held is not None and f"delta{robot.n}" not in header.held
-    known = estimated and "sigma" in header.stated_tool.model_fields_set
-    return header.tool_kind.of("tool", header.stated_tool, exact=header.arm is None, sigma_known=known)
+    kind, entry = header.kinds[label], header.instruments_stated()[label]
+    if issubclass(kind, FlangeTool):
+        estimated = header.held is not None and f"delta{robot.n}" not in header.held
+        known = estimated and "sigma" in entry.model_fields_set
+        return kind.of(label, entry, exact=header.arm is None, sigma_known=known)
+    return kind.of(label, entry, exact=header.arm is None)
 
 
 def rms_length(residual: Matrix) -> float:

@@ -194,7 +194,7 @@ def assemble(
         x[block("tool")] = tool
     aimed = aim(problem, problem.nominal(), servo_joints(problem)).problem
     _, directions = aimed.beams(problem.nominal())
-    noise = NoiseModel.from_header(plan.header, plan.robot)
+    noise = NoiseModel.from_header(plan.header, plan.robot, problem.tool)
     robot = geometry_errors(problem.geometry.applied(plan.robot, x[deviations]), _geometry(cell))
 
     def bent(count: Matrix) -> Matrix:

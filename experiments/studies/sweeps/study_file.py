@@ -497,8 +497,10 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
     with located(document.file, line(("held",))):
-        tool, noise = instrument(header, robot), NoiseModel.from_header(header, robot)
-        Parameters.build(robot, tool, noise, Geometry.from_header(header, robot), header, [TARGET])
+        (label,) = header.kinds
+        tool = instrument(header, robot, label)
+        noise, geometry = NoiseModel.from_header(header, robot, tool), Geometry.from_header(header, robot)
+        Parameters.build(robot, tool, noise, geometry, header, {TARGET: tool})
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
     return Case(at, words, settings, header, robot)
 

@@ -17,7 +17,7 @@ def header(**tool):
 
 
 def instrument(stated):
-    return problem.instrument(stated, load_robot("irb1600", Path()))
+    return problem.instrument(stated, load_robot("irb1600", Path()), "tool")
 
 
 def laser(direction, *, calibrated=False, point=(0.0, 0.0, 65.0)):

@@ -43,7 +43,7 @@ def test_control_such_a_line_would_be_seen(code):
 
 def test_every_file_beside_the_registry_is_a_kind():
     own = {path.stem for path in (HOUSE / "model" / "instruments").glob("*.py")}
-    assert own - {"__init__", "kind", "flange_tool", "registry"} == set(KINDS)
+    assert own - {"__init__", "kind", "flange_tool", "together", "registry"} == set(KINDS)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=str)

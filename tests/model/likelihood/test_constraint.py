@@ -42,6 +42,7 @@ class Case:
         self.arm, self.robot, self.n = own, own.robot, own.robot.n
         laser = kind.startswith("laser")
         self.tool = kind_of("laser" if laser else "probe")(
+            "tool",
             "uncalibrated" not in kind,
             np.array([12.0, -7.0, 65.0]),
             unit(np.array(DIRECTION[name])) if laser else None,
@@ -541,7 +542,7 @@ def test_the_midpoint_of_two_skew_beams(cases, arm_name, kind):
 
 def test_a_midpoint_known_by_hand():
     """A beam along x at height 0 and one along y at height 100 are nearest on the z axis."""
-    tool = kind_of("laser")(True, np.zeros(3), np.array([1.0, 0, 0]), 0.05, 10.0)
+    tool = kind_of("laser")("tool", True, np.zeros(3), np.array([1.0, 0, 0]), 0.05, 10.0)
     joints = tuple(
         Joint(name, kind, np.eye(4), np.array([0.0, 0, 1]), -1e3, 1e3)
         for name, kind in (("turn", "revolute"), ("lift", "prismatic"))
