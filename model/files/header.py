@@ -711,6 +711,11 @@ class Header(FileModel):
         return entry
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the instruments."""
+        return tuple(self.instruments_stated())
+
+    @property
     def only_target(self) -> str:
         """The name of a run's target where none is stated for a measurement: the header's first, or the
         default of the instrument."""

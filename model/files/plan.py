@@ -35,7 +35,7 @@ from .header_file import completed
 from .limits import check_limits, require_joint_count
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .robot_file import load_robot
-from .shot import Postures, Shot, ShotRules, check_distances, target_names, unknown_targets
+from .shot import Measurement, Shot, ShotRules, check_distances, target_names, unknown_targets
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
 
 
@@ -245,17 +245,19 @@ class Plan:
         return np.array([index[name] for name in self.targets], dtype=np.int64)
 
     @cached_property
-    def by_posture(self) -> Postures:
-        """What is to be measured in each posture of the arm, of those that several rows may share."""
+    def measurements(self) -> tuple[Measurement, ...]:
+        """(N,) what is to be measured in each posture; nothing is `measured` yet."""
         rows = (self.postures * self.robot.display).tolist()
-        return ShotRules(self.header, self.robot).postures(_planned(rows, self.targets, self.means))
+        shots = _planned(rows, self.targets, self.means)
+        return tuple(ShotRules(self.header, self.robot).measurements(shots))
 
     @cached_property
     def called(self) -> tuple[str, ...]:
         """(N,) the name of what is measured in each posture: its target, else its reflector or instrument."""
-        rules = ShotRules(self.header, self.robot)
-        measured = map(rules.measured, _planned(self.postures.tolist(), self.targets, self.means))
-        return tuple(item.target or item.variant or item.label for item in measured)
+        return tuple(
+            measurement.target or measurement.variant or measurement.instrument
+            for measurement in self.measurements
+        )
 
 
 def read_plan(path: Path | str) -> Plan:

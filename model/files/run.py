@@ -46,7 +46,7 @@ from .arguments import (
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .robot_file import load_robot
-from .shot import Postures, Shot, ShotRules, check_distances, check_shots, shot_model, target_names
+from .shot import Measurement, Shot, ShotRules, check_distances, check_shots, shot_model, target_names
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
@@ -219,9 +219,9 @@ class Run:
         return np.array([index[shot.target] for shot in self.shots], dtype=np.int64)
 
     @cached_property
-    def by_posture(self) -> Postures:
-        """What was measured in each posture, and which measurement was the first there."""
-        return ShotRules(self.header, self.robot).postures(self.shots)
+    def measurements(self) -> tuple[Measurement, ...]:
+        """(N,) what each measurement is of, and what was measured."""
+        return tuple(ShotRules(self.header, self.robot).measurements(self.shots))
 
     def require_analysable(self) -> None:
         """BadInput for a run that no analysis can say anything about."""

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, create_model
 
 from ..errors import BadInput
-from ..instruments.kind import POINT, Instrument, Measured
+from ..instruments.kind import POINT, Instrument
 from ..instruments.registry import kind_of
 from ..kinematics.robot import Robot
 from ..parsing.reading import did_you_mean, shown
@@ -171,12 +171,17 @@ def _shot_with(columns: tuple[str, ...]) -> type[Shot]:
     return create_model("Shot", __base__=Shot, **fields)
 
 
-class Postures(NamedTuple):
-    """The P postures of N measurements, in the order in which they first appear: the `first` (P,) measurement
-    of each, by its index, and what was measured in each."""
+class Measurement(NamedTuple):
+    """A measurement for a calculation: the label of its instrument, which of its variants, its target, if it
+    has one, and what was `measured` by column (quaternions of length 1); `sigma_mm` if it states its own.
+    `posture` is a number that those of one posture share."""
 
-    first: tuple[int, ...]
-    measured: tuple[tuple[Measured, ...], ...]
+    instrument: str
+    variant: str
+    target: str | None
+    measured: dict[str, tuple[float, ...]]
+    sigma_mm: float | None
+    posture: int
 
 
 class ShotRules:
@@ -316,24 +321,21 @@ class ShotRules:
                 remedy="remove sigma_mm, and state the noise in the header",
             )
 
-    def measured(self, shot: Shot) -> Measured:
-        """What a measurement says, once it is checked: quaternions are of length 1."""
-        label = self.label(shot.instrument)
-        readings = {column: _numbers(column, value) for column, value in shot.readings.items()}
-        return Measured(label, self.variant(label, shot.reflector), shot.target, readings, shot.sigma_mm)
-
-    def postures(self, shots: Sequence[Shot]) -> Postures:
-        """What was measured in each posture."""
-        first: list[int] = []
-        measured: list[list[Measured]] = []
-        row_of: dict[int, int] = {}
-        for i, shot in enumerate(shots):
-            row = len(first) if shot.posture is None else row_of.setdefault(shot.posture, len(first))
-            if row == len(first):
-                first.append(i)
-                measured.append([])
-            measured[row].append(self.measured(shot))
-        return Postures(tuple(first), tuple(map(tuple, measured)))
+    def measurements(self, shots: Sequence[Shot]) -> Iterator[Measurement]:
+        """Each measurement, once it is checked."""
+        postures: dict[int, int] = {}
+        count = 0
+        for shot in shots:
+            if shot.posture is None or shot.posture not in postures:
+                number, count = count, count + 1
+                if shot.posture is not None:
+                    postures[shot.posture] = number
+            else:
+                number = postures[shot.posture]
+            label = self.label(shot.instrument)
+            variant = self.variant(label, shot.reflector)
+            measured = {column: _measured(column, value) for column, value in shot.readings.items()}
+            yield Measurement(label, variant, shot.target, measured, shot.sigma_mm, number)
 
     def check_postures(
         self, shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None
@@ -397,7 +399,7 @@ def _called(noun: str, file: Path | None, line: int | None) -> Iterator[None]:
         ) from None
 
 
-def _numbers(column: str, value: float | tuple[float, ...]) -> tuple[float, ...]:
+def _measured(column: str, value: float | tuple[float, ...]) -> tuple[float, ...]:
     numbers = value if isinstance(value, tuple) else (value,)
     if not column.endswith("_quat"):
         return numbers

@@ -153,7 +153,6 @@ class Instrument(ABC):
     touches_ball: ClassVar[bool] = False
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
     words: ClassVar[Words]
 
     label: str
@@ -188,6 +187,10 @@ class Instrument(ABC):
     def exact(self) -> bool:
         """Whether it is as stated, and no part of it is estimated."""
         return not self.unknowns
+
+    @property
+    def turns(self) -> bool:
+        return False
 
     @property
     def grounded(self) -> bool:
@@ -258,7 +261,7 @@ class Instrument(ABC):
         return np.zeros(self.residual_size)
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        """What a measurement records by `columns`, whose `reading` (w,) leaves the residual `shift` (d,)."""
+        """What a measurement with this `reading` (w,) and `shift` (d,) records by `columns`."""
         return {}
 
     def row(self, some: Sequence[Measured], target: StatedTarget | None) -> tuple[Matrix, Matrix]:

@@ -28,7 +28,6 @@ class LaserBeam(FlangeTool):
     target = "psd"
     free_sigma = (3.0, 10.0)
     beam = True
-    turns = True
     words = Words(
         is_="a beam that must pass the target",
         part="beam",
@@ -54,6 +53,10 @@ class LaserBeam(FlangeTool):
             yield Unknown(axis, "deg", 0.0, self.tilt_std)
         for axis in ("shift1", "shift2"):
             yield Unknown(axis, "mm", 0.0, self.shift_std)
+
+    @property
+    def turns(self) -> bool:
+        return not self.calibrated
 
     @property
     def known_to(self) -> float:

@@ -59,7 +59,7 @@ class Together(Instrument):
         return self.instruments[0].words
 
     @property
-    def turns(self) -> bool:  # type: ignore[override]
+    def turns(self) -> bool:
         return any(instrument.turns for instrument in self.instruments)
 
     @property
@@ -145,12 +145,23 @@ class Together(Instrument):
         by_part = {(item.label, item.variant): item for item in some}
         for number, (part, instrument) in enumerate(zip(self.parts, self._of_parts, strict=True)):
             item = by_part.get((instrument.label, part.variant))
-            # What does not read takes the reading of a plan, so that its functions stay finite.
-            measured, sigma = ({}, None) if item is None else (item.reading, item.sigma)
             reading[number] = item is not None
-            reading[self.slices[number]] = instrument.reading(measured, sigma, target)
-            shift[self.rows[number]] = instrument.shift(measured)
+            # Of what does not read any numbers do, with which its functions stay finite.
+            reading[self.slices[number]] = 1.0
+            if item is not None:
+                reading[self.slices[number]] = instrument.reading(item.reading, item.sigma, target)
+                shift[self.rows[number]] = instrument.shift(item.reading)
         return reading, shift
+
+    def recorded_by(self, reading: Matrix, shift: Matrix) -> list[tuple[Part, dict[str, tuple[float, ...]]]]:
+        """What each part that reads records."""
+        return [
+            (part, instrument.recorded(reading[at], shift[rows]))
+            for number, (part, instrument, at, rows) in enumerate(
+                zip(self.parts, self._of_parts, self.slices, self.rows, strict=True)
+            )
+            if reading[number]
+        ]
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return ca.vertcat(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..arrays import Index, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
-from ..files.shot import check_distances
+from ..files.shot import Measurement, check_distances
 from ..instruments.flange_tool import FlangeTool
 from ..instruments.kind import Instrument, Measured
 from ..instruments.together import Part, Together
@@ -118,7 +118,7 @@ class Problem:
     ) -> Problem:
         """From a header whose one tool meets a target at every shot, recorded or planned; `targets` names
         the target of each shot."""
-        (label,) = header.kinds
+        (label,) = header.labels
         measured = [(Measured(label, "", target, {}),) for target in targets]
         problem = cls.of_measured(header, robot, joints, measured, shot_numbers)
         return problem if spots is None else replace(problem, spots=spots)
@@ -174,18 +174,20 @@ class Problem:
 
     @classmethod
     def from_run(cls, run: Run) -> Problem:
-        first, measured = run.by_posture
-        numbers = [run.shots[i].shot for i in first]
         with located(run.path, run.header_line):
-            problem = cls.of_measured(run.header, run.robot, run.joints[list(first)], measured, numbers)
-            return replace(problem, planned=False)._with_enough(run.header)
+            rows, measured = _by_posture(run.measurements)
+            numbers = [run.shots[i].shot for i in rows]
+            problem = cls.of_measured(run.header, run.robot, run.joints[rows], measured, numbers)
+            return problem._with_enough(run.header)
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         with located(plan.path):
-            first, measured = plan.by_posture
-            problem = cls.of_measured(plan.header, plan.robot, plan.postures[list(first)], measured)
-            return problem.at_predicted(problem.nominal())._with_enough(plan.header)
+            rows, measured = _by_posture(plan.measurements)
+            problem = cls.of_measured(plan.header, plan.robot, plan.postures[rows], measured, rows)
+            if problem.tool.reading_size:
+                problem = problem.at_predicted(problem.nominal())
+            return problem._with_enough(plan.header)
 
     def _with_enough(self, header: Header) -> Problem:
         """The same; BadInput where the header insists on more parameters than there are numbers for."""
@@ -323,7 +325,8 @@ class Problem:
     def split(self, x: Matrix) -> ParameterParts:
         """The parts of parameter vectors (..., p)."""
         parameters = self.parameters
-        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], -1, 3)
+        real = len(self.targets) - self.stations
+        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], real, 3)
         if self.stations:
             nothing = np.zeros((*x.shape[:-1], self.stations, 3))
             targets = np.concatenate([targets, nothing], axis=-2)
@@ -475,8 +478,8 @@ class Problem:
 
     def _start_instruments(self, x: Matrix, joints: Matrix) -> None:
         variants = [""] * self.shots
-        for row, own in enumerate(x):
-            parts, poses = self.split(own), self._poses(own, joints[row % len(joints)])
+        for row, point in enumerate(x):
+            parts, poses = self.split(point), self._poses(point, joints[row % len(joints)])
             started = self.tool.start_unknowns(poses, self.readings, parts.tool, variants)
             free = self.parameters.free[self.parameters.instrument]
             x[row, self.parameters.instrument] = np.where(free, started, parts.tool)
@@ -500,8 +503,8 @@ class Problem:
         result = self._nearest_to_rays(parts, joints)
         for k in range(real if self.recorded else 0):
             mine = self.target_index == k
-            for row, own in enumerate(x):
-                poses = self._poses(own, joints[row % len(joints)][mine])
+            for row, point in enumerate(x):
+                poses = self._poses(point, joints[row % len(joints)][mine])
                 known = self.tool.start_target(poses, self.readings[mine], parts.tool[row])
                 if known is not None:
                     result[row, k] = known
@@ -565,6 +568,15 @@ class Problem:
             np.repeat(tool, shots, axis=0),
         )
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
+
+
+def _by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measured]]]:
+    """The first measurement of each posture, by its index, and what is measured there."""
+    rows: dict[int, list[int]] = {}
+    for i, item in enumerate(measurements):
+        rows.setdefault(item.posture, []).append(i)
+    measured = [[Measured(*measurements[i][:5]) for i in some] for some in rows.values()]
+    return [some[0] for some in rows.values()], measured
 
 
 def instrument(header: Header, robot: Robot, label: str) -> Instrument:

@@ -213,7 +213,7 @@ def test_an_estimated_scale_needs_no_right_noise() -> None:
     p_values, beside_links = [], []
     for factor in (1.0, 0.1):
         true = bumped(good_plan(12, joint_deg=0.002, spot_mm=0.05), shift, 5)[0]
-        noise = replace(true.noise, joint=true.noise.joint * factor, spot=true.noise.spot * factor)
+        noise = true.noise.times(factor)
         estimated = replace(true, noise=replace(noise, estimated=True))
         p_values.append(found_in(estimated).p_value)
         fit = fit_likelihood(estimated, starts=0)

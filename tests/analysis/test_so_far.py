@@ -165,7 +165,7 @@ def test_what_is_not_consistent() -> None:
     """A target that moves is named; understated noise is a lack of fit and no displacement."""
     _, problem = simulated_problem(good_plan(12, joint_deg=0.002), TABLE_2)
     assert so_far(problem).consistent
-    noise = replace(problem.noise, joint=problem.noise.joint / 5, spot=problem.noise.spot / 5)
+    noise = problem.noise.times(1 / 5)
     loud = so_far(replace(problem, noise=noise))
     assert not loud.consistent
     assert loud.moved_target is None

@@ -497,7 +497,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
     with located(document.file, line(("held",))):
-        (label,) = header.kinds
+        (label,) = header.labels
         tool = instrument(header, robot, label)
         noise, geometry = NoiseModel.from_header(header, robot, tool), Geometry.from_header(header, robot)
         Parameters.build(robot, tool, noise, geometry, header, {TARGET: tool})

@@ -61,7 +61,7 @@ def test_noise_alone_needs_no_explanation(seed: int) -> None:
 def test_noise_that_is_understated_is_named_with_its_factor() -> None:
     plan = good_plan(20, joint_deg=0.04, spot_mm=0.2, geometry="exact")
     _, problem = simulated_problem(plan, TABLE_2, seed=3)
-    noise = replace(problem.noise, joint=problem.noise.joint / 4, spot=problem.noise.spot / 4)
+    noise = problem.noise.times(1 / 4)
     found = diagnose(of(replace(problem, noise=noise)))[0]
     assert (found.cause, found.amount) == ("noise", pytest.approx(4, rel=0.3))
     assert found.factor < 1.5

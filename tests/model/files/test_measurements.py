@@ -71,38 +71,32 @@ def run(tmp_path):
     return read_run(written(tmp_path / "mixed.jsonl", ROWS))
 
 
-def flat(run_or_plan):
-    """Everything measured, in order, with the index of its posture."""
-    every = enumerate(run_or_plan.by_posture.measured)
-    return [(item, row) for row, some in every for item in some]
-
-
 def test_each_measurement_says_what_it_is_of_and_what_was_read(run):
-    made, postures = zip(*flat(run), strict=True)
-    assert [m.label for m in made] == ["left", "left", "eye", "right", "edge", "ball", "beam", "left"]
+    made = run.measurements
+    assert [m.instrument for m in made] == ["left", "left", "eye", "right", "edge", "ball", "beam", "left"]
     assert [m.variant for m in made] == ["r1", "r2", "", "", "", "", "", "r2"]
     assert [m.target for m in made] == [None, None, "mark", None, "top", "bowl", "mark", None]
-    assert postures == (0, 0, 1, 2, 3, 4, 5, 6)
-    assert run.by_posture.first == (0, 2, 3, 4, 5, 6, 7)
-    assert [m.sigma for m in made] == [None] * 7 + [0.02]
-    assert made[0].reading == {"measured_mm": (1.0, 2.0, 3.0)}
-    assert made[2].reading == {"pixel_px": (320.5, 200.0)}
-    assert made[4].reading == {"measured_mm": (0.25,)}
-    assert (made[5].reading, made[6].reading) == ({}, {"spot_mm": (0.5, -0.5)})
+    assert [m.posture for m in made] == [0, 0, 1, 2, 3, 4, 5, 6]
+    assert [m.sigma_mm for m in made] == [None] * 7 + [0.02]
+    assert made[0].measured == {"measured_mm": (1.0, 2.0, 3.0)}
+    assert made[2].measured == {"pixel_px": (320.5, 200.0)}
+    assert made[4].measured == {"measured_mm": (0.25,)}
+    assert (made[5].measured, made[6].measured) == ({}, {"spot_mm": (0.5, -0.5)})
     assert run.target_names == ("mark", "top", "bowl")
     np.testing.assert_array_equal(run.target_index, [-1, -1, 0, -1, 1, 2, 0, -1])
 
 
 def test_a_quaternion_is_of_length_one_for_whoever_calculates_and_stays_as_recorded(run):
-    (turned,) = run.by_posture.measured[2]
-    np.testing.assert_allclose(turned.reading["measured_quat"], quaternion(np.pi / 2), atol=1e-15)
+    np.testing.assert_allclose(
+        run.measurements[3].measured["measured_quat"], quaternion(np.pi / 2), atol=1e-15
+    )
     assert run.shots[3].measured_quat == (0.7071, 0.0, 0.0, 0.7071)
 
 
 def test_a_run_is_written_as_it_was_read(run, tmp_path):
     write_run(tmp_path / "again.jsonl", run.header, run.shots)
     again = read_run(tmp_path / "again.jsonl")
-    assert (again.header, again.by_posture) == (run.header, run.by_posture)
+    assert (again.header, again.measurements) == (run.header, run.measurements)
     for shot, row in zip(run.shots, ROWS, strict=True):
         assert json.loads(shot_text(shot)) == {"shot": shot.shot, **row}
 
@@ -115,7 +109,7 @@ def test_a_journal_records_them_and_is_resumed(run, tmp_path):
     with RunJournal.resumed(path, run.header) as journal:
         for shot in run.shots[4:]:
             journal.append(shot)
-    assert read_run(path).by_posture == run.by_posture
+    assert read_run(path).measurements == run.measurements
 
 
 def test_a_journal_refuses_what_a_posture_cannot_have(run, tmp_path, refused):
@@ -144,7 +138,7 @@ def test_the_same_run_from_arrays(run):
         target_priors=TARGETS,
         measured=measured,
     )
-    assert again.by_posture == run.by_posture
+    assert again.measurements == run.measurements
     assert again.sha256 != run.sha256  # the file has other blanks
 
 
@@ -156,7 +150,7 @@ def test_arrays_of_one_instrument_need_no_names():
         noise=zb.Noise(joint_deg=0.01),
         measured={"measured_mm": np.arange(6.0).reshape(2, 3)},
     )
-    assert [m.reading["measured_mm"] for m, _ in flat(run)] == [(0, 1, 2), (3, 4, 5)]
+    assert [m.measured["measured_mm"] for m in run.measurements] == [(0, 1, 2), (3, 4, 5)]
     assert run.target_names == ()
 
 
@@ -233,7 +227,7 @@ def test_a_measurement_that_its_instrument_cannot_make(row, words, tmp_path, ref
 def test_what_measurements_of_one_posture_share(row, words, tmp_path, refused):
     path = written(tmp_path / "posture.jsonl", [BEACON, row])
     if words is None:
-        assert [row for _, row in flat(read_run(path))] == [0, 0]
+        assert [m.posture for m in read_run(path).measurements] == [0, 0]
         return
     error = refused(read_run, path)
     assert words in error.what
@@ -256,8 +250,9 @@ def test_measurements_of_a_tool_need_no_more_than_before(tmp_path):
         "".join(json.dumps(r) + "\n" for r in [header, *({"shot": i, **r} for i, r in enumerate(rows))])
     )
     run = read_run(path)
-    assert [(m.label, row) for m, row in flat(run)] == [("tool", 0), ("tool", 1)]
-    assert flat(run)[0][0].reading == {}
+    assert [m.instrument for m in run.measurements] == ["tool", "tool"]
+    assert [m.posture for m in run.measurements] == [0, 1]
+    assert run.measurements[0].measured == {}
     np.testing.assert_array_equal(run.spots, [[0, 0], [0.5, 0]])
 
 
@@ -291,7 +286,7 @@ def test_a_plan_says_what_each_posture_is_measured_with(tmp_path):
     plan = planned(tmp_path / "plan.yaml", PLAN)
     assert plan.targets == (None, None, "mark")
     assert plan.called == ("r1", "r2", "mark")
-    assert [(m.label, m.variant, row) for m, row in flat(plan)] == [
+    assert [(m.instrument, m.variant, m.posture) for m in plan.measurements] == [
         ("left", "r1", 0),
         ("left", "r2", 0),
         ("eye", "", 1),
@@ -300,7 +295,7 @@ def test_a_plan_says_what_each_posture_is_measured_with(tmp_path):
     rows = plan.postures * plan.robot.display
     write_plan(tmp_path / "again.yaml", plan.header, np.round(rows, 9), plan.targets, means=plan.means)
     again = read_plan(tmp_path / "again.yaml")
-    assert (again.by_posture, again.means) == (plan.by_posture, plan.means)
+    assert (again.measurements, again.means) == (plan.measurements, plan.means)
     made = Plan.from_arrays(
         robot="irb1600",
         instruments={key: INSTRUMENTS[key] for key in ("left", "eye")},
@@ -311,7 +306,7 @@ def test_a_plan_says_what_each_posture_is_measured_with(tmp_path):
             {key: value for key, value in more._asdict().items() if value is not None} for more in plan.means
         ],
     )
-    assert (made.by_posture, made.means) == (plan.by_posture, plan.means)
+    assert (made.measurements, made.means) == (plan.measurements, plan.means)
 
 
 @pytest.mark.parametrize(

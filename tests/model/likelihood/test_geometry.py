@@ -25,7 +25,7 @@ class Case:
         laser = kind == "free laser"
         direction = unit(np.array([0.1, -0.2, 1.0])) if laser else None
         point = np.array([12.0, -7.0, 65.0])
-        self.tool = kind_of("laser" if laser else "probe")(False, point, direction, 0.05, 10.0)
+        self.tool = kind_of("laser" if laser else "probe")("tool", False, point, direction, 0.05, 10.0)
         self.functions = ShotFunctions(self.robot, self.tool, geometry=own.geometry)
         rng = np.random.default_rng(sum(map(ord, self.robot.name + kind)))
         self.points = [self.point(rng) for _ in range(POINTS)]

@@ -50,7 +50,7 @@ def flange(robot, geometry, values, q):
         actual = float(np.radians(value)) if name.split(".")[1] not in ("a", "b", "d") else value
         arm[robot.n + names.index(name)] = actual
     posture = Posture(robot, geometry)
-    rotation_, translation = posture.pose
+    rotation_, translation = posture.flange.rotation, posture.flange.translation
     function = ca.Function("pose", [posture.q, posture.arm], [ca.horzcat(rotation_, translation)])
     return np.array(function(q, arm))
 
@@ -141,7 +141,7 @@ def reframed(robot, rng, along):
 def columns(robot, geometry, q):
     """(9, g) of the flange's place and two of its axes by the geometry parameters at zero."""
     posture = Posture(robot, geometry)
-    rotation_, translation = posture.pose
+    rotation_, translation = posture.flange.rotation, posture.flange.translation
     observed = ca.vertcat(translation, 500 * rotation_[:, 0], 500 * rotation_[:, 2])
     jacobian = ca.jacobian(observed, posture.arm)
     arm = np.zeros(robot.n + len(geometry.names))

@@ -21,8 +21,9 @@ def build(robot, tool, seen=("psd",), **changes):
     content = {"robot": "irb1600", "tool": tool, "noise": noise, "geometry": "exact", **changes}
     header = Header.model_validate(content)
     geometry = Geometry.from_header(header, robot)
-    tool, noise = instrument(header), NoiseModel.from_header(header, robot)
-    return Parameters.build(robot, tool, noise, geometry, header, seen)
+    tool = instrument(header, robot, "tool")
+    noise = NoiseModel.from_header(header, robot, tool)
+    return Parameters.build(robot, tool, noise, geometry, header, dict.fromkeys(seen, tool))
 
 
 @pytest.fixture
@@ -65,9 +66,9 @@ SEPARATE = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05, "scale": "sepa
 def test_blocks_cover_the_parameters_in_their_order(irb1600):
     parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "a.b"), noise=SEPARATE)
     blocks = [parameters.block(group) for group in ORDER]
-    assert blocks == [slice(0, 6), slice(6, 6), slice(6, 12), slice(12, 16), slice(16, 18)]
+    assert blocks == [slice(0, 6), slice(6, 6), slice(6, 12), slice(12, 16), slice(16, 16), slice(16, 18)]
     for group, block in zip(ORDER, blocks, strict=True):
-        assert {item.group for item in parameters.items[block]} == ({group} - {"geometry"})
+        assert {item.group for item in parameters.items[block]} == ({group} - {"geometry", "frame"})
     assert parameters.arm == parameters.block("offset")
     assert [parameters.block("target", k) for k in (0, 1)] == [slice(6, 9), slice(9, 12)]
     assert parameters.names[parameters.block("target", 1)] == ("a.b.x", "a.b.y", "a.b.z")
@@ -114,7 +115,7 @@ def test_a_shot_depends_on_its_own_target_alone(irb1600):
     np.testing.assert_array_equal(parameters.of_shot(0, noise=False), [*range(9), *range(12, 16)])
     for group in IN_RESIDUAL:
         values = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
-        assert {parameters.items[i].group for i in values} == ({group} - {"geometry"})
+        assert {parameters.items[i].group for i in values} == ({group} - {"geometry", "frame"})
     with pytest.raises(ValueError, match="noise"):
         parameters.in_shot("noise")
 
@@ -301,23 +302,24 @@ def test_what_people_read_of_a_noise_factor(irb1600):
     assert abs((draws**2).mean() - (mean**2 + std**2)) < 5 * second
 
 
-def noise_header(**noise):
+def noise_of(robot, **noise):
     tool = {"kind": "probe", "point_mm": [0, 0, 0]}
-    return Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise})
+    header = Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise})
+    return NoiseModel.from_header(header, robot, instrument(header, robot, "tool"))
 
 
 def test_the_stated_noise_is_that_of_each_joint_in_radians_or_mm(irb1600, scara):
-    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, spot_mm=0.05), irb1600)
+    noise = noise_of(irb1600, joint_deg=0.01, spot_mm=0.05)
     np.testing.assert_allclose(noise.joint, np.full(6, 0.01 * RAD), rtol=1e-15)
     np.testing.assert_allclose(noise.variances, [*[(0.01 * RAD) ** 2] * 6, 0.0025], rtol=1e-14)
-    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, joint_mm=0.02, spot_mm=0), scara)
+    noise = noise_of(scara, joint_deg=0.01, joint_mm=0.02, spot_mm=0)
     np.testing.assert_allclose(noise.joint, [0.01 * RAD, 0.01 * RAD, 0.02, 0.01 * RAD], rtol=1e-15)
-    noise = NoiseModel.from_header(noise_header(joint_deg=[0.01, 0.03, 0.02, 0.04], spot_mm=0), scara)
+    noise = noise_of(scara, joint_deg=[0.01, 0.03, 0.02, 0.04], spot_mm=0)
     np.testing.assert_allclose(noise.joint, [0.01 * RAD, 0.03 * RAD, 0.02, 0.04 * RAD], rtol=1e-15)
 
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 def test_the_stated_figures_stay_whatever_the_scale(irb1600, scale):
-    noise = NoiseModel.from_header(noise_header(joint_deg=0.01, spot_mm=0.05, scale=scale), irb1600)
+    noise = noise_of(irb1600, joint_deg=0.01, spot_mm=0.05, scale=scale)
     assert (noise.estimated, noise.separate) == (scale == "estimated", scale == "separate")
     assert noise.variances[-1] == 0.05**2

@@ -318,7 +318,7 @@ def test_runs_of_more_noise_than_stated_are_seen_to_contradict(
     real = module.drawn
 
     def louder(problem: Problem, count: int, rng: np.random.Generator) -> DataSets:
-        noise = replace(problem.noise, joint=1.7 * problem.noise.joint, spot=1.7 * problem.noise.spot)
+        noise = problem.noise.times(1.7)
         return replace(real(replace(problem, noise=noise), count, rng), problem=problem)
 
     monkeypatch.setattr(module, "drawn", louder)
