@@ -187,9 +187,8 @@ class Tracker(FramedStation):
         return tuple(self.reflectors)
 
     def with_variants(self, names: Collection[str]) -> Self:
-        return replace(
-            self, reflectors={name: self.reflectors[name] for name in self.reflectors if name in names}
-        )
+        read = {name: each for name, each in self.reflectors.items() if name in names}
+        return replace(self, reflectors=read)
 
     @property
     def point(self) -> Matrix:
