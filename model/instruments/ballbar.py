@@ -12,9 +12,9 @@ from pydantic import BeforeValidator, Field
 
 from ..arrays import Matrix
 from ..parsing.reading import shown
-from ..parsing.validation import refusal
+from ..parsing.validation import FileModel, refusal
 from .frames import FREE_MM
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
 
 
@@ -51,7 +51,7 @@ class Ballbar(TipStation):
     target_is = "point"
     met = False
     reading_size = 1
-    Stated = StatedBallbar
+    Stated: ClassVar[type[FileModel]] = StatedBallbar
     words = Words(
         is_="a bar or wire that measures the length to a fixed socket",
         part="socket on the flange",
@@ -92,7 +92,7 @@ class Ballbar(TipStation):
         return super().key + f" {self.bias}".encode()
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         return np.array(measured.get("measured_mm", (0.0,)), dtype=float)
 

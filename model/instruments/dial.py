@@ -12,9 +12,11 @@ from pydantic import AfterValidator, Field
 
 from ..arrays import Matrix
 from ..parsing.reading import shown
-from ..parsing.validation import Vector, refusal, without_length
-from .kind import Flange, StatedTarget, Unknown, Words
-from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, stated_normal, tip_std
+from ..parsing.validation import FileModel, Vector, refusal, without_length
+from .kind import Flange, TargetEntry, Unknown, Words
+from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
+
+_LEAST_SLOPE = 1e-9  # of the direction against the plane
 
 
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -48,7 +50,7 @@ class Dial(TipStation):
     target_is = "plane"
     met = False
     reading_size = 4
-    Stated = StatedDial
+    Stated: ClassVar[type[FileModel]] = StatedDial
     words = Words(
         is_="a gauge that measures the travel to a flat face",
         part="tip of the gauge",
@@ -83,21 +85,23 @@ class Dial(TipStation):
     def key(self) -> bytes:
         return super().key + self.direction.tobytes()
 
-    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         return plane_coordinates(target)
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
-        return np.array([*measured.get("measured_mm", (0.0,)), *stated_normal(target)])
+        return np.array([*measured.get("measured_mm", (0.0,)), *unit_normal(target)])
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
         return {"measured_mm": tuple((reading[:1] + shift).tolist())}
 
     def _travel(self, flange: Flange, target: ca.SX, unknowns: ca.SX, normal: ca.SX) -> ca.SX:
         n, d = plane_at(target, normal)
-        towards = flange.rotation @ ca.SX(self.direction)
-        return (d - ca.dot(n, flange.in_base(self.tip_at(unknowns)))) / ca.dot(n, towards)
+        slope = ca.dot(n, flange.rotation @ ca.SX(self.direction))
+        # Along the plane there is no travel; a large one says so, and stays finite where nothing is read.
+        slope = ca.if_else(ca.fabs(slope) < _LEAST_SLOPE, _LEAST_SLOPE, slope)
+        return (d - ca.dot(n, flange.in_base(self.tip_at(unknowns)))) / slope
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return self._travel(flange, target, unknowns, reading[1:]) - reading[0]

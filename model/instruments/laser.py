@@ -66,7 +66,7 @@ class LaserBeam(FlangeTool):
         point, direction, _ = self.beam_frame(unknowns)
         return point, direction
 
-    def seen(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def beside(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         point, _, across = self.beam_frame(unknowns)
         return across.T @ (target - point)
 

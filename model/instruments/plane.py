@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from ..arrays import Matrix
-from ..parsing.validation import NotNegative
-from .kind import Flange, StatedTarget, Unknown, Words
-from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, stated_normal, tip_std
+from ..parsing.validation import FileModel, NotNegative
+from .kind import Flange, TargetEntry, Unknown, Words
+from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
 
 
 class StatedPlaneProbe(StatedTip):
@@ -39,7 +39,7 @@ class PlaneProbe(TipStation):
     target_is = "plane"
     met = True
     reading_size = 3
-    Stated = StatedPlaneProbe
+    Stated: ClassVar[type[FileModel]] = StatedPlaneProbe
     words = Words(
         is_="a tip that touches flat faces",
         part="probe tip",
@@ -72,13 +72,13 @@ class PlaneProbe(TipStation):
     def key(self) -> bytes:
         return super().key + f" {self.radius}".encode()
 
-    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         return plane_coordinates(target)
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
-        return stated_normal(target)
+        return unit_normal(target)
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         normal, d = plane_at(target, reading[:3])

@@ -14,7 +14,7 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .rotations import (
     Quaternion,
     matrix_of,
@@ -82,7 +82,7 @@ class PoseStation(FramedStation):
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3, "measured_quat": 4}
     residual_size = 6
     reading_size = 13
-    Stated = StatedPose
+    Stated: ClassVar[type[FileModel]] = StatedPose
     words = Words(
         is_="an instrument that measures position and orientation of a body on the flange",
         part="measured body",
@@ -108,14 +108,14 @@ class PoseStation(FramedStation):
     tolerated: tuple[bool, bool]
 
     @classmethod
-    def of(cls, label: str, stated: StatedPose, *, exact: bool) -> Self:
-        mount = stated.mount
+    def of(cls, label: str, header: StatedPose, *, exact: bool) -> Self:
+        mount = header.mount
         angle = FREE_RAD if mount.sigma_deg is None else float(np.radians(mount.sigma_deg))
         return cls(
             label=label,
-            frame=known_frame(stated.frame),
-            sigma_mm=stated.sigma_mm,
-            sigma_rad=float(np.radians(stated.sigma_deg)),
+            frame=known_frame(header.frame),
+            sigma_mm=header.sigma_mm,
+            sigma_rad=float(np.radians(header.sigma_deg)),
             mount_point=np.array(mount.guess_mm, dtype=float),
             mount_rotation=rotation_of_quaternion(unit_quaternion(mount.guess_quat)),
             mount_std=(mount.sigma_mm or FREE_MM, angle),
@@ -152,7 +152,7 @@ class PoseStation(FramedStation):
         return self.mount_point
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         position = measured.get("measured_mm", (0.0, 0.0, 0.0))
         turn = unit_quaternion(measured.get("measured_quat", (1.0, 0.0, 0.0, 0.0)))

@@ -12,9 +12,8 @@ from pydantic import Field
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..parsing.reading import shown
-from ..parsing.validation import NotNegative
-from .kind import Flange, StatedTarget, Words
+from ..parsing.validation import FileModel, NotNegative
+from .kind import Flange, TargetEntry, Unknown, Words
 from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
 
 
@@ -39,9 +38,10 @@ class SphereProbe(TipStation):
     columns: ClassVar[dict[str, int]] = {}
     target = "ball"
     target_is = "point"
+    touches_ball = True
     met = True
     reading_size = 1
-    Stated = StatedSphereProbe
+    Stated: ClassVar[type[FileModel]] = StatedSphereProbe
     words = Words(
         is_="a tip that touches balls",
         part="probe tip",
@@ -75,18 +75,21 @@ class SphereProbe(TipStation):
     def key(self) -> bytes:
         return super().key + f" {self.radius}".encode()
 
-    def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
-    ) -> Matrix:
-        diameter = None if target is None else target.diameter_mm
-        if diameter is None or not diameter > 0:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
+        if target is None or target.diameter_mm is None:
             raise BadInput(
                 "a ball without a diameter cannot be used",
-                found="no diameter_mm" if diameter is None else f"diameter_mm: {shown(diameter)}",
-                allowed="a number above 0",
+                found="no diameter_mm",
+                allowed="a number above 0, millimetres",
                 remedy="state the target's diameter_mm",
             )
-        return np.array([diameter / 2])
+        return super().coordinates(target)
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        """What reads no ball has the radius 0."""
+        return np.array([0.0 if target is None else (target.diameter_mm or 0.0) / 2])
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return distance(flange.in_base(self.tip_at(unknowns)), target) - self.radius - reading[0]

@@ -14,10 +14,11 @@ from ..errors import BadInput
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, without_length
 from .frames import vector_unknowns
-from .kind import StatedTarget, Station, Unknown
+from .kind import Station, TargetEntry, Unknown
 from .rotations import across, basis_across
 
 TIP_MM = 0.1  # prior std of a stated tip, each direction
+_NO_NORMAL = (0.36, 0.48, 0.8)
 _STEEPEST = 0.2  # least cosine between a plane's normal and its stated one that a start believes
 _STRAIGHT = 1e-3  # width by length of points that are on a line
 _TINY = 1e-18  # mm²: keeps the derivative of a distance of zero finite
@@ -95,24 +96,24 @@ def distance(point: ca.SX, other: ca.SX) -> ca.SX:
 # Planes
 
 
-def stated_normal(target: StatedTarget | None) -> Matrix:
-    """(3,) the unit normal that a header states of a plane; BadInput where it states none."""
-    normal = None if target is None else target.normal
-    if normal is None or without_length(normal):
-        raise BadInput(
-            "a plane without a normal cannot be used",
-            found="no normal" if normal is None else f"normal: {shown(normal)}",
-            allowed="a direction in the base frame, out of the body, such as [0, 0, 1]",
-            remedy="state the target's normal; it may be rough",
-        )
+def unit_normal(target: TargetEntry | None) -> Matrix:
+    """(3,) the unit normal that a header states of a plane. What reads no plane has one as well, which keeps
+    its functions finite."""
+    normal = _NO_NORMAL if target is None or target.normal is None else target.normal
     return np.asarray(np.array(normal, dtype=float) / np.linalg.norm(normal))
 
 
-def plane_coordinates(target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+def plane_coordinates(target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
     """Distance d of a plane along its normal from the base's origin, mm, and its two tilts, rad. A tilt about
     a stated point off the normal moves d, which the prior of d allows for."""
-    normal = stated_normal(target)
-    assert target is not None
+    if target is None or target.normal is None or without_length(target.normal):
+        raise BadInput(
+            "a plane without a normal cannot be used",
+            found="no normal" if target is None or target.normal is None else shown(target.normal),
+            allowed="a direction in the base frame, out of the body, such as [0, 0, 1]",
+            remedy="state the target's normal; it may be rough",
+        )
+    normal = unit_normal(target)
     point = np.array(target.guess_mm or (0.0, 0.0, 0.0), dtype=float)
     tilt = float(np.radians(target.sigma_deg))
     lever = float(np.linalg.norm(point - (normal @ point) * normal))
@@ -165,8 +166,8 @@ def sphere_through(points: Matrix, lengths: Matrix, *, zero_free: bool) -> Matri
     square = (near**2).sum(axis=1) - lengths**2
     centre = np.linalg.lstsq(np.hstack(columns), square / scale, rcond=1e-9)[0][:3]
     _, _, directions = np.linalg.svd(near, full_matrices=True)
-    aside = directions[2] * float(np.median(np.abs(lengths)))
-    starts = (centre, centre + aside, centre - aside)
+    sideways = directions[2] * float(np.median(np.abs(lengths)))
+    starts = (centre, centre + sideways, centre - sideways)
     best = min(
         (_climbed(near, lengths, start, zero_free=zero_free) for start in starts), key=lambda fit: fit[0]
     )

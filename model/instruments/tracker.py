@@ -24,7 +24,7 @@ from ..parsing.validation import (
     tuple_of,
 )
 from .frames import FREE_MM, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
-from .kind import Flange, StatedTarget, Unknown, Words
+from .kind import Flange, TargetEntry, Unknown, Words
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
@@ -119,7 +119,7 @@ class Tracker(FramedStation):
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
     residual_size = 3
     reading_size = 7
-    Stated = StatedTracker
+    Stated: ClassVar[type[FileModel]] = StatedTracker
     words = Words(
         is_="an instrument that measures the position of reflectors on the flange",
         part="reflector",
@@ -143,19 +143,21 @@ class Tracker(FramedStation):
     reflectors: Mapping[str, Reflector]
 
     @classmethod
-    def of(cls, label: str, stated: StatedTracker, *, exact: bool) -> Self:
-        sigma = stated.sigma_mm
-        ranged = isinstance(sigma, StatedRangeSigma)
+    def of(cls, label: str, header: StatedTracker, *, exact: bool) -> Self:
+        sigma = header.sigma_mm
+        constant, per_m = (
+            (sigma.constant, sigma.per_m) if isinstance(sigma, StatedRangeSigma) else (sigma, 0.0)
+        )
         return cls(
             label=label,
-            frame=known_frame(stated.frame),
-            sigmas=np.ones(3) * (sigma.constant if ranged else sigma),
-            per_m=sigma.per_m if ranged else 0.0,
+            frame=known_frame(header.frame),
+            sigmas=np.broadcast_to(np.array(constant, dtype=float), 3),
+            per_m=per_m,
             reflectors={
                 name: Reflector(
                     np.array(each.guess_mm, dtype=float), each.sigma_mm or FREE_MM, each.sigma_mm is not None
                 )
-                for name, each in stated.reflectors.items()
+                for name, each in header.reflectors.items()
             },
         )
 
@@ -189,7 +191,7 @@ class Tracker(FramedStation):
         return next(iter(self.reflectors.values())).point
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         position = np.array(measured.get("measured_mm", (0.0, 0.0, 0.0)), dtype=float)
         stated_std = 0.0 if sigma is None else sigma / self.std
@@ -220,6 +222,9 @@ class Tracker(FramedStation):
         return unknowns[:3], ca.SX.zeros(3)
 
     def _index(self, variant: str) -> int:
+        """Of a reflector; where there is but one, it needs no name."""
+        if not variant and len(self.reflectors) == 1:
+            return 0
         if variant not in self.reflectors:
             raise BadInput(
                 f"{self.label} has no such reflector",
@@ -296,7 +301,8 @@ class _Sets(NamedTuple):
         """(3 N, 3 f) of the f free reflectors: what a mm of each moves in the base frame."""
         of = np.flatnonzero(self.free)
         on = (self.which[:, None] == of).astype(float)
-        return np.einsum("nij,nk->nikj", self.rotations, on).reshape(3 * len(on), 3 * len(of))
+        moved = np.einsum("nij,nk->nikj", self.rotations, on)
+        return np.asarray(moved.reshape(3 * len(on), 3 * len(of)))
 
     def _linear(self) -> Matrix:
         """(3, 3) from A m + f = R (g + x) + t by least squares in A (any matrix), f and x."""
@@ -316,10 +322,10 @@ class _Sets(NamedTuple):
 
         def at(turn: Matrix) -> tuple[float, Matrix, Matrix]:
             """The rms, residuals (3 N,) and solution of the linear unknowns, at a rotation."""
-            wanted = (nominal - self.measured @ turn.T).ravel()
-            solution = np.linalg.lstsq(linear, wanted, rcond=1e-9)[0]
-            residuals = linear @ solution - wanted
-            return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, solution
+            right = (nominal - self.measured @ turn.T).ravel()
+            solution = np.linalg.lstsq(linear, right, rcond=1e-9)[0]
+            residuals = linear @ solution - right
+            return float(np.sqrt(np.mean(residuals**2) * 3)), residuals, np.asarray(solution)
 
         rms, residuals, solution = at(turn)
         for _ in range(_STEPS):
@@ -342,4 +348,4 @@ class _Sets(NamedTuple):
                 break
         points = self.points.copy()
         points[self.free] += solution[3:].reshape(-1, 3)
-        return rms, turn, solution[:3], points
+        return rms, turn, np.asarray(solution[:3]), points

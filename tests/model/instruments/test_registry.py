@@ -34,7 +34,7 @@ def about_kinds(node):
 
 def judged(node):
     """The parts of some code that tell kinds apart: comparisons, matches, look-ups and calls that speak of
-    kinds or instruments, and the keys of dictionaries."""
+    kinds or instruments, and the keys of dictionaries that have two kinds or are called after them."""
     match node:
         case ast.Compare(left, _, others) if any(map(about_kinds, [left, *others])):
             return [left, *others]
@@ -44,8 +44,13 @@ def judged(node):
             return [index]
         case ast.Call(function, arguments) if about_kinds(function):
             return arguments
-        case ast.Dict(keys):
+        case ast.Assign([target], ast.Dict(keys)) | ast.AnnAssign(target, _, ast.Dict(keys)) if about_kinds(
+            target
+        ):
             return [key for key in keys if key is not None]
+        case ast.Dict(keys):
+            known = [key for key in keys if isinstance(key, ast.Constant) and key.value in KINDS]
+            return known if len(known) > 1 else []
     return []
 
 
@@ -76,7 +81,9 @@ def test_no_code_outside_its_own_file_names_a_kind():
     [
         'if kind == "laser":\n    pass',
         "x = {'probe': 1}",
-        "x = {'sphere': 1}",
+        "x = {'sphere': 1, 'plane': 2}",
+        "of_kinds = {'sphere': 1}",
+        "of_kinds: dict[str, int] = {'sphere': 1}",
         "y = tool.name in ('dial', 'other')",
         "match instrument.name:\n    case 'plane':\n        pass",
         "x = KINDS['pose']",
@@ -87,23 +94,17 @@ def test_control_such_a_line_would_be_seen(code):
     assert len(set(names_of_kinds(code))) == 1
 
 
-@pytest.mark.parametrize("code", ["ca.Function('pose', inputs)", "if tree.data == 'pose':\n    pass"])
+@pytest.mark.parametrize(
+    "code", ["ca.Function('pose', inputs)", "if tree.data == 'pose':\n    pass", "x = {'pose': 1}"]
+)
 def test_control_another_meaning_of_the_word_is_not_seen(code):
     assert list(names_of_kinds(code)) == []
 
 
 def test_every_file_beside_the_registry_is_a_kind():
     own = {path.stem for path in (HOUSE / "model" / "instruments").glob("*.py")}
-    assert own - {
-        "__init__",
-        "kind",
-        "flange_tool",
-        "frames",
-        "registry",
-        "rotations",
-        "tips",
-        "together",
-    } == set(KINDS)
+    shared = {"kind", "flange_tool", "frames", "together", "registry", "rotations", "tips"}
+    assert own - shared - {"__init__"} == set(KINDS)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=str)

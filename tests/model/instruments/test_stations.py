@@ -197,3 +197,73 @@ def onto_plane(instrument, flange, truth, target):
     for i, pose in enumerate(flange):
         result[i] -= normal * plain_residual(instrument, pose, target, truth, None, "")[0]
     return result
+
+
+@pytest.mark.parametrize("kind", ["tracker", "pose"])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_start_is_near_with_noise_too(kind, seed):
+    """With 1 mm and 1 mrad, of twelve measurements: no residual beyond five stds."""
+    rng = np.random.default_rng(seed)
+    instrument = station(kind, **({"reflectors": {"A": {}}} if kind == "tracker" else {}))
+    residual, predicted = functions(instrument, instrument.variants[0])
+    flange, truth = poses(rng, 12), random_unknowns(instrument, rng)
+    stds = np.array([1, 1, 1, 1e-3, 1e-3, 1e-3])[: instrument.residual_size]
+    readings = []
+    for pose in flange:
+        reading = predicted(pose[:3], np.zeros(3), truth, blank(instrument)).full()[:, 0]
+        measured = instrument.recorded(reading, stds * rng.normal(size=len(stds)))
+        readings.append(instrument.reading(measured, None, None))
+    means = np.array([each.mean for each in instrument.unknowns])
+    start = instrument.start_unknowns(flange, np.array(readings), means, [""] * 12)
+    for pose, reading in zip(flange, readings, strict=True):
+        at = residual(pose[:3], np.zeros(3), start, reading)[0].full()[:, 0]
+        assert (np.abs(at) < 5 * stds).all()
+        # Control: the guess is nowhere near.
+        assert np.abs(residual(pose[:3], np.zeros(3), means, reading)[0].full()[:3]).max() > 20
+
+
+@pytest.mark.parametrize("kind", ["tracker", "pose"])
+def test_a_wrist_that_never_turns_leaves_the_guess_where_it_is(kind):
+    """The mount and the frame's origin are then one: the start stays finite, near the guess, and fits."""
+    rng = np.random.default_rng(3)
+    reflectors = {"A": {"guess_mm": [10.0, 20, 30]}}
+    instrument = station(kind, **({"reflectors": reflectors} if kind == "tracker" else {}))
+    residual, predicted = functions(instrument, instrument.variants[0])
+    flange, truth = poses(rng, 6), random_unknowns(instrument, rng)
+    flange[:, :3, :3] = flange[0, :3, :3]
+    readings = np.array(
+        [predicted(pose[:3], np.zeros(3), truth, blank(instrument)).full()[:, 0] for pose in flange]
+    )
+    means = np.array([each.mean for each in instrument.unknowns])
+    start = instrument.start_unknowns(flange, readings, means, [""] * 6)
+    assert np.isfinite(start).all()
+    assert np.abs(start[:3] - means[:3]).max() < 3000
+    if kind == "tracker":
+        for pose, reading in zip(flange, readings, strict=True):
+            np.testing.assert_allclose(residual(pose[:3], np.zeros(3), start, reading)[0], 0, atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_points_on_a_line_leave_the_stated_normal(count):
+    """A plane is turned about the line of the points no further than the statement says."""
+    instrument = station("plane", exact=True)
+    normal = np.array([0.0, 0.6, 0.8])
+    along = np.array([1.0, 0.05, 0.1])
+    flange = np.tile(np.eye(4), (count, 1, 1))
+    flange[:, :3, 3] = np.outer(np.linspace(0, 300, count), along) + np.array([500, 0, 200])
+    readings = np.tile(instrument.reading({}, None, Target(normal=tuple(normal))), (count, 1))
+    target = instrument.start_target(flange, readings, np.zeros(0))
+    residual, _ = functions(instrument, "")
+    for pose, reading in zip(flange, readings, strict=True):
+        np.testing.assert_allclose(residual(pose[:3], target, [], reading)[0], 0, atol=1e-9)
+    level = normal if count == 1 else normal - (normal @ along) * along / (along @ along)
+    tilt = np.arccos(level @ normal / np.linalg.norm(level))
+    assert np.hypot(*np.tan(target[1:])) == pytest.approx(np.tan(tilt), abs=1e-9)
+
+
+def test_a_dial_along_its_plane_has_no_travel_but_finite_numbers():
+    instrument = station("dial", exact=True, direction=[1.0, 0, 0])
+    reading = instrument.reading({}, None, Target(normal=(0.0, 0, 1)))
+    values = functions(instrument, "")[0](np.eye(4)[:3], [300.0, 0, 0], [], reading)
+    assert all(np.isfinite(each.full()).all() for each in values)
+    assert abs(float(values[0])) > 1e9
