@@ -123,7 +123,7 @@ def _misfit(measured: Matrix, flange: Matrix) -> float:
 
 def _angles(r: Matrix) -> Matrix:
     """(N,) degrees, of rotations (N, 3, 3)."""
-    return np.degrees(np.arccos(np.clip((np.trace(r, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0)))
+    return np.asarray(np.degrees(np.arccos(np.clip((np.trace(r, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))))
 
 
 def _axes(r: Matrix) -> Matrix:
