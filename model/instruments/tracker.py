@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
@@ -186,6 +186,11 @@ class Tracker(FramedStation):
     @property
     def variants(self) -> tuple[str, ...]:
         return tuple(self.reflectors)
+
+    def with_variants(self, names: Collection[str]) -> Self:
+        return replace(
+            self, reflectors={name: self.reflectors[name] for name in self.reflectors if name in names}
+        )
 
     @property
     def point(self) -> Matrix:

@@ -137,7 +137,10 @@ class Problem:
         """From a header and (N,) what is measured at each of the recorded (or planned) `joints` (N, n)."""
         every = [item for some in measured for item in some]
         instruments = tuple(
-            instrument(header, robot, label) for label in dict.fromkeys(item.label for item in every)
+            instrument(header, robot, label).with_variants(
+                {item.variant for item in every if item.label == label}
+            )
+            for label in dict.fromkeys(item.label for item in every)
         )
         labels = [each.label for each in instruments]
         parts = dict.fromkeys(Part(labels.index(item.label), item.variant) for item in every)
