@@ -91,7 +91,7 @@ class StatedTracker(FileModel):
     kind: Literal["tracker"] = Field(description="this kind of instrument")
     frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
     sigma_mm: StatedPositionSigma = Field(
-        description="standard deviation of a coordinate: a number, [x, y, z], or constant and per_m"
+        description="of a coordinate, millimetres: a number, [x, y, z], or constant and per_m"
     )
     reflectors: Annotated[dict[Name, StatedReflector], Field(min_length=1)] = Field(
         description="the reflectors on the flange, by name"
