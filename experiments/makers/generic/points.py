@@ -102,14 +102,14 @@ class PointLayout:
                 remedy="state --joints TABLE, or leave out --match where the points have joints beside them",
             )
         if self.match == "time":
-            wanted = {
+            needed = {
                 "--time-column": self.time_column,
                 "--time-units": self.time_units,
                 "--joints-time-column": self.joints_time_column,
                 "--within-s": self.within_s,
             }
-            if missing := [flag for flag, value in wanted.items() if value is None]:
-                raise BadInput("--match time needs more", found=f"no {missing[0]}", allowed=", ".join(wanted))
+            if missing := [flag for flag, value in needed.items() if value is None]:
+                raise BadInput("--match time needs more", found=f"no {missing[0]}", allowed=", ".join(needed))
             if not (self.within_s or 0) > 0:
                 raise BadInput("no time is within that", found=f"--within-s {self.within_s}", allowed="> 0")
         if self.match == "number" and (self.number_column is None) != (self.joints_number_column is None):
