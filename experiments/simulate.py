@@ -120,6 +120,7 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
         joints=np.tile(problem.joints, (count, 1)),
         # A laser's beam is led to the centre and the spot is read; a probe's ball sits where it sits.
         spots=np.zeros((count * shots, d)) if problem.tool.columns else spots.reshape(-1, d),
+        readings=np.tile(problem.readings, (count, 1)),
         target_index=np.tile(problem.target_index, count),
         shot_numbers=tuple(range(count * shots)),
         weights=np.tile(problem.weights, count),

@@ -6,9 +6,7 @@ alone has are estimated from its measurements, and what they take up is no predi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -203,7 +201,7 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
             if left[i]:
                 expected = float(np.sqrt(after.expected[i]))
                 rows[row] = float(errors[i]), expected, None if before is None else float(before[i])
-        facts = replace(facts, **_statistics(errors, before, after, left))
+        facts = _with_statistics(facts, errors, before, after, left)
         if after.dof > 0:
             p = p_value(known, after.chi2, after.dof)
             facts = replace(facts, chi2=after.chi2, dof=after.dof, p_value=p)
@@ -226,22 +224,31 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
     )
 
 
-def _statistics(errors: Matrix, before: Matrix | None, after: HeldOutResiduals, left: Mask) -> dict[str, Any]:
-    """Root mean square, median and largest of the errors (N,) mm of the measurements that are `left` (N,)."""
+def _with_statistics(
+    facts: PredictedRun, errors: Matrix, before: Matrix | None, after: HeldOutResiduals, left: Mask
+) -> PredictedRun:
+    """With root mean square, median and largest of the errors (N,) mm of the measurements `left` (N,)."""
     if not left.any():
-        return {}
+        return facts
 
     def rms(squares: Matrix) -> float:
         return float(np.sqrt(squares[left].mean()))
 
-    kinds: Sequence[tuple[str, Callable[[Matrix], float]]] = (
-        ("rms", lambda length: rms(length**2)),
-        ("median", lambda length: float(np.median(length[left]))),
-        ("max", lambda length: float(length[left].max())),
+    if before is not None:
+        facts = replace(
+            facts,
+            rms_before_mm=rms(before**2),
+            median_before_mm=float(np.median(before[left])),
+            max_before_mm=float(before[left].max()),
+        )
+    return replace(
+        facts,
+        rms_mm=rms(errors**2),
+        median_mm=float(np.median(errors[left])),
+        max_mm=float(errors[left].max()),
+        expected_mm=rms(after.expected),
+        u_mm=rms(after.by_fit),
     )
-    after_mm = {f"{kind}_mm": of(errors) for kind, of in kinds}
-    before_mm = {f"{kind}_before_mm": None if before is None else of(before) for kind, of in kinds}
-    return {**after_mm, **before_mm, "expected_mm": rms(after.expected), "u_mm": rms(after.by_fit)}
 
 
 def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:

@@ -378,6 +378,7 @@ def with_shots(problem: Problem, shots: Sequence[Shot]) -> Problem:
         problem,
         joints=np.array([shot.joints_deg for shot in shots]) / problem.robot.display,
         spots=np.array([shot.spot_mm or np.zeros(problem.tool.residual_size) for shot in shots]),
+        readings=np.zeros((len(shots), problem.tool.reading_size)),
         target_index=np.array([problem.targets.index(shot.target) for shot in shots], dtype=np.int64),
         shot_numbers=tuple(shot.shot for shot in shots),
         weights=np.ones(len(shots)),
