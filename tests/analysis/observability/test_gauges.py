@@ -247,6 +247,9 @@ QUICK_WITH_GEOMETRY = KINDS.filter(lambda kind: kind.shots < 10 and kind.joints 
 @example(  # a shift of a link that slides and tip take up: seen a million times better than its tolerance
     kind=Kind(365826, 6, True, False, True, True, 0, 12, False)
 )
+@example(  # axes 1 and 2 coincide: near by few targets are within reach, and all shots are in few postures
+    kind=Kind(3, 3, False, False, False, False, 0, 5, True)
+)
 def test_no_gauge_is_called_known_with_geometry(kind: Kind) -> None:
     assume(compare_with_geometry(kind))
 
