@@ -23,7 +23,7 @@ _TURN = np.radians(2.0)  # standard deviation of a joint (or as a share of a met
 _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
 _CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
-_PREDICTED = 0.1  # of a residual may be left by one Newton step: else it may come to another posture
+_PREDICTED = 0.1  # of a residual may not be as its Jacobian predicts: else it may come to another posture
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
@@ -88,7 +88,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
     a joint at rest varies by.
     """
     centred, shots = problem.moved(problem.joints, np.zeros_like(problem.spots)), problem.shots
-    weights, at_once = moving_joints(problem.joints), max(1, _AIMED_AT_ONCE // max(shots, 1))
+    weights, at_once = moving_joints(problem), max(1, _AIMED_AT_ONCE // max(shots, 1))
     rest = at_rest(problem) & (weights > 0)
     roots = []
     for some in (xs[i : i + at_once] for i in range(0, len(xs), at_once)):
@@ -108,7 +108,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
 
 def _weights(problem: Problem) -> Matrix:
     """(n,) weights by which recorded shots may be moved, 0 of joints at rest."""
-    return np.where(at_rest(problem), 0.0, moving_joints(problem.joints))
+    return np.where(at_rest(problem), 0.0, moving_joints(problem))
 
 
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
@@ -265,10 +265,10 @@ def _near_by(problem: Problem, x: Matrix, hit: Mask, aimed: Problem, followed: b
             others = _within_reach(aimed, others, hit, rng, _TURN / 2**halved)
         missing = []
         roots = information_roots(problem, others, 1.0)
-        for k, other, (_, jacobian, still) in zip(tried, others, roots, strict=True):
+        for k, other, (there, jacobian, still) in zip(tried, others, roots, strict=True):
             same = False
             if still[hit].all():
-                same = followed and _same_shots(aimed, x, other, hit, weights)
+                same = followed and _same_shots(aimed, x, there, other, hit)
                 numbered.append(
                     (k, _NearBy(other, jacobian, _null_space(jacobian, tolerated, rounding), same))
                 )
@@ -313,21 +313,18 @@ def _within_reach(aimed: Problem, xs: Matrix, hit: Mask, rng: np.random.Generato
     return xs
 
 
-def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Matrix) -> bool:
-    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x predicts:
-    one step of Newton's by the joints with a weight (n,) leaves little of their residuals."""
-    weights = weights * joint_scale(aimed) ** 2
+def _same_shots(aimed: Problem, x: Matrix, there: Problem, other: Matrix, hit: Mask) -> bool:
+    """Whether the shots of `hit` (N,), aimed at x and `there` at `other`, have turned as their Jacobian at x
+    predicts: the turn of the joints takes away what `other` adds to the residuals, but for little.
+
+    One that jumped to another posture has turned by more than that. Whether a step of Newton's leads near is
+    no test: a shot near the end of what its joint reaches jumps after such a step too.
+    """
     _, jacobian_mm = to_meet(aimed, x, aimed.joints, slice(None))
-    residual, _ = to_meet(aimed, other, aimed.joints, slice(None))
-    by_joints = aimed.by_joints(jacobian_mm)[hit]
-    gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
-    damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30  # as `aim` does
-    gram += damping[:, None, None] * np.eye(gram.shape[1])
-    across = np.linalg.solve(gram, residual[hit][:, :, None])
-    joints = aimed.joints.copy()
-    joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
-    left, _ = to_meet(aimed, other, joints, slice(None))
-    before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
+    added, _ = to_meet(aimed, other, aimed.joints, slice(None))
+    turned = (there.joints - aimed.joints)[:, :, None]
+    left = added + (aimed.by_joints(jacobian_mm) @ turned)[:, :, 0]
+    before, after = (np.linalg.norm(residual[hit], axis=1) for residual in (added, left))
     return bool((after <= _PREDICTED * before + HIT_MM).all())
 
 
