@@ -19,9 +19,10 @@ from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import diagnose
 from .diagnostics.enter import entered
-from .diagnostics.hold_out import hold_out, placement_result
+from .diagnostics.hold_out import HoldOut, hold_out, placement_result
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
+from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from .diagnostics.scene import scene
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
@@ -64,7 +65,7 @@ class Analysis(Solution):
         seed: int = 0,
         ess: float = 1000.0,
         robust: Loss | None = None,
-        held_out: Sequence[str] = (),
+        held_out: Sequence[str] | Run = (),
         sampling: Sampling = "always",
         fit: LikelihoodFit | None = None,
         progress: Progress | None = None,
@@ -73,9 +74,10 @@ class Analysis(Solution):
 
         `ess` is the effective sample size that every parameter must have; `robust` adds a fit with that loss,
         `held_out` a fit without the targets of these names (* and ? as in file names) and a look at how it
-        does there. The posterior is sampled `always`, `never`, or `where needed`: where the profile
-        likelihood shows that the curvature at the mode does not describe it. `fit` is `fit_likelihood`'s of
-        this run if it is there already. `progress` gets the stage and its share.
+        does there, or another run of the same header, which is predicted. The posterior is sampled
+        `always`, `never`, or `where needed`: where the profile likelihood shows that the curvature at the
+        mode does not describe it. `fit` is `fit_likelihood`'s of this run if it is there already. `progress`
+        gets the stage and its share.
         """
         if not 0 < ess <= MOST_ESS:
             raise BadInput(
@@ -107,7 +109,7 @@ def _analyse(
     seed: int,
     ess: float,
     loss: Loss | None,
-    held_out: Sequence[str],
+    held_out: Sequence[str] | Run,
     sampling: Sampling,
     fit: LikelihoodFit | None,
     report: Progress,
@@ -116,8 +118,12 @@ def _analyse(
     problem = Problem.from_run(run) if fit is None else fit.problem
     require_noise_data(problem)
     report("fit", 0.0)
-    # A name that is none of a target is refused before the long part.
-    held_out_fit = hold_out(problem, held_out, seed) if held_out else None
+    # A name that is none of a target, and a run of another header, are refused before the long part.
+    held_out_fit: HoldOut | PredictedRun | None = None
+    if isinstance(held_out, Run):
+        require_predictable(run, held_out)
+    elif held_out:
+        held_out_fit = hold_out(problem, held_out, seed)
     solution = solve_run(
         problem, run.header, seed=seed, fit=fit, progress=lambda share: report("fit", 0.7 * share)
     )
@@ -152,6 +158,8 @@ def _analyse(
     report("diagnostics", 0.3)
     placed = placement_result(solution, solution.effective)
     report("diagnostics", 0.6)
+    if isinstance(held_out, Run):
+        held_out_fit = predict_run(solution, held_out)
     to_enter, with_links, conformity = entered(solution, run.header.required)
     result = Result(
         verdict=solution.verdict,

@@ -17,6 +17,7 @@ from .options import Json, Picture, PlanFile, RunFile, Scheduler, Seed, Workers,
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis, Sampling
     from ..analysis.estimation.robust import Loss
+    from ..model.files.run import Run
 
 
 class LossName(StrEnum):
@@ -44,8 +45,9 @@ Robust = Annotated[
 HoldOut = Annotated[
     list[str] | None,
     typer.Option(
-        help="Validate on this placement, with a fit of the others; repeatable, * and ? match.",
-        metavar="NAME",
+        help="Validate on this placement, with a fit of the others; repeatable, * and ? match."
+        " Or predict another run (.jsonl) of the same header.",
+        metavar="NAME|FILE",
         show_default=False,
     ),
 ]
@@ -229,7 +231,25 @@ def _analysed(
     from ..analysis.analyse import analyse as judge
 
     loss: Loss | None = None if robust is None else robust.value
-    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=tell)
+    chosen = _held_out(held_out or [])
+    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=chosen, progress=tell)
+
+
+def _held_out(values: list[str]) -> list[str] | Run:
+    """The names of placements, or the run of the one file among the values."""
+    from ..model.files.run import is_run_name, read_run
+
+    files = [value for value in values if is_run_name(value)]
+    if not files:
+        return values
+    if len(values) > 1:
+        raise BadInput(
+            "a run can be held out alone only",
+            found=", ".join(values),
+            allowed="names of placements, or one run file (.jsonl)",
+            remedy="state --hold-out FILE once, and analyse again for the others",
+        )
+    return read_run(files[0])
 
 
 def _status(analysis: Analysis) -> int:

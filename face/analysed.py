@@ -254,7 +254,7 @@ def analyse(
     seed: int = 0,
     ess: float = 1000.0,
     robust: Loss | None = None,
-    held_out: Sequence[str] = (),
+    held_out: Sequence[str] | Run = (),
     progress: Progress | None = None,
 ) -> Analysed:
     """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
@@ -271,7 +271,8 @@ def analyse(
         "huber" or "student": one more fit with this loss, in which outlying measurements weigh less.
     held_out
         Names of placements or targets (* and ? as in file names): one more fit without these placements,
-        each taken whole, to see how it does there.
+        each taken whole, to see how it does there. Or another run of the same header: everything is estimated
+        from `run`, and the other one is predicted (`result.hold_out`).
     progress
         Called with the name of the present stage and its share, 0 to 1.
 

@@ -19,10 +19,11 @@ from ..analysis.answer.result import LikelihoodSummary, Result
 from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
+from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.posterior.posterior import PosteriorSummary
 from .misfit import criterion_sentence
 from .observability import reason
-from .wording import Namer, be, listed
+from .wording import Namer, be, clipped, listed
 
 MOST_NAMED = 10
 _USELESS = {
@@ -60,6 +61,12 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
                 "The posterior was not sampled, although the profile likelihood of"
                 f" {listed([name(each) for each in parameters], MOST_NAMED)} differs from the curvature at"
                 " the mode: sample it before you rely on these intervals"
+            )
+        case HeldOutMisfit(rms_mm=rms_mm, factor=factor, run=str(run)):
+            return (
+                f"The held-out run {clipped(run)} is predicted with errors ({rms_mm:.2f} mm rms) that are"
+                f" {factor:.1f} times what noise and fit explain: the estimates do not carry over to it as"
+                " stated"
             )
         case HeldOutMisfit(targets, rms_mm, factor):
             return (
@@ -135,6 +142,24 @@ def hold_out_message(held_out: HoldOut) -> str | None:
     return (
         None if held_out.dof else "zero degrees of freedom: no more numbers than coordinates of their targets"
     )
+
+
+def predicted_run_message(held_out: PredictedRun) -> str | None:
+    """Why a held-out run has no numbers, or not of all of its measurements."""
+    if held_out.failure is not None:
+        return f"the fit did not converge: {held_out.failure}"
+    reasons = []
+    if held_out.unknown:
+        reasons.append(
+            f"{_measurements(held_out.unknown)}: unknown, as the data do not determine the prediction"
+            f" (its u is more than {UNKNOWN:g} times the noise)"
+        )
+    if held_out.taken_up:
+        reasons.append(
+            f"{_measurements(held_out.taken_up)}: no prediction, as the position of the target is"
+            " estimated from no more numbers than it has coordinates"
+        )
+    return "; ".join(reasons) or None
 
 
 def robust_message(robust: Robust) -> str:

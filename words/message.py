@@ -428,6 +428,8 @@ def _check_first(doubt: Finding | HoldOut) -> str:
     match doubt:
         case OtherBasins():
             return "Enter nothing: record more measurements, in varied postures."
+        case HeldOutMisfit(run=str()):
+            return "Enter nothing yet: look for what differs in the held-out run."
         case HeldOutMisfit():
             return "Enter nothing yet: look for what differs at the held-out target."
         case HoldOut(placements=names):

@@ -63,7 +63,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return _TOOL_ROTATION
         case ToolRotation(tool, joint, known_to):
             words = kind_of(tool).words
-            if known_to is None and kind_of(tool).turns:
+            if known_to is None and kind_of(tool).beam:
                 return _TOOL_ROTATION
             if known_to is None:
                 return f"joint {joint} and a free {words.part} rotate together: only the sum of both moves it"

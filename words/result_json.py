@@ -11,7 +11,8 @@ from typing import Any
 
 from ..analysis.answer import document
 from ..analysis.answer.result import RESULT_SCHEMA, Result
-from ..analysis.diagnostics.hold_out import PlacementResult
+from ..analysis.diagnostics.hold_out import HoldOut, PlacementResult
+from ..analysis.diagnostics.predicted_run import PredictedRun
 from ..analysis.displacement import Displacement
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import NullDirection
@@ -28,6 +29,7 @@ from .findings import (
     likelihood_message,
     notes,
     posterior_message,
+    predicted_run_message,
     robust_message,
     tcp_words,
 )
@@ -87,7 +89,7 @@ def document_of(result: Result) -> document.ResultDocument:
             parameters=tuple(document.RobustParameterDocument.filled(row) for row in robust.parameters),
             message=robust_message(robust),
         ),
-        hold_out=held_out and document.HoldOutDocument.filled(held_out, message=hold_out_message(held_out)),
+        hold_out=held_out and _hold_out(held_out),
         placements=_placements(result.placements),
         misfit=_misfit(result.misfit),
         diagnosis=tuple(
@@ -101,6 +103,14 @@ def document_of(result: Result) -> document.ResultDocument:
         power=_powers(result.power),
         next_steps=steps,
     )
+
+
+def _hold_out(
+    held_out: HoldOut | PredictedRun,
+) -> document.HoldOutDocument | document.PredictedRunDocument:
+    if isinstance(held_out, PredictedRun):
+        return document.PredictedRunDocument.filled(held_out, message=predicted_run_message(held_out))
+    return document.HoldOutDocument.filled(held_out, message=hold_out_message(held_out))
 
 
 def check_json(check: Check) -> dict[str, Any]:

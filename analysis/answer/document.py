@@ -22,6 +22,7 @@ from ..diagnostics.budget import BudgetRow, LinearCheck
 from ..diagnostics.cause import Cause
 from ..diagnostics.enter import Conformity, TakenGeometry, TcpError
 from ..diagnostics.influence import ShotResult
+from ..diagnostics.predicted_run import PredictedMeasurement
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
 from ..estimation.tolerance_factors import Factors
@@ -305,6 +306,32 @@ class HoldOutDocument(DocumentPart):
     message: str | None
 
 
+class PredictedRunDocument(DocumentPart):
+    """Another run as the fit predicts it."""
+
+    run: str
+    sha256: str
+    targets: tuple[str, ...]
+    targets_placed: tuple[str, ...]
+    shots: int
+    shots_fitted: int
+    unknown: tuple[int, ...]
+    taken_up: tuple[int, ...]
+    rms_mm: Number
+    median_mm: Number
+    max_mm: Number
+    rms_before_mm: Number
+    median_before_mm: Number
+    max_before_mm: Number
+    expected_mm: Number
+    u_mm: Number
+    chi2: Number
+    dof: int | None
+    p_value: Number
+    measurements: tuple[PredictedMeasurement, ...]
+    message: str | None
+
+
 class LeftOutDocument(DocumentPart):
     """A placement as the others predict it."""
 
@@ -518,7 +545,7 @@ class ResultDocument(DocumentPart):
     accuracy: AccuracyDocument
     budget: tuple[BudgetDocument, ...]
     robust: RobustDocument | None
-    hold_out: HoldOutDocument | None
+    hold_out: HoldOutDocument | PredictedRunDocument | None
     placements: PlacementsDocument
     scene: RunScene | None
     misfit: MisfitDocument | None

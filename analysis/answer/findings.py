@@ -11,6 +11,7 @@ import scipy
 from ..diagnostics.hold_out import HoldOut
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import OUTLYING, Robust
+from ..diagnostics.predicted_run import PredictedRun
 from ..misfit import Criterion
 from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution, undecided_names
@@ -42,11 +43,13 @@ class NoPosterior:
 
 @dataclass(frozen=True)
 class HeldOutMisfit:
-    """Residuals at held-out targets are `factor` times what noise and fit explain."""
+    """Residuals at held-out targets, or of the held-out `run`, are `factor` times what noise and fit
+    explain."""
 
     targets: tuple[str, ...]
     rms_mm: float
     factor: float
+    run: str | None = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ def findings(
     posterior: PosteriorSummary,
     shots: Sequence[ShotResult],
     robust: Robust | None,
-    held_out: HoldOut | None,
+    held_out: HoldOut | PredictedRun | None,
     warnings: Sequence[str],
 ) -> tuple[Finding, ...]:
     """All of a result, the gravest first; `warnings` are those of the run's file."""
@@ -128,14 +131,14 @@ def _on_omitted(posterior: PosteriorSummary) -> Iterator[Finding]:
         yield PoorCurvature(left_out.poor, left_out.tested)
 
 
-def on_held_out(held_out: HoldOut | None) -> Iterator[Finding]:
-    """Residuals at held-out targets that noise and fit do not explain."""
+def on_held_out(held_out: HoldOut | PredictedRun | None) -> Iterator[Finding]:
+    """Residuals at held-out targets, or of a held-out run, that noise and fit do not explain."""
     if held_out is None or held_out.p_value is None or held_out.p_value >= LACK_OF_FIT:
         return
-    assert held_out.chi2 is not None
+    assert held_out.factor is not None
     assert held_out.rms_mm is not None
-    assert held_out.dof
-    yield HeldOutMisfit(held_out.targets, held_out.rms_mm, float(np.sqrt(held_out.chi2 / held_out.dof)))
+    run = held_out.run if isinstance(held_out, PredictedRun) else None
+    yield HeldOutMisfit(held_out.targets, held_out.rms_mm, held_out.factor, run)
 
 
 def _on_robust(robust: Robust) -> Iterator[Finding]:

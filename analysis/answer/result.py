@@ -18,6 +18,7 @@ from ..diagnostics.enter import Conformity, Entered
 from ..diagnostics.hold_out import HoldOut, PlacementResult
 from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import Robust
+from ..diagnostics.predicted_run import PredictedRun
 from ..diagnostics.scene import RunScene
 from ..misfit import Misfit
 from ..observability.geometry import GeometryResult
@@ -194,7 +195,7 @@ class Result:
     accuracy: TcpAccuracy
     budget: tuple[Budget, ...]
     robust: Robust | None
-    hold_out: HoldOut | None
+    hold_out: HoldOut | PredictedRun | None
     placements: PlacementResult
     scene: RunScene | None
     misfit: Misfit | None

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import numpy as np
-import scipy
 
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
@@ -26,8 +25,8 @@ from ..recordings.recordings import Effective
 from ..recordings.steps import RecordingSteps
 from ..solution import Solution
 from ..status import known
+from .prediction import p_value, predicted, settled
 
-_ROUNDS = 20
 _SEPARATORS = "_-. "
 _FEWEST = 3  # placements of a jackknife
 _STEPS = 12
@@ -135,89 +134,27 @@ def judged(
     covariance: Matrix,
     weight: float,
 ) -> HoldOut:
-    """The placements `groups` of `problem` by a fit of the problem `seen` without them: its mode `x`, the
-    `covariance` of its scaled free parameters, and `weight` 1 / noise scale^2.
-
-    Generalised least squares with the covariance S = I / weight + B C B' of what is left at the targets' best
-    places, B the Jacobian by all that is carried over and C its covariance (Seber & Lee, Linear Regression
-    Analysis, 2003, section 3.10), solved as an ordinary one by the rows of C's root.
-    """
+    """The placements `groups` of `problem` by a fit of the problem `fitted` without them: its mode `x`, the
+    `covariance` of its scaled free parameters, and `weight` 1 / noise scale^2."""
     names = tuple(name for placement in groups for name in placement.targets)
     held_out = problem.without_targets(set(problem.targets) - set(names))
-    parameters, fitted_parameters = held_out.parameters, fitted.parameters
-    carried = [item.name for item in fitted_parameters.items if item.group != "target"]
-    start = held_out.nominal()
-    before = _settled(held_out, start, weight)
-    start[[parameters.index(name) for name in carried]] = x[
-        [fitted_parameters.index(name) for name in carried]
-    ]
-    after = _settled(held_out, start, weight)
-    whitened = held_out.whiten(after)
-    rows = held_out.shots * held_out.tool.residual_size
-    scale = _row_scale(held_out, weight)
-    residual, jacobian = whitened.residual * scale, whitened.jacobian * scale[:, None]
-    by_place = jacobian[:, parameters.group("target") & parameters.free]
-    free = [name for name in carried if fitted_parameters.free[fitted_parameters.index(name)]]
-    at = fitted_parameters.among_free[[fitted_parameters.index(name) for name in free]]
-    values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    by_rest = jacobian[:, [parameters.index(name) for name in free]] @ root
-    # Only what is carried over has a prior here: the places are free.
-    prior = np.hstack([np.zeros((len(free), by_place.shape[1])), np.eye(len(free))])
-    columns = np.vstack([np.hstack([by_place, by_rest]), prior])
-    whole = np.append(residual, np.zeros(len(free)))
-    left = whole - columns @ np.linalg.lstsq(columns, whole, rcond=None)[0]
-    rank = int(np.linalg.matrix_rank(by_place))
-    basis = np.linalg.svd(by_place, full_matrices=False)[0][:, :rank]
-    noise = whitened.factor / np.sqrt(weight)
-    d = held_out.tool.residual_size
-    placed = basis[:rows].reshape(held_out.shots, d, -1)
-    squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
-    rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
-    squares += float(((whitened.factor @ rest.reshape(held_out.shots, d, -1)) ** 2).sum())
-    chi2, dof = float(left @ left), held_out.measured_size - rank
+    moved = held_out.parameters.group("target") & held_out.parameters.free
+    before = settled(held_out, held_out.nominal(), weight, moved)
+    after = predicted(held_out, fitted.parameters, x, covariance, weight)
+    chi2, dof = after.chi2, after.dof
     return HoldOut(
         targets=names,
         placements=tuple(placement.name for placement in groups),
         shots=held_out.shots,
         shots_fitted=fitted.shots,
-        rms_mm=rms_length(whitened.residual_mm),
+        rms_mm=rms_length(after.residual_mm),
         rms_before_mm=rms_length(held_out.linearise(before)[0]),
-        expected_mm=float(np.sqrt(max(squares, 0.0) / held_out.shots)),
+        expected_mm=float(np.sqrt(after.expected.mean())),
         chi2=chi2 if dof > 0 else None,
-        dof=max(dof, 0),
-        p_value=_p_value(fitted, chi2, dof) if dof > 0 else None,
+        dof=dof,
+        p_value=p_value(fitted, chi2, dof) if dof > 0 else None,
         failure=None,
     )
-
-
-def _p_value(fitted: Problem, chi2: float, dof: int) -> float:
-    """Of chi-squared; by F where the noise scale is estimated from the measurements fitted."""
-    free = fitted.data_size - int(fitted.parameters.free.sum())
-    if not fitted.noise.estimated or free <= 0:
-        return float(scipy.special.chdtrc(dof, chi2))
-    return float(scipy.special.fdtrc(dof, free, chi2 / dof))
-
-
-def _row_scale(problem: Problem, weight: float) -> Matrix:
-    """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
-    rows = problem.shots * problem.tool.residual_size
-    return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
-
-
-def _settled(problem: Problem, x: Matrix, weight: float) -> Matrix:
-    """x (p,) with the free coordinates of its targets where residuals and distances are best met."""
-    parameters, scale = problem.parameters, _row_scale(problem, weight)
-    x, moved = x.copy(), parameters.group("target") & parameters.free
-    for _ in range(_ROUNDS):
-        whitened = problem.whiten(x)
-        columns = np.vstack([whitened.jacobian[:, moved] * scale[:, None], np.eye(int(moved.sum()))])
-        z = (x - parameters.prior_mean)[moved] / parameters.prior_std[moved]
-        step = -np.linalg.lstsq(columns, np.append(whitened.residual * scale, z), rcond=None)[0]
-        x[moved] += step * parameters.prior_std[moved]
-        if np.abs(step).max(initial=0.0) < 1e-12:
-            break
-    return x
 
 
 @dataclass(frozen=True)

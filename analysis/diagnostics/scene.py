@@ -103,9 +103,11 @@ def _drawn(solution: Solution) -> Matrix:
 
 def _target(solution: Solution, k: int) -> SceneTarget:
     problem, fit = solution.problem, solution.fit
-    coordinates = problem.parameters.block("target", k)
-    status = set(solution.status[coordinates])
+    coordinates = problem.parameters.place_of(problem.targets[k])
     position = covariance = None
+    if (coordinates < 0).any():  # a plane, or a station whose frame is known
+        return SceneTarget(problem.targets[k], position, covariance)
+    status = {solution.status[i] for i in coordinates.tolist()}
     if "unidentifiable" not in status:
         position = _point(fit.x[coordinates])
         if "held" not in status:

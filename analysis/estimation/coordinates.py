@@ -43,11 +43,13 @@ class FlangeCoordinates:
         problem = density.problem
         self._problem = problem
         parameters = problem.parameters
-        count = len(problem.targets)
+        count = len(problem.targets) - problem.stations
         self._free = parameters.free
         places = np.arange(len(parameters))[parameters.block("target")].reshape(count, 3)
         # A target of which a coordinate is held stays in the base frame: seen from the flange it would move.
-        moved = np.flatnonzero(self._free[places].all(axis=1))
+        # So does a plane: its coordinates are no point's.
+        points = np.array([item.unit == "mm" for item in parameters.items])
+        moved = np.flatnonzero((self._free & points)[places].all(axis=1))
         self._targets = moved
         self._places = places[moved]
         # The change of frame is rigid only if the three coordinates share one scale.

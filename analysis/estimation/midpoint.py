@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.arrays import Index, Matrix
+from ...model.instruments.flange_tool import FlangeTool
 from ...model.likelihood.problem import Problem
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 
@@ -162,6 +163,8 @@ class _Middles:
     @classmethod
     def of(cls, problem: Problem) -> tuple[_Middles | None, str | None]:
         """The pairs that have a middle, and a sentence on those that have none."""
+        if not isinstance(problem.tool, FlangeTool):
+            return None, "the paper's fit is of beams or tips that meet one point"
         if not problem.tool.beam:
             of = problem.tool.name
             note = f"a {of} has points, not beams: the scatter of the tip's positions is minimised"

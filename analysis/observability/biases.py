@@ -38,7 +38,8 @@ class Linearised:
         roots = np.sqrt(problem.weights)[:, None, None]
         by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
         self.by_joints: Matrix = np.asarray(by_joints * roots, dtype=float)
-        self.by_spot: Matrix = np.asarray(-np.linalg.inv(whitened.factor) * roots, dtype=float)
+        by_spot = -np.linalg.inv(whitened.factor) * problem.active[:, None, :]
+        self.by_spot: Matrix = np.asarray(by_spot * roots, dtype=float)
         self.by_target = by_targets(problem, whitened)
         self.roots = problem.roots(whitened)
 

@@ -23,6 +23,7 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
+from ...model.instruments.kind import Instrument
 from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
 from ..status import Status
@@ -73,7 +74,7 @@ class Mechanism:
 def mechanisms(problem: Problem) -> Iterator[Mechanism]:
     """The known mechanisms for these measurements, the most special first."""
     n, parameters, free = problem.robot.n, problem.parameters, problem.parameters.free
-    targets, tool = parameters.group("target"), parameters.group("tool")
+    targets, tool = parameters.group("target") | parameters.group("frame"), parameters.group("tool")
 
     def offset(i: int) -> Mask:
         return np.equal(np.arange(len(parameters)), i)
@@ -87,9 +88,10 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(offset(0) | targets, BaseFrame())
     if problem.noise.separate:
         yield Mechanism(parameters.group("noise"), NoiseSplit())
-    yield Mechanism(offset(n - 1), OnAxis(problem.tool.name, n))
-    if tool.any() and free[n - 1]:
-        yield Mechanism(offset(n - 1) | tool, _tool_rotation(problem))
+    for each in problem.tool.each:
+        yield Mechanism(offset(n - 1), OnAxis(each.name, n))
+        if (carried := parameters.carried(each)).any() and free[n - 1]:
+            yield Mechanism(offset(n - 1) | carried, _tool_rotation(each, n))
     spread = np.ptp(problem.joints, axis=0) * problem.robot.display
     for k in range(1, n):
         if free[k]:
@@ -105,12 +107,9 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(tool | targets, ToolAgainstTarget())
 
 
-def _tool_rotation(problem: Problem) -> ToolRotation:
+def _tool_rotation(tool: Instrument, joint: int) -> ToolRotation:
     """The last joint and the tool: free, or within a stated sigma."""
-    tool = problem.tool
-    if not tool.calibrated:
-        return ToolRotation(tool.name, problem.robot.n)
-    return ToolRotation(tool.name, problem.robot.n, tool.known_to)
+    return ToolRotation(tool.name, joint, tool.known_to if tool.calibrated else None)
 
 
 def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:

@@ -164,11 +164,11 @@ class _Powers:
 
     def rows(self) -> Iterator[DetectionPower]:
         """Each with a joint, a target and a direction, those of the largest risk."""
-        biases, problem = self._biases, self._biases.problem
+        problem = self._biases.problem
         if shifts := tool_items(problem, "mm"):
-            yield self._along("tool", TOOL_MM, "mm", biases.by_parameters(shifts))
+            yield self._along("tool", TOOL_MM, "mm", shifts)
         if tilts := tool_items(problem, "deg"):
-            yield self._along("beam", BEAM_DEG, "deg", biases.by_parameters(tilts))
+            yield self._along("beam", BEAM_DEG, "deg", tilts)
         if len(arm := _tolerated_arm(problem)):
             yield self._of_arm(arm)
         joints = revolute(problem)
@@ -182,9 +182,12 @@ class _Powers:
             yield self._of_backlash(joints)
         yield self._of_noise()
 
-    def _along(self, wrong: WrongModel, size: float, unit: str, columns: Matrix) -> DetectionPower:
-        """A displacement (of the tool) with these columns (M, 2) in the worst direction."""
-        columns = columns @ _directions(columns.shape[1]) * (np.radians(size) if unit == "deg" else size)
+    def _along(self, wrong: WrongModel, size: float, unit: str, items: list[int]) -> DetectionPower:
+        """A displacement of the tool, or of one of several, by these parameters in the worst direction."""
+        of = [self._biases.problem.parameters.items[i].of for i in items]
+        parts = [[k for k, name in enumerate(of) if name == one] for one in dict.fromkeys(of)]
+        columns = self._biases.by_parameters(items) @ _directions_of(parts, len(items))
+        columns *= np.radians(size) if unit == "deg" else size
         u = self._biases.free.T @ columns
         return self._worst(wrong, size, unit, (columns**2).sum(axis=0), u)
 
@@ -226,7 +229,8 @@ class _Powers:
     def _of_reading(self) -> DetectionPower:
         """One measurement that is off, in the worst direction."""
         biases = self._biases
-        parts = biases.by_spot @ _directions(biases.by_spot.shape[2]) * READING_MM
+        lengths = biases.problem.tool.lengths
+        parts = biases.by_spot @ _directions_of(lengths, biases.by_spot.shape[2]) * READING_MM
         u = np.einsum("nda,ndk->ank", biases.roots, parts).reshape(biases.roots.shape[2], -1)
         return self._worst("reading", READING_MM, "mm", (parts**2).sum(axis=1).ravel(), u)
 
@@ -379,6 +383,17 @@ def _directions(size: int) -> Matrix:
     height, turn = k / len(k), np.pi * (1 + np.sqrt(5)) * k  # Fibonacci's half sphere
     across = np.sqrt(1 - height**2)
     return np.stack([across * np.cos(turn), across * np.sin(turn), height])
+
+
+def _directions_of(parts: Sequence[Sequence[int]], size: int) -> Matrix:
+    """(size, k) directions within each of the parts of a vector, which has 0 elsewhere."""
+    every = []
+    for part in parts:
+        inside = _directions(len(part))
+        whole = np.zeros((size, inside.shape[1]))
+        whole[list(part)] = inside
+        every.append(whole)
+    return np.hstack(every)
 
 
 def _of_moments(limit: float, mean: Matrix, variance: Matrix) -> Matrix:

@@ -49,12 +49,13 @@ _PRIOR = 1 - _RHO[1:]  # of the others: large ones are rare
 
 
 def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
-    """(N, d, 3) of the whitened residuals by their targets' coordinates in mm, held or not."""
+    """(N, d, 3) of the whitened residuals by what moves their target in mm, held or not: its coordinates, the
+    distance of a plane, the origin of a free frame; 0 where nothing does."""
     parameters, d = problem.parameters, problem.tool.residual_size
-    columns = problem.columns[:, parameters.in_shot("target")]
+    places = np.array([parameters.place_of(name) for name in problem.targets])[problem.target_index]
     jacobian = whitened.jacobian[: problem.shots * d].reshape(problem.shots, d, -1)
-    by_scaled = np.take_along_axis(jacobian, np.repeat(columns[:, None, :], d, axis=1), axis=2)
-    return np.asarray(by_scaled / parameters.prior_std[columns][:, None, :])
+    by_scaled = np.take_along_axis(jacobian, np.repeat(places[:, None, :], d, axis=1), axis=2)
+    return np.asarray(np.where(places < 0, 0.0, 1 / parameters.prior_std[places])[:, None, :] * by_scaled)
 
 
 _Rho = TypeVar("_Rho", float, Matrix)

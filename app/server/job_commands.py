@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from ...model.errors import BadInput
+from ...model.files.run import is_run_name
 from ...model.parsing.validation import FileModel, as_tuple
 from .folder import Folder
 
@@ -29,7 +30,8 @@ class AskedLine(FileModel):
     text: str = Field(max_length=10_000, description="one line, or several")
 
 
-Kind = Literal["read", "write", "value", "values", "flag"]  # values: it may be stated several times
+# values: it may be stated several times; held out: so may this one, as names or as a file that is read
+Kind = Literal["read", "write", "value", "values", "held out", "flag"]
 
 
 def _options(*groups: tuple[Kind, str]) -> dict[str, Kind]:
@@ -37,7 +39,7 @@ def _options(*groups: tuple[Kind, str]) -> dict[str, Kind]:
     return {option: kind for kind, options in groups for option in options.split()}
 
 
-_ANALYSE = _options(("value", "--seed --ess --robust"), ("values", "--hold-out"))
+_ANALYSE = _options(("value", "--seed --ess --robust"), ("held out", "--hold-out"))
 _EXPORT = _options(
     ("write", "--out"), ("flag", "--allow-weak --allow-displaced --unvalidated"), ("values", "--without")
 )
@@ -197,14 +199,15 @@ def _parsed(
 
 def _require_once(called: str, options: Mapping[str, Kind], options_typed: Sequence[_Option]) -> None:
     """Of an option that stands twice one is carried out; that the other one was checked is worth nothing."""
-    keys = [key for key, _ in options_typed if options[key] != "values"]
+    keys = [key for key, _ in options_typed if options[key] not in ("values", "held out")]
     for key in keys:
         if keys.count(key) > 1:
             raise BadInput(f"{key} of {called} is stated twice", allowed=f"{key} once")
 
 
 def _value(folder: Folder, kind: Kind, value: str | None) -> str | None:
-    return _file(folder, value) if value is not None and kind in ("read", "write") else value
+    named = kind in ("read", "write") or (kind == "held out" and is_run_name(value or ""))
+    return _file(folder, value) if value is not None and named else value
 
 
 def _file(folder: Folder, name: str) -> str:

@@ -352,6 +352,11 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
 
 
+def is_run_name(name: str) -> bool:
+    """Whether the name is one of a run file, and not of a target."""
+    return Path(name).suffix.casefold() == ".jsonl"
+
+
 def header_of_run(path: Path) -> Header:
     """The header of a run file, without its provenance: for a plan of the same cell."""
     header = read_run(path).header.model_copy(update={"provenance": {}})

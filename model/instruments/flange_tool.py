@@ -40,16 +40,16 @@ class FlangeTool(Instrument):
     sigma_known: bool = False
 
     @classmethod
-    def of(cls, label: str, stated: Any, *, exact: bool, sigma_known: bool = False) -> Self:
-        direction = None if stated.direction is None else np.array(stated.direction, dtype=float)
+    def of(cls, label: str, entry: Any, *, exact: bool, sigma_known: bool = False) -> Self:
+        direction = None if entry.direction is None else np.array(entry.direction, dtype=float)
         return cls(
             label=label,
-            is_calibrated=stated.calibrated,
-            tip=np.array(stated.point_mm, dtype=float),
+            is_calibrated=entry.calibrated,
+            tip=np.array(entry.point_mm, dtype=float),
             direction=None if direction is None else direction / np.linalg.norm(direction),
-            tilt_std=float(np.radians(stated.sigma.tilt_deg)),
-            shift_std=stated.sigma.shift_mm,
-            tolerated=not exact or "sigma" in stated.model_fields_set,
+            tilt_std=float(np.radians(entry.sigma.tilt_deg)),
+            shift_std=entry.sigma.shift_mm,
+            tolerated=not exact or "sigma" in entry.model_fields_set,
             sigma_known=sigma_known,
         )
 
@@ -86,12 +86,12 @@ class FlangeTool(Instrument):
         return {column: tuple(shift.tolist()) for column in self.columns}
 
     @abstractmethod
-    def seen(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def beside(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         """(d, 1) the residual of a `target` (3, 1) mm in the flange frame; `unknowns` (k, 1), or empty if it
         is exact."""
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
-        return self.seen(flange.in_flange(target), unknowns)
+        return self.beside(flange.in_flange(target), unknowns)
 
 
 def flange_tool(instrument: Instrument) -> FlangeTool:

@@ -29,7 +29,7 @@ TARGET_KEYS: dict[TargetKind, dict[str, str]] = {
 }
 
 
-class StatedTarget(Protocol):
+class TargetEntry(Protocol):
     """What a header states of a target (`model.files.header`)."""
 
     @property
@@ -119,7 +119,7 @@ class Measured(NamedTuple):
     sigma: float | None = None
 
 
-class Layout(NamedTuple):
+class ResidualLayout(NamedTuple):
     """Of each component (d,) of a residual: the number of a reading that is its relative standard deviation
     (-1: it has that of the instrument), the number that is 1 where it was read at all and else 0 (-1:
     always), and the index of the instrument that it comes from."""
@@ -153,7 +153,6 @@ class Instrument(ABC):
     touches_ball: ClassVar[bool] = False
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
-    turns: ClassVar[bool] = False
     words: ClassVar[Words]
 
     label: str
@@ -167,7 +166,7 @@ class Instrument(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, label: str, stated: Any, *, exact: bool) -> Self:
+    def of(cls, label: str, entry: Any, *, exact: bool) -> Self:
         """As a header states it by `Stated`; with `exact`, what has no stated sigma is as it is stated."""
 
     @property
@@ -190,6 +189,10 @@ class Instrument(ABC):
         return not self.unknowns
 
     @property
+    def turns(self) -> bool:
+        return False
+
+    @property
     def grounded(self) -> bool:
         return False
 
@@ -204,7 +207,7 @@ class Instrument(ABC):
         stds = [unknown.std for unknown in self.unknowns if unknown.group == "tool"]
         return max(stds, default=0.0)
 
-    def coordinates(self, target: StatedTarget | None) -> tuple[Unknown, Unknown, Unknown]:
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         """The three unknowns of a target, of which a header states something or nothing."""
         guess = (0.0, 0.0, 0.0) if target is None or target.guess_mm is None else target.guess_mm
         std = 10_000.0 if target is None else target.sigma_mm
@@ -235,11 +238,16 @@ class Instrument(ABC):
         return False
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> ResidualLayout:
         d, w = self.residual_size, self.reading_size
         none = np.full(d, -1, dtype=np.int64)
         relative = np.arange(w - d, w, dtype=np.int64) if self.varies else none
-        return Layout(relative, none, np.zeros(d, dtype=np.int64))
+        return ResidualLayout(relative, none, np.zeros(d, dtype=np.int64))
+
+    @property
+    def lengths(self) -> list[list[int]]:
+        """The components of a residual that are lengths, mm, part by part; others are angles."""
+        return [list(range(min(self.residual_size, 3)))]
 
     @property
     def each(self) -> tuple[Instrument, ...]:
@@ -247,7 +255,7 @@ class Instrument(ABC):
         return (self,)
 
     def reading(
-        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: StatedTarget | None
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
     ) -> Matrix:
         """(w,) of what a measurement records by `columns` and a header states of its target; `sigma` (mm) if
         the measurement states its own. Of a planned one nothing is `measured`: zeros take its place."""
@@ -258,10 +266,10 @@ class Instrument(ABC):
         return np.zeros(self.residual_size)
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
-        """What a measurement records by `columns`, whose `reading` (w,) leaves the residual `shift` (d,)."""
+        """What a measurement with this `reading` (w,) and `shift` (d,) records by `columns`."""
         return {}
 
-    def row(self, some: Sequence[Measured], target: StatedTarget | None) -> tuple[Matrix, Matrix]:
+    def row(self, some: Sequence[Measured], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         (item,) = some
         return self.reading(item.reading, item.sigma, target), self.shift(item.reading)

@@ -28,7 +28,6 @@ class LaserBeam(FlangeTool):
     target = "psd"
     free_sigma = (3.0, 10.0)
     beam = True
-    turns = True
     words = Words(
         is_="a beam that must pass the target",
         part="beam",
@@ -56,6 +55,10 @@ class LaserBeam(FlangeTool):
             yield Unknown(axis, "mm", 0.0, self.shift_std)
 
     @property
+    def turns(self) -> bool:
+        return not self.calibrated
+
+    @property
     def known_to(self) -> float:
         return float(np.degrees(self.tilt_std))
 
@@ -63,7 +66,7 @@ class LaserBeam(FlangeTool):
         point, direction, _ = self.beam_frame(unknowns)
         return point, direction
 
-    def seen(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def beside(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         point, _, across = self.beam_frame(unknowns)
         return across.T @ (target - point)
 

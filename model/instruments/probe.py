@@ -53,5 +53,5 @@ class ProbeTip(FlangeTool):
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         return self.tip_at(unknowns), ca.SX.zeros(3)
 
-    def seen(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
+    def beside(self, target: ca.SX, unknowns: ca.SX) -> ca.SX:
         return target - self.tip_at(unknowns)

@@ -1,8 +1,8 @@
 """Several instruments as one: what of them reads at a posture, each with its own residual.
 
-A run is a sum of kinds. The residual of a posture has the components of every part, an instrument with one of
-its variants; the components of parts that do not read there are 0, and `Layout.active` says which do. Parts
-that read at one posture share the errors of its recorded joints.
+A run is a sum of kinds. The residual of a posture has the components of every part, an instrument with one
+of its variants; the components of parts that do not read there are 0, and `ResidualLayout.active` says which
+do. Parts that read at one posture share the errors of its recorded joints.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
-from .kind import Flange, Instrument, Layout, Measured, StatedTarget, Unknown, Words
+from .kind import Flange, Instrument, Measured, ResidualLayout, TargetEntry, Unknown, Words
 
 
 class Part(NamedTuple):
@@ -41,7 +41,7 @@ class Together(Instrument):
     parts: tuple[Part, ...]
 
     @classmethod
-    def of(cls, label: str, stated: Any, *, exact: bool) -> Self:
+    def of(cls, label: str, entry: Any, *, exact: bool) -> Self:
         raise NotImplementedError("it is made of instruments")
 
     @property
@@ -59,8 +59,9 @@ class Together(Instrument):
         return self.instruments[0].words
 
     @property
-    def turns(self) -> bool:  # type: ignore[override]
-        return any(instrument.turns for instrument in self.instruments)
+    def turns(self) -> bool:
+        """Not where one instrument determines the last offset: it does so for all."""
+        return all(instrument.turns for instrument in self.instruments)
 
     @property
     def grounded(self) -> bool:
@@ -68,7 +69,8 @@ class Together(Instrument):
 
     @property
     def calibrated(self) -> bool:
-        return all(instrument.calibrated for instrument in self.instruments)
+        """One that is known determines what the last link does."""
+        return any(instrument.calibrated for instrument in self.instruments)
 
     @property
     def each(self) -> tuple[Instrument, ...]:
@@ -111,7 +113,7 @@ class Together(Instrument):
         ]
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> ResidualLayout:
         relative, active, source = [], [], []
         for number, (part, instrument, at) in enumerate(
             zip(self.parts, self._of_parts, self.slices, strict=True)
@@ -120,7 +122,7 @@ class Together(Instrument):
             relative.append(np.where(columns < 0, -1, columns + at.start))
             active.append(np.full(instrument.residual_size, number))
             source.append(np.full(instrument.residual_size, part.instrument))
-        return Layout(np.concatenate(relative), np.concatenate(active), np.concatenate(source))
+        return ResidualLayout(np.concatenate(relative), np.concatenate(active), np.concatenate(source))
 
     @cached_property
     def slices(self) -> list[slice]:
@@ -136,21 +138,39 @@ class Together(Instrument):
         return [slice(start, stop) for start, stop in pairwise(ends)]
 
     @property
+    def lengths(self) -> list[list[int]]:
+        return [
+            [rows.start + k for some in instrument.lengths for k in some]
+            for instrument, rows in zip(self._of_parts, self.rows, strict=True)
+        ]
+
+    @property
     def _of_parts(self) -> list[Instrument]:
         return [self.instruments[part.instrument] for part in self.parts]
 
-    def row(self, some: Sequence[Measured], target: StatedTarget | None) -> tuple[Matrix, Matrix]:
+    def row(self, some: Sequence[Measured], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         reading, shift = np.zeros(self.reading_size), np.zeros(self.residual_size)
         by_part = {(item.label, item.variant): item for item in some}
         for number, (part, instrument) in enumerate(zip(self.parts, self._of_parts, strict=True)):
             item = by_part.get((instrument.label, part.variant))
-            # What does not read takes the reading of a plan, so that its functions stay finite.
-            measured, sigma = ({}, None) if item is None else (item.reading, item.sigma)
             reading[number] = item is not None
-            reading[self.slices[number]] = instrument.reading(measured, sigma, target)
-            shift[self.rows[number]] = instrument.shift(measured)
+            # Of what does not read any numbers do, with which its functions stay finite.
+            reading[self.slices[number]] = 1.0
+            if item is not None:
+                reading[self.slices[number]] = instrument.reading(item.reading, item.sigma, target)
+                shift[self.rows[number]] = instrument.shift(item.reading)
         return reading, shift
+
+    def recorded_by(self, reading: Matrix, shift: Matrix) -> list[tuple[Part, dict[str, tuple[float, ...]]]]:
+        """What each part that reads records."""
+        return [
+            (part, instrument.recorded(reading[at], shift[rows]))
+            for number, (part, instrument, at, rows) in enumerate(
+                zip(self.parts, self._of_parts, self.slices, self.rows, strict=True)
+            )
+            if reading[number]
+        ]
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return ca.vertcat(

@@ -19,7 +19,18 @@ from numpy.typing import NDArray
 
 from ..arrays import Matrix
 
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_BINARY = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_LT: "zb_lt({0}, {1})",
+    ca.OP_LE: "zb_le({0}, {1})",
+    ca.OP_IF_ELSE_ZERO: "zb_if({0}, {1})",
+    ca.OP_FMIN: "zb_fmin({0}, {1})",
+    ca.OP_FMAX: "zb_fmax({0}, {1})",
+    ca.OP_ATAN2: "zb_atan2({0}, {1})",
+}
 _UNARY = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_NEG: "-{0}",
@@ -30,6 +41,8 @@ _UNARY = {
     ca.OP_TAN: "zb_tan({0})",
     ca.OP_EXP: "zb_exp({0})",
     ca.OP_LOG: "zb_log({0})",
+    ca.OP_FABS: "zb_fabs({0})",
+    ca.OP_NOT: "zb_not({0})",
 }
 _TURNED = {ca.OP_SIN: "s", ca.OP_COS: "c"}  # mostly both are asked for, and one call gives both
 
@@ -81,10 +94,7 @@ def grid_source(function: ca.Function, hoisted: Collection[str], *, gram: bool =
         elif operation in _BINARY or operation in _UNARY:
             names = [current[slot][0] for slot in places]
             fixed = all(current[slot][1] for slot in places)
-            if operation in _BINARY:
-                text = f"{names[0]} {_BINARY[operation]} {names[1]}"
-            else:
-                text = _UNARY[operation].format(names[0])
+            text = (_BINARY if operation in _BINARY else _UNARY)[operation].format(*names)
         else:
             raise NoSource(f"{function.name()} has the operation {operation} of CasADi")
         current[results[0]] = (name, fixed)

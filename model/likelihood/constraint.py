@@ -80,7 +80,7 @@ class ShotFunctions:
               for a probe the direction is zero and the origin is its tip
     hit       (q, arm, tool, centre, normal) -> point (3,), length, jacobian (3, n) by the joints: where
               the beam meets the plane through `centre` across `normal`, and how far from its origin
-    pose      (q, arm) -> pose (3, 4): rotation and translation of the flange in the base frame
+    flange    (q, arm) -> flange (3, 4): rotation and translation of the flange in the base frame
     predicted (q, arm, target, tool, reading) -> predicted (w,), the reading that leaves no residual
     skeleton  (q, arm) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, arm) -> axes (3, n): unit joint axes in the base frame
@@ -171,7 +171,7 @@ def residual(
     if isinstance(tool, FlangeTool):  # sees its target in the flange frame: that takes half the operations
         target_in_flange, stations = robot.in_flange(turns, target)
         at = ca.SX.sym("target_in_flange", 3)
-        predicted = tool.seen(at, unknown)
+        predicted = tool.beside(at, unknown)
         across = ca.jacobian(predicted, at).T
         predicted, across = ca.substitute([predicted, across], [at], [target_in_flange])
         return (predicted, *robot.in_flange_jacobian(turns, stations, across))
@@ -355,10 +355,10 @@ def _hit(functions: ShotFunctions) -> ca.Function:
     return _function("hit", inputs, outputs)
 
 
-def _pose(functions: ShotFunctions) -> ca.Function:
+def _flange(functions: ShotFunctions) -> ca.Function:
     posture = functions.posture
     rotation, translation = posture.flange.rotation, posture.flange.translation
-    return _function("pose", posture.inputs(), {"pose": ca.horzcat(rotation, translation)})
+    return _function("flange", posture.inputs(), {"flange": ca.horzcat(rotation, translation)})
 
 
 def _predicted(functions: ShotFunctions) -> ca.Function:
@@ -414,7 +414,7 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "skeleton": _skeleton,
     "axes": _axes,
     "midpoint": _midpoint,
-    "pose": _pose,
+    "flange": _flange,
     "predicted": _predicted,
 }
 

@@ -11,6 +11,12 @@ typedef double V __attribute__((vector_size(LANES * sizeof(double))));
 #define LANEWISE(name) static inline V zb_##name(V a) { \
   V r; for (int l = 0; l < LANES; ++l) r[l] = name(a[l]); return r; }
 LANEWISE(sqrt) LANEWISE(tan) LANEWISE(exp) LANEWISE(log)
+LANEWISE(fabs)
+#define OF_TWO(name, value) static inline V zb_##name(V a, V b) { \
+  V r; for (int l = 0; l < LANES; ++l) r[l] = (value); return r; }
+OF_TWO(lt, a[l] < b[l]) OF_TWO(le, a[l] <= b[l]) OF_TWO(if, a[l] ? b[l] : 0.0)
+OF_TWO(fmin, fmin(a[l], b[l])) OF_TWO(fmax, fmax(a[l], b[l])) OF_TWO(atan2, atan2(a[l], b[l]))
+static inline V zb_not(V a) { V r; for (int l = 0; l < LANES; ++l) r[l] = !a[l]; return r; }
 static inline V zb_all(double a) { return a - (V){0.0}; }
 static inline void zb_sincos(V a, V *s, V *c) {
   for (int l = 0; l < LANES; ++l) { (*s)[l] = sin(a[l]); (*c)[l] = cos(a[l]); } }

@@ -164,6 +164,22 @@ class Parameters:
         """Those of what the flange carries and of the frames of stations."""
         return slice(self.block("tool").start, self.block("frame").stop)
 
+    def carried(self, instrument: Instrument) -> NDArray[np.bool_]:
+        """(p,) True for what the flange carries of an instrument."""
+        of = {unknown.of for unknown in instrument.unknowns}
+        return np.array([item.group == "tool" and item.of in of for item in self.items], dtype=bool)
+
+    def place_of(self, name: str) -> NDArray[np.int64]:
+        """Where among the parameters the three numbers are that move a target, or a station with a free
+        frame, of that name: -1 for a number that does not, as the tilt of a plane."""
+        places = np.full(3, -1, dtype=np.int64)
+        of_name = [
+            i for i, item in enumerate(self.items) if item.group in ("target", "frame") and item.of == name
+        ]
+        for axis, i in enumerate(of_name[:3]):
+            places[axis] = i if self.items[i].unit == "mm" else -1
+        return places
+
     @cached_property
     def arm(self) -> slice:
         """All that forward kinematics depends on."""

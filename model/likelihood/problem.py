@@ -131,6 +131,8 @@ class Problem:
         joints: Matrix,
         measured: Sequence[Sequence[Measured]],
         shot_numbers: Sequence[int] | None = None,
+        *,
+        planned: bool = False,
     ) -> Problem:
         """From a header and (N,) what is measured at each of the recorded (or planned) `joints` (N, n)."""
         every = [item for some in measured for item in some]
@@ -169,7 +171,7 @@ class Problem:
             guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in names]),
             distances=distances(header, names),
             weights=np.ones(len(joints)),
-            planned=not any(item.reading for item in every),
+            planned=planned,
         )
 
     @classmethod
@@ -184,10 +186,23 @@ class Problem:
     def from_plan(cls, plan: Plan) -> Problem:
         with located(plan.path):
             rows, measured = _by_posture(plan.measurements)
-            problem = cls.of_measured(plan.header, plan.robot, plan.postures[rows], measured, rows)
+            problem = cls.of_measured(
+                plan.header, plan.robot, plan.postures[rows], measured, rows, planned=True
+            )
             if problem.tool.reading_size:
+                problem._require_guesses()
                 problem = problem.at_predicted(problem.nominal())
             return problem._with_enough(plan.header)
+
+    def _require_guesses(self) -> None:
+        """BadInput for a target of a plan of which the postures say nothing: it is read from anywhere."""
+        for k, name in enumerate(self.targets[: len(self.targets) - self.stations]):
+            if not self.guessed[k] and not self.met[self.target_index == k].any():
+                raise BadInput(
+                    "a plan needs to know about where its target is",
+                    found=f"the target {name} without guess_mm",
+                    remedy=f"state targets.{name}.guess_mm, as measured roughly in the base frame",
+                )
 
     def _with_enough(self, header: Header) -> Problem:
         """The same; BadInput where the header insists on more parameters than there are numbers for."""
@@ -409,7 +424,8 @@ class Problem:
         residual, jacobian = self.functions.kernel("linear")(
             joints, self.data[rows], parts.arm, own_target, parts.tool
         )
-        return residual, jacobian
+        d = self.tool.residual_size
+        return residual.reshape(len(joints), d), jacobian.reshape(len(joints), d, -1)
 
     @cached_property
     def data(self) -> Matrix:
@@ -486,7 +502,7 @@ class Problem:
 
     def _poses(self, x: Matrix, joints: Matrix) -> Matrix:
         """(N, 4, 4) the flange in the base frame at x (p,)."""
-        (upper,) = self.functions.kernel("pose")(joints, self.split(x).arm)
+        (upper,) = self.functions.kernel("flange")(joints, self.split(x).arm)
         result = np.tile(np.eye(4), (len(joints), 1, 1))
         result[:, :3] = upper
         return result
@@ -501,8 +517,10 @@ class Problem:
         joints = self.joints[None] if joints is None else joints
         parts, real = self.split(x), len(self.targets) - self.stations
         result = self._nearest_to_rays(parts, joints)
-        for k in range(real if self.recorded else 0):
+        for k in range(real if self.tool.reading_size else 0):
             mine = self.target_index == k
+            if self.planned and not self.met[mine].any():
+                continue
             for row, point in enumerate(x):
                 poses = self._poses(point, joints[row % len(joints)][mine])
                 known = self.tool.start_target(poses, self.readings[mine], parts.tool[row])
@@ -550,7 +568,7 @@ class Problem:
         (readings,) = self.functions.kernel("predicted")(
             self.joints, parts.arm, targets, parts.tool, self.readings
         )
-        return replace(self, spots=nothing, readings=readings)
+        return replace(self, spots=nothing, readings=readings.reshape(self.readings.shape))
 
     def beams(self, x: Matrix) -> tuple[Matrix, Matrix]:
         """Origins (N, 3) mm and unit directions (N, 3) of the beams in the base frame (eq. 7); `x` as for

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...analysis.answer.result import LikelihoodSummary, MidpointSummary, Result
+from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
 from ...analysis.observability.power import LIMIT_U, DetectionPower
 from ...analysis.posterior.intervals import Intervals
@@ -195,7 +196,7 @@ def _robust_table(result: Result, robust: Robust) -> Table:
 def hold_out_section(result: Result) -> Section | None:
     """How the fit does at targets that it has not seen; None where none was held out."""
     held_out = result.hold_out
-    if held_out is None:
+    if not isinstance(held_out, HoldOut):
         return None
     names = [clipped(name, 24) for name in held_out.targets]
     missing = "not available"

@@ -29,6 +29,7 @@ from .next_steps import next_steps_section
 from .parameters import offsets_picture, offsets_section, rehearsal_section
 from .placements import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
+from .predicted_run import predicted_run_picture, predicted_run_section
 from .residual_map import residual_map_picture
 from .residuals import residuals_picture, residuals_section
 from .run_scene import run_turnable, scene_section
@@ -55,6 +56,7 @@ def report_page(result: Result) -> Page:
         None if wrong else geometry_section(result),
         robust_section(result),
         hold_out_section(result),
+        predicted_run_section(result),
         placements_section(result),
         None if wrong else posterior_section(result),
         None if wrong else intervals_section(result),
@@ -84,6 +86,7 @@ def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
         residuals_picture(result),
         residual_map_picture(result),
         placements_picture(result),
+        predicted_run_picture(result),
     )
     return {picture.name: picture for picture in drawn if picture is not None}
 

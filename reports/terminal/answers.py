@@ -31,6 +31,7 @@ from ..run.parameters import (
 )
 from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
+from ..run.predicted_run import predicted_run_section
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
 from .check import print_commands, print_directions, print_message, print_notes, print_verdict
@@ -67,7 +68,8 @@ def print_result(console: Console, result: Result) -> None:
     for line in placements_lines(result):
         console.print(Text(line))
     intervals = None if wrong else intervals_section(result)
-    for section in (robust_section(result), hold_out_section(result), intervals):
+    held_out = (hold_out_section(result), predicted_run_section(result))
+    for section in (robust_section(result), *held_out, intervals):
         if section is not None:
             _print_section(console, section)
     if not wrong:

@@ -168,6 +168,25 @@ def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
     assert "no target of that name" in zerobeam("analyse", two, "--hold-out", "fa").refused()
 
 
+def test_another_run_is_predicted(tmp_path: Path) -> None:
+    good, other = exact_copy(GOOD, tmp_path / "good.jsonl"), tmp_path / "other.jsonl"
+    lines = good.read_text(encoding="utf-8").splitlines()
+    other.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
+    answer = zerobeam("report", good, "-o", tmp_path / "out", "--hold-out", other, "--json", *FEW).json[
+        "hold_out"
+    ]
+    assert (answer["run"], answer["shots"], answer["message"]) == ("other.jsonl", len(SHOTS) - 1, None)
+    assert answer["rms_mm"] < answer["rms_before_mm"] / 5
+    assert answer["median_mm"] <= answer["max_mm"] == max(row["error_mm"] for row in answer["measurements"])
+    assert (tmp_path / "out" / "figures" / "held_out_run.svg").is_file()
+    assert "Held-out run" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    printed = " ".join(zerobeam("analyse", good, "--hold-out", other, *FEW).out.split())
+    assert "other.jsonl is predicted" in printed
+    assert "is the run itself" in zerobeam("analyse", good, "--hold-out", good, *FEW).refused()
+    both = zerobeam("analyse", good, "--hold-out", other, "--hold-out", "psd", *FEW).refused()
+    assert "a run can be held out alone only" in both
+
+
 def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., Any]:
     def made(data_sets: int, seed: int, progress: Callable[[str, float], None], *, store: Path) -> Any:
         assert store.name == "study.cases.jsonl"

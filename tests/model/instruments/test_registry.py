@@ -1,17 +1,19 @@
 """Which kind of instrument it is stands in the kind's own file, and nowhere else."""
 
-import io
-import tokenize
+import ast
+import re
 from pathlib import Path
 
 import pytest
 
 import zerobeam
 from zerobeam.model.instruments.kind import Instrument
-from zerobeam.model.instruments.registry import KINDS, kind_of, names_of
+from zerobeam.model.instruments.registry import KINDS, TOOLS, kind_of, names_of
 
 HOUSE = Path(zerobeam.__file__).parent
 ROOMS = ("model", "analysis", "experiments", "reports", "words", "commands", "face", "app", "controller")
+# Kinds whose names are words of robots, drawings and controllers as well.
+WORDS = {"pose", "plane", "sphere", "dial"}
 
 
 def files():
@@ -19,11 +21,49 @@ def files():
         yield from (HOUSE / room).rglob("*.py")
 
 
+def strings(node):
+    """The strings in some code, with their lines."""
+    for each in ast.walk(node):
+        if isinstance(each, ast.Constant) and isinstance(each.value, str):
+            yield each.value, each.lineno
+
+
+def about_kinds(node):
+    return re.search("kind|instrument|station|tool", ast.unparse(node), re.IGNORECASE) is not None
+
+
+def judged(node):
+    """The parts of some code that tell kinds apart: comparisons, matches, look-ups and calls that speak of
+    kinds or instruments, and the keys of dictionaries that have two kinds or are called after them."""
+    match node:
+        case ast.Compare(left, _, others) if any(map(about_kinds, [left, *others])):
+            return [left, *others]
+        case ast.Match(subject, branches) if about_kinds(subject):
+            return [each.pattern for each in branches]
+        case ast.Subscript(value, index) if about_kinds(value):
+            return [index]
+        case ast.Call(function, arguments) if about_kinds(function):
+            return arguments
+        case ast.Assign([target], ast.Dict(keys)) | ast.AnnAssign(target, _, ast.Dict(keys)) if about_kinds(
+            target
+        ):
+            return [key for key in keys if key is not None]
+        case ast.Dict(keys):
+            known = [key for key in keys if isinstance(key, ast.Constant) and key.value in KINDS]
+            return known if len(known) > 1 else []
+    return []
+
+
 def names_of_kinds(text):
-    """The strings of some code that are the name of a kind, with their lines."""
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type == tokenize.STRING and token.string.strip("\"'") in KINDS:
-            yield token.start[0]
+    """The lines of some code that name a kind. A word that means something else as well counts where kinds
+    are told apart."""
+    tree = ast.parse(text)
+    for name, line in strings(tree):
+        if name in KINDS.keys() - WORDS:
+            yield line
+    for node in ast.walk(tree):
+        for part in judged(node):
+            yield from (line for name, line in strings(part) if name in WORDS)
 
 
 def test_no_code_outside_its_own_file_names_a_kind():
@@ -36,14 +76,35 @@ def test_no_code_outside_its_own_file_names_a_kind():
     assert told == []
 
 
-@pytest.mark.parametrize("code", ['if kind == "laser":', "x = {'probe': 1}"])
+@pytest.mark.parametrize(
+    "code",
+    [
+        'if kind == "laser":\n    pass',
+        "x = {'probe': 1}",
+        "x = {'sphere': 1, 'plane': 2}",
+        "of_kinds = {'sphere': 1}",
+        "of_kinds: dict[str, int] = {'sphere': 1}",
+        "y = tool.name in ('dial', 'other')",
+        "match instrument.name:\n    case 'plane':\n        pass",
+        "x = KINDS['pose']",
+        "kind_of('pose')",
+    ],
+)
 def test_control_such_a_line_would_be_seen(code):
-    assert list(names_of_kinds(code)) == [1]
+    assert len(set(names_of_kinds(code))) == 1
+
+
+@pytest.mark.parametrize(
+    "code", ["ca.Function('pose', inputs)", "if tree.data == 'pose':\n    pass", "x = {'pose': 1}"]
+)
+def test_control_another_meaning_of_the_word_is_not_seen(code):
+    assert list(names_of_kinds(code)) == []
 
 
 def test_every_file_beside_the_registry_is_a_kind():
     own = {path.stem for path in (HOUSE / "model" / "instruments").glob("*.py")}
-    assert own - {"__init__", "kind", "flange_tool", "together", "registry"} == set(KINDS)
+    shared = {"kind", "flange_tool", "frames", "together", "registry", "rotations", "tips"}
+    assert own - shared - {"__init__"} == set(KINDS)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=str)
@@ -51,5 +112,5 @@ def test_a_kind_says_all_of_itself(kind):
     told = [name for name, what in Instrument.__annotations__.items() if what.startswith("ClassVar")]
     assert [name for name in told if not hasattr(kind, name)] == []
     assert kind_of(kind.name) is kind
-    assert kind.name in names_of(beam=kind.beam)
+    assert (kind.name in names_of(beam=kind.beam)) == (kind.name in TOOLS)
     assert kind.name not in names_of(beam=not kind.beam)

@@ -1,0 +1,280 @@
+"""Another run as a run predicts it: what calibration gains, and whether the stated uncertainty holds there.
+
+Everything is estimated from the run that was fitted. Of the other run only the positions of targets that it
+alone has are estimated from its measurements, and what they take up is no prediction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...model.arrays import Mask, Matrix
+from ...model.errors import BadInput
+from ...model.files.header import Header, StatedGeometry
+from ...model.files.run import Run
+from ...model.kinematics.robot import Robot
+from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.problem import Problem
+from ..estimation.fit import fit_likelihood
+from ..solution import Solution
+from .hold_out import known_factors
+from .prediction import HeldOutResiduals, carried_over, p_value, predicted
+
+UNKNOWN = 10.0  # times the noise of a measurement: a prediction with a larger u is none
+_TAKEN_UP = 1e-6  # of the noise: what is left of it at a target that its measurements only just determine
+_SAME = 1e-12
+# What may differ: which targets there are, what is made of the answer, and who measured.
+_FREE_TO_DIFFER = frozenset(
+    {"schema", "robot", "prior", "targets", "distances", "limits", "tolerance", "required", "provenance"}
+)
+
+
+@dataclass(frozen=True)
+class PredictedMeasurement:
+    """A measurement of the other run. Lengths of residuals in mm: `error_mm` with the parameters of the fit,
+    `before_mm` with nominal ones, `expected_mm` as noise and the fit's uncertainty let expect; `u_mm` is the
+    standard uncertainty of the prediction, without the noise.
+
+    `error_mm` is None where there is no prediction: `u_mm` is too large, or the target takes up all of it.
+    """
+
+    shot: int
+    target: str
+    error_mm: float | None
+    before_mm: float | None
+    expected_mm: float | None
+    u_mm: float
+
+
+@dataclass(frozen=True)
+class PredictedRun:
+    """Another run, of the file `run`, as the fit predicts it.
+
+    `targets_placed` are those that only the other run has. `unknown` are the numbers of measurements whose
+    prediction is not determined, `taken_up` of those that are needed to place their target: neither is in
+    the numbers. `rms_mm`, `median_mm` and `max_mm` are of the errors of all others, `rms_before_mm` and so on
+    with nominal values, `expected_mm` and `u_mm` root mean squares too. Numbers are None where there is none;
+    `failure` is the optimiser's reason where the fit did not converge.
+    """
+
+    run: str
+    sha256: str
+    targets: tuple[str, ...]
+    targets_placed: tuple[str, ...]
+    shots: int
+    shots_fitted: int
+    unknown: tuple[int, ...] = ()
+    taken_up: tuple[int, ...] = ()
+    rms_mm: float | None = None
+    median_mm: float | None = None
+    max_mm: float | None = None
+    rms_before_mm: float | None = None
+    median_before_mm: float | None = None
+    max_before_mm: float | None = None
+    expected_mm: float | None = None
+    u_mm: float | None = None
+    chi2: float | None = None
+    dof: int | None = None
+    p_value: float | None = None
+    measurements: tuple[PredictedMeasurement, ...] = ()
+    failure: str | None = None
+
+    @property
+    def factor(self) -> float | None:
+        """Root of chi-squared over its degrees of freedom."""
+        return float(np.sqrt(self.chi2 / self.dof)) if self.chi2 is not None and self.dof else None
+
+
+def require_predictable(run: Run, other: Run) -> None:
+    """BadInput where `other` is the run itself, has no measurement, or is of another arm or instrument."""
+    if not other.shots:
+        raise BadInput(
+            "the held-out run has no measurements",
+            found="0 measurements",
+            allowed="1 or more",
+            remedy="record some",
+            file=other.path,
+        )
+    if run.sha256 == other.sha256:
+        raise BadInput(
+            "the held-out run is the run itself: it would predict what it was fitted to",
+            found=f"{run.path.name} and {other.path.name} (SHA-256 {run.sha256[:12]}…)",
+            allowed="another run of the same header",
+            remedy="hold out other measurements, or a placement of this run by its name",
+            file=other.path,
+        )
+    differing = [*_robots_differ(run.robot, other.robot), *_headers_differ(run.header, other.header)]
+    if differing:
+        key, mine, theirs = differing[0]
+        raise BadInput(
+            f"the held-out run has another {key}: what was estimated does not apply to it",
+            found=f"{mine} in {run.path.name}, {theirs} in {other.path.name}",
+            allowed="the same robot, tool, noise, geometry and held parameters in both",
+            remedy=f"state the same {key} in both headers, if it was the same",
+            file=other.path,
+        )
+
+
+def _robots_differ(one: Robot, other: Robot) -> list[tuple[str, object, object]]:
+    if one.name != other.name:
+        return [("robot", one.name, other.name)]
+    kinds = [[joint.kind for joint in arm.joints] for arm in (one, other)]
+    if kinds[0] != kinds[1]:
+        return [("robot", f"joints {', '.join(kinds[0])}", ", ".join(kinds[1]))]
+    fixed = [[*(joint.fixed for joint in arm.joints), arm.flange] for arm in (one, other)]
+    axes = [[joint.axis for joint in arm.joints] for arm in (one, other)]
+    for k, (mine, theirs) in enumerate(zip(*fixed, strict=True), start=1):
+        if not np.allclose(mine, theirs, rtol=_SAME, atol=_SAME):
+            link = "flange" if k > one.n else f"link before joint {k}"
+            return [("geometry of the robot", f"one {link}", "another")]
+    if not np.allclose(axes[0], axes[1], rtol=_SAME, atol=_SAME):
+        return [("geometry of the robot", "one direction of an axis", "another")]
+    if one.conventions != other.conventions:
+        return [("convention of the robot", one.conventions, other.conventions)]
+    return []
+
+
+def _headers_differ(one: Header, other: Header) -> list[tuple[str, object, object]]:
+    mine, theirs = (
+        header.model_dump(mode="json", by_alias=True, exclude=set(_FREE_TO_DIFFER)) for header in (one, other)
+    )
+    return [_innermost(key, mine.get(key), theirs.get(key)) for key in mine if mine[key] != theirs.get(key)]
+
+
+def _innermost(key: str, mine: object, theirs: object) -> tuple[str, object, object]:
+    """The first key below `key` at which two values differ, with both."""
+    if isinstance(mine, dict) and isinstance(theirs, dict):
+        for below in dict.fromkeys([*mine, *theirs]):
+            if mine.get(below) != theirs.get(below):
+                return _innermost(f"{key}.{below}", mine.get(below), theirs.get(below))
+    return key, "nothing" if mine is None else mine, "nothing" if theirs is None else theirs
+
+
+def predict_run(solution: Solution, other: Run) -> PredictedRun:
+    """The measurements of the run `other` as the solution of another run predicts them."""
+    return predict_problem(solution, recorded_problem(other), other.path.name, other.sha256)
+
+
+def recorded_problem(run: Run) -> Problem:
+    """The measurements of a run that is not fitted: they may be fewer than its header's unknowns."""
+    header, names = run.header, {f"delta{k + 1}" for k in range(run.robot.n)}
+    update: dict[str, object] = {}
+    if isinstance(header.arm, StatedGeometry):  # of how few measurements there are nothing is to be refused
+        update["geometry"] = header.arm.model_copy(update={"gravity": False, "harmonics": False})
+    if header.held is not None:  # of other parameters it is the fit that has those that are held
+        update["held"] = tuple(name for name in header.held if name in names)
+    bare = replace(run, header=header.model_copy(update=update))
+    return Problem.from_run(bare)
+
+
+def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: str) -> PredictedRun:
+    """The measurements of `recorded`, a problem of the same robot and instrument, as the solution predicts
+    them."""
+    fitted = solution.problem
+    known, _ = known_factors(solution)
+    placed = tuple(target for target in recorded.targets if target not in fitted.targets)
+    facts = PredictedRun(name, sha256, recorded.targets, placed, recorded.shots, fitted.shots)
+    if not solution.converged:
+        return replace(facts, failure=solution.fit.reason)
+    weight = solution.fit.weight if known.noise.estimated else 1.0
+    problem = _carrying(known, recorded, set(placed))
+    nominal = _nominal(known)
+
+    def by_fit(one: Problem) -> HeldOutResiduals:
+        return predicted(one, fitted.parameters, solution.fit.x, solution.fit.covariance, weight)
+
+    every = by_fit(problem)
+    u = np.sqrt(every.by_fit)
+    determined = every.by_fit <= UNKNOWN**2 * every.noise
+    kept = np.flatnonzero(determined)
+    rows: dict[int, tuple[float, float, float | None]] = {}
+    left = np.zeros(0, dtype=bool)
+    if len(kept):
+        rest = problem.select(kept)
+        after = by_fit(rest)
+        left = after.expected > _TAKEN_UP**2 * after.noise
+        errors = np.linalg.norm(after.residual_mm, axis=1)
+        before = None if nominal is None else _errors(rest, *nominal, weight)
+        for i, row in enumerate(kept.tolist()):
+            if left[i]:
+                expected = float(np.sqrt(after.expected[i]))
+                rows[row] = float(errors[i]), expected, None if before is None else float(before[i])
+        facts = replace(facts, **_statistics(errors, before, after, left))
+        if after.dof > 0:
+            p = p_value(known, after.chi2, after.dof)
+            facts = replace(facts, chi2=after.chi2, dof=after.dof, p_value=p)
+    numbers = problem.shot_numbers
+    return replace(
+        facts,
+        unknown=tuple(numbers[i] for i in np.flatnonzero(~determined)),
+        taken_up=tuple(numbers[i] for i in kept[~left]),
+        measurements=tuple(
+            PredictedMeasurement(
+                shot=numbers[i],
+                target=problem.targets[problem.target_index[i]],
+                error_mm=rows[i][0] if i in rows else None,
+                before_mm=rows[i][2] if i in rows else None,
+                expected_mm=rows[i][1] if i in rows else None,
+                u_mm=float(u[i]),
+            )
+            for i in range(problem.shots)
+        ),
+    )
+
+
+def _statistics(errors: Matrix, before: Matrix | None, after: HeldOutResiduals, left: Mask) -> dict[str, Any]:
+    """Root mean square, median and largest of the errors (N,) mm of the measurements that are `left` (N,)."""
+    if not left.any():
+        return {}
+
+    def rms(squares: Matrix) -> float:
+        return float(np.sqrt(squares[left].mean()))
+
+    kinds: Sequence[tuple[str, Callable[[Matrix], float]]] = (
+        ("rms", lambda length: rms(length**2)),
+        ("median", lambda length: float(np.median(length[left]))),
+        ("max", lambda length: float(length[left].max())),
+    )
+    after_mm = {f"{kind}_mm": of(errors) for kind, of in kinds}
+    before_mm = {f"{kind}_before_mm": None if before is None else of(before) for kind, of in kinds}
+    return {**after_mm, **before_mm, "expected_mm": rms(after.expected), "u_mm": rms(after.by_fit)}
+
+
+def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
+    """`recorded` with the noise, weights, priors and functions of the problem that was fitted; distances
+    between targets that the fit has are already in it."""
+    silent = replace(recorded, noise=known.noise, parameters=recorded.parameters.without("noise"))
+    problem = silent.with_geometry(known.geometry)
+    ours = dict(zip(known.parameters.names, known.parameters.items, strict=True))
+    problem = replace(
+        problem,
+        parameters=Parameters(tuple(ours.get(item.name, item) for item in problem.parameters.items)),
+        distances=tuple(
+            distance
+            for distance in recorded.distances
+            if {recorded.targets[distance.first], recorded.targets[distance.second]} & placed
+        ),
+    )
+    return problem.weighted(np.full(problem.shots, float(known.weights.mean())))
+
+
+def _nominal(known: Problem) -> tuple[Problem, Matrix] | None:
+    """The problem that was fitted, and its fit with nominal joints and links: targets and what is free of the
+    tool as their measurements then ask for. None where that does not converge."""
+    arm = np.zeros(len(known.parameters), dtype=bool)
+    arm[known.parameters.arm] = True
+    held = replace(known, parameters=known.parameters.holding(arm | ~known.parameters.free))
+    if not held.parameters.free.any():
+        return held, held.parameters.prior_mean
+    fit = fit_likelihood(held, starts=0)
+    return (held, fit.x) if fit.converged else None
+
+
+def _errors(problem: Problem, fitted: Problem, x: Matrix, weight: float) -> Matrix:
+    """(N,) mm the lengths of the residuals of `problem` by the values `x` of the parameters of `fitted`."""
+    at = carried_over(problem, fitted.parameters, x, weight)
+    return np.asarray(np.linalg.norm(problem.linearise(at)[0], axis=1))

@@ -1,0 +1,115 @@
+"""A ball bar or draw wire between a socket on the flange and one in the world: it measures a length."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, Self
+
+import casadi as ca
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ..arrays import Matrix
+from ..parsing.reading import shown
+from ..parsing.validation import FileModel, refusal
+from .frames import FREE_MM
+from .kind import Flange, TargetEntry, Unknown, Words
+from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
+
+
+def _bias(value: object) -> object:
+    if value != "free" and (isinstance(value, bool) or not isinstance(value, int | float)):
+        raise refusal(
+            "this is no zero of a length",
+            found=shown(value),
+            allowed="free, or what the bar reads at no length, millimetres",
+        )
+    return value
+
+
+class StatedBallbar(StatedTip):
+    """A bar or wire whose one end is a socket on the flange."""
+
+    kind: Literal["ballbar"]
+    bias: Annotated[Literal["free"] | float, BeforeValidator(_bias)] = Field(
+        default=0.0, description="what it reads at no length, millimetres; free where nobody knows"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Ballbar(TipStation):
+    """Its residual is the distance of its two sockets, and what it reads at no length, less what was read.
+
+    `bias` mm, or None where it is free. A reading is the measured length, mm (1,).
+    """
+
+    name = "ballbar"
+    also_called = ("ball bar", "bar", "draw wire", "drawwire", "wire", "string pot", "telescope")
+    columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
+    target = "socket"
+    target_is = "point"
+    met = False
+    reading_size = 1
+    Stated: ClassVar[type[FileModel]] = StatedBallbar
+    words = Words(
+        is_="a bar or wire that measures the length to a fixed socket",
+        part="socket on the flange",
+        motion="shift of the socket",
+        unit="mm",
+        reading="length",
+        method="a ball bar between the flange and fixed sockets in the cell",
+        posture="the bar to its socket",
+        to_do="Go to the posture slowly; stay within the range of the bar. Write down its length and the"
+        " joints.",
+        fields=("length (mm)",),
+        traced=(
+            ("Ball bar, maker and serial number", ("ball bar", "ball bar serial", "ball bar serial number")),
+            ("Ball bar, calibration certificate", ("ball bar certificate",)),
+        ),
+    )
+
+    bias: float | None
+
+    @classmethod
+    def of(cls, label: str, header: StatedBallbar, *, exact: bool) -> Self:
+        bias = None if header.bias == "free" else float(header.bias)
+        return cls(
+            label=label,
+            tip=np.array(header.tip_mm, dtype=float),
+            tip_std=tip_std(header, exact=exact),
+            sigma=header.sigma_mm,
+            bias=bias,
+        )
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        zero = (Unknown("bias", "mm", 0.0, FREE_MM, self.label),) if self.bias is None else ()
+        return (*super().unknowns, *zero)
+
+    @property
+    def key(self) -> bytes:
+        return super().key + f" {self.bias}".encode()
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        return np.array(measured.get("measured_mm", (0.0,)), dtype=float)
+
+    def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
+        return {"measured_mm": tuple((reading + shift).tolist())}
+
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        return self.predicted(flange, target, unknowns, reading, variant) - reading
+
+    def predicted(
+        self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
+    ) -> ca.SX:
+        zero = unknowns[len(self.unknowns) - 1] if self.bias is None else self.bias
+        return distance(flange.in_base(self.tip_at(unknowns)), target) + zero
+
+    def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
+        """With a free zero, from five measurements on that is solved for as well."""
+        free = self.bias is None and len(poses) > 4
+        zero = float(unknowns[-1]) if self.bias is None else self.bias
+        return sphere_through(self.tips(poses, unknowns), readings[:, 0] - zero, zero_free=free)

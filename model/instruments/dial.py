@@ -1,0 +1,116 @@
+"""A dial gauge on the flange, whose plunger touches a flat face: it measures its own travel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, Self
+
+import casadi as ca
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from ..arrays import Matrix
+from ..parsing.reading import shown
+from ..parsing.validation import FileModel, Vector, refusal, without_length
+from .kind import Flange, TargetEntry, Unknown, Words
+from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
+
+_LEAST_SLOPE = 1e-9  # of the direction against the plane
+
+
+def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    if without_length(value):
+        raise refusal("the direction has no length", found=shown(value), allowed="any vector but zero")
+    return value
+
+
+class StatedDial(StatedTip):
+    """A dial gauge on the flange."""
+
+    kind: Literal["dial"]
+    direction: Annotated[Vector, AfterValidator(_direction)] = Field(
+        description="in which its reading grows, in the flange frame, any length: towards the face"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Dial(TipStation):
+    """Its residual is the travel s at which its tip p, moved along its direction u, meets the plane
+    (n · (p + s u) = d), less what was read.
+
+    `direction` (3,) unit, in the flange frame. A reading is the measured travel, mm, and the stated unit
+    normal of the plane (3,).
+    """
+
+    name = "dial"
+    also_called = ("dial gauge", "dial indicator", "gauge", "indicator", "clock", "plunger")
+    columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
+    target = "plane"
+    target_is = "plane"
+    met = False
+    reading_size = 4
+    Stated: ClassVar[type[FileModel]] = StatedDial
+    words = Words(
+        is_="a gauge that measures the travel to a flat face",
+        part="tip of the gauge",
+        motion="shift of the tip of the gauge",
+        unit="mm",
+        reading="travel",
+        method="a dial gauge on the flange and flat faces in the cell",
+        posture="the gauge at the face",
+        to_do="Move slowly towards the face until the gauge reads within its range. Write down its reading"
+        " and the joints.",
+        fields=("reading (mm)", "face"),
+        traced=(
+            ("Dial gauge, maker and serial number", ("dial gauge", "dial gauge serial")),
+            ("Dial gauge, calibration certificate", ("dial gauge certificate",)),
+        ),
+    )
+
+    direction: Matrix
+
+    @classmethod
+    def of(cls, label: str, header: StatedDial, *, exact: bool) -> Self:
+        direction = np.array(header.direction, dtype=float)
+        return cls(
+            label=label,
+            tip=np.array(header.tip_mm, dtype=float),
+            tip_std=tip_std(header, exact=exact),
+            sigma=header.sigma_mm,
+            direction=direction / np.linalg.norm(direction),
+        )
+
+    @property
+    def key(self) -> bytes:
+        return super().key + self.direction.tobytes()
+
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
+        return plane_coordinates(target)
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        return np.array([*measured.get("measured_mm", (0.0,)), *unit_normal(target)])
+
+    def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
+        return {"measured_mm": tuple((reading[:1] + shift).tolist())}
+
+    def _travel(self, flange: Flange, target: ca.SX, unknowns: ca.SX, normal: ca.SX) -> ca.SX:
+        n, d = plane_at(target, normal)
+        slope = ca.dot(n, flange.rotation @ ca.SX(self.direction))
+        # Along the plane there is no travel; a large one says so, and stays finite where nothing is read.
+        slope = ca.if_else(ca.fabs(slope) < _LEAST_SLOPE, _LEAST_SLOPE, slope)
+        return (d - ca.dot(n, flange.in_base(self.tip_at(unknowns)))) / slope
+
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        return self._travel(flange, target, unknowns, reading[1:]) - reading[0]
+
+    def predicted(
+        self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
+    ) -> ca.SX:
+        return ca.vertcat(self._travel(flange, target, unknowns, reading[1:]), reading[1:])
+
+    def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
+        touched = self.tips(poses, unknowns) + readings[:, :1] * (poses[:, :3, :3] @ self.direction)
+        return fitted_plane(touched, np.asarray(readings[0, 1:]), 0.0)

@@ -1,0 +1,104 @@
+"""What a tracker and a pose have in common: a frame of their own in the world, free or known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import casadi as ca
+import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag
+
+from ..arrays import Matrix
+from ..parsing.reading import shown
+from ..parsing.validation import FileModel, Vector, refusal
+from .kind import Station, Unknown
+from .rotations import Quaternion, rotation_of_quaternion, turned, unit_quaternion
+
+FREE_MM, FREE_RAD = 500.0, float(np.pi)  # prior stds of what the flange carries where nothing is stated
+_FRAME_MM = 10_000.0
+_MOST = 200  # measurements that a start is solved from
+
+
+class StatedKnownFrame(FileModel):
+    """Where an instrument's frame is in the base frame."""
+
+    xyz_mm: Vector = Field(description="origin of the instrument's frame in the base frame, millimetres")
+    quat: Quaternion = Field(description="its orientation: a unit quaternion [w, x, y, z]")
+
+
+def _frame(value: object) -> object:
+    if value != "free" and not isinstance(value, dict | StatedKnownFrame):
+        raise refusal(
+            "this says nothing of the instrument's frame",
+            found=shown(value),
+            allowed="free, or the keys xyz_mm and quat",
+            remedy="state frame: free where nobody has measured it",
+        )
+    return value
+
+
+StatedFrame = Annotated[
+    Annotated[
+        Annotated[Literal["free"], Tag("<free>")] | Annotated[StatedKnownFrame, Tag("<known>")],
+        Discriminator(lambda value: "<free>" if value == "free" else "<known>"),
+    ],
+    BeforeValidator(_frame),
+]
+
+
+def known_frame(frame: Literal["free"] | StatedKnownFrame) -> tuple[Matrix, Matrix] | None:
+    """Rotation (3, 3) and origin (3,) mm of a frame in the base frame; None of a free one."""
+    if isinstance(frame, StatedKnownFrame):
+        return rotation_of_quaternion(unit_quaternion(frame.quat)), np.array(frame.xyz_mm, dtype=float)
+    return None
+
+
+def vector_unknowns(of: str, mean: Matrix, std: float, *, tolerated: bool) -> tuple[Unknown, ...]:
+    """x, y, z of what the flange carries, mm."""
+    axes = zip("xyz", mean.tolist(), strict=True)
+    return tuple(Unknown(axis, "mm", value, std, of, tolerated=tolerated) for axis, value in axes)
+
+
+@dataclass(frozen=True, eq=False)
+class FramedStation(Station):
+    """It reads positions in its own frame, wherever the arm stands: `frame` is where that is, or None."""
+
+    target = "target"
+    target_is = "nothing"
+    met = False
+
+    frame: tuple[Matrix, Matrix] | None
+
+    @property
+    def grounded(self) -> bool:
+        return self.frame is not None
+
+    @property
+    def varies(self) -> bool:
+        return True
+
+    @property
+    def frame_unknowns(self) -> tuple[Unknown, ...]:
+        """Origin and rotation vector of a free frame, in the base frame."""
+        if self.frame is not None:
+            return ()
+        lengths = (Unknown(axis, "mm", 0.0, _FRAME_MM, self.label, "frame") for axis in "xyz")
+        angles = (Unknown(axis, "deg", 0.0, FREE_RAD, self.label, "frame") for axis in ("rx", "ry", "rz"))
+        return (*lengths, *angles)
+
+    def frame_at(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Rotation (3, 3) and origin (3, 1) mm of the instrument's frame in the base frame."""
+        if self.frame is not None:
+            return ca.SX(self.frame[0]), ca.SX(self.frame[1])
+        last = unknowns[len(self.unknowns) - 6 :]
+        return turned(last[3:]), last[:3]
+
+    @property
+    def frame_key(self) -> bytes:
+        return b"free" if self.frame is None else self.frame[0].tobytes() + self.frame[1].tobytes()
+
+
+def spread(count: int) -> Matrix:
+    """Indices of at most 200 of the measurements, evenly spread: enough for a start."""
+    return np.unique(np.linspace(0, count - 1, min(count, _MOST)).astype(int))

@@ -1,0 +1,244 @@
+"""An instrument that measures position and orientation of what is mounted on the flange: six numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal, Self
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, model_validator
+
+from ..arrays import Matrix
+from ..parsing.reading import shown
+from ..parsing.validation import FileModel, Positive, Vector, refusal
+from .frames import FREE_MM, FREE_RAD, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
+from .kind import Flange, TargetEntry, Unknown, Words
+from .rotations import (
+    Quaternion,
+    matrix_of,
+    nearest_rotation,
+    quaternion,
+    quaternion_of,
+    rotation,
+    rotation_of_quaternion,
+    rotation_vector,
+    turned,
+    unit_quaternion,
+    vector_of,
+)
+
+_ROUNDS = 50
+
+
+class StatedMount(FileModel):
+    """Where the measured body is on the flange; what has no sigma is only a guess."""
+
+    guess_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="its origin in the flange frame, mm")
+    sigma_mm: Positive | None = Field(default=None, description="standard deviation of that, each direction")
+    guess_quat: Quaternion = Field(
+        default=(1.0, 0.0, 0.0, 0.0), description="its orientation in the flange frame: [w, x, y, z]"
+    )
+    sigma_deg: Positive | None = Field(
+        default=None, description="standard deviation of a rotation of it about each axis, degrees"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        for sigma, guess in (("sigma_mm", "guess_mm"), ("sigma_deg", "guess_quat")):
+            if getattr(self, sigma) is not None and guess not in self.model_fields_set:
+                raise refusal(
+                    f"{sigma} of a mount is stated without {guess}",
+                    key=(sigma,),
+                    found=f"{sigma}: {shown(getattr(self, sigma))}",
+                    remedy=f"add {guess}, or remove {sigma}",
+                )
+        return self
+
+
+class StatedPose(FileModel):
+    """An instrument that measures poses, and where on the flange the measured body is."""
+
+    kind: Literal["pose"]
+    frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
+    sigma_mm: Positive = Field(description="standard deviation of a coordinate, millimetres")
+    sigma_deg: Positive = Field(description="standard deviation of a rotation about each axis, degrees")
+    mount: StatedMount = Field(default=StatedMount(), description="the measured body on the flange")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseStation(FramedStation):
+    """Its residual is position (mm) and rotation vector (rad) from what was read to what is predicted, both
+    in the instrument's frame: predicted = exp(vector) · measured.
+
+    `mount_point` (3,) mm and `mount_rotation` (3, 3) as stated; the mount's rotation vector turns the latter
+    about the axes of the flange. Stds (rad and mm) and whether they are knowledge. A reading is the measured
+    position (3,), the quaternion (4,) and the relative stds (6,).
+    """
+
+    name = "pose"
+    also_called = ("6d", "6dof", "t-mac", "tmac", "marker", "camera", "hand-eye", "mocap")
+    columns: ClassVar[dict[str, int]] = {"measured_mm": 3, "measured_quat": 4}
+    residual_size = 6
+    reading_size = 13
+    Stated: ClassVar[type[FileModel]] = StatedPose
+    words = Words(
+        is_="an instrument that measures position and orientation of a body on the flange",
+        part="measured body",
+        motion="rotation of the mount",
+        unit="deg",
+        reading="pose",
+        method="an instrument in the cell that measures poses of a body on the flange",
+        posture="the line of sight to the body",
+        to_do="Go to the posture, and let the arm settle. Measure position and orientation of the body, and"
+        " write down the joints.",
+        fields=("measured x, y, z (mm)", "measured quaternion w, x, y, z"),
+        traced=(
+            ("Instrument, maker and serial number", ("instrument", "instrument serial")),
+            ("Instrument, calibration certificate", ("instrument certificate",)),
+        ),
+    )
+
+    sigma_mm: float
+    sigma_rad: float
+    mount_point: Matrix
+    mount_rotation: Matrix
+    mount_std: tuple[float, float]
+    tolerated: tuple[bool, bool]
+
+    @classmethod
+    def of(cls, label: str, header: StatedPose, *, exact: bool) -> Self:
+        mount = header.mount
+        angle = FREE_RAD if mount.sigma_deg is None else float(np.radians(mount.sigma_deg))
+        return cls(
+            label=label,
+            frame=known_frame(header.frame),
+            sigma_mm=header.sigma_mm,
+            sigma_rad=float(np.radians(header.sigma_deg)),
+            mount_point=np.array(mount.guess_mm, dtype=float),
+            mount_rotation=rotation_of_quaternion(unit_quaternion(mount.guess_quat)),
+            mount_std=(mount.sigma_mm or FREE_MM, angle),
+            tolerated=(mount.sigma_mm is not None, mount.sigma_deg is not None),
+        )
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        of, (length, angle) = f"{self.label}.mount", self.mount_std
+        shifts = vector_unknowns(of, self.mount_point, length, tolerated=self.tolerated[0])
+        turns = (
+            Unknown(axis, "deg", 0.0, angle, of, tolerated=self.tolerated[1]) for axis in ("rx", "ry", "rz")
+        )
+        return (*shifts, *turns, *self.frame_unknowns)
+
+    @property
+    def turns(self) -> bool:
+        return not self.tolerated[1]
+
+    @property
+    def known_to(self) -> float:
+        return float(np.degrees(self.mount_std[1]))
+
+    @property
+    def key(self) -> bytes:
+        return f"{self.name} {self.sigma_mm} ".encode() + self.mount_rotation.tobytes() + self.frame_key
+
+    @property
+    def std(self) -> float:
+        return self.sigma_mm
+
+    @property
+    def point(self) -> Matrix:
+        return self.mount_point
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        position = measured.get("measured_mm", (0.0, 0.0, 0.0))
+        turn = unit_quaternion(measured.get("measured_quat", (1.0, 0.0, 0.0, 0.0)))
+        length = 1.0 if sigma is None else sigma / self.sigma_mm
+        return np.array([*position, *turn, *[length] * 3, *[self.sigma_rad / self.sigma_mm] * 3])
+
+    def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
+        turn = rotation(shift[3:]) @ rotation_of_quaternion(reading[3:7])
+        return {
+            "measured_mm": tuple((reading[:3] + shift[:3]).tolist()),
+            "measured_quat": tuple(quaternion(turn).tolist()),
+        }
+
+    def _measured(self, flange: Flange, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Position (3, 1) mm and rotation (3, 3) of the body, in the instrument's frame."""
+        turn, origin = self.frame_at(unknowns)
+        mount = turned(unknowns[3:6]) @ ca.SX(self.mount_rotation)
+        return turn.T @ (flange.in_base(unknowns[:3]) - origin), turn.T @ flange.rotation @ mount
+
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        position, turn = self._measured(flange, unknowns)
+        return ca.vertcat(position - reading[:3], vector_of(turn @ matrix_of(reading[3:7]).T))
+
+    def predicted(
+        self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
+    ) -> ca.SX:
+        position, turn = self._measured(flange, unknowns)
+        return ca.vertcat(position, quaternion_of(turn), reading[7:])
+
+    def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return unknowns[:3], ca.SX.zeros(3)
+
+    def start_unknowns(
+        self, poses: Matrix, readings: Matrix, unknowns: Matrix, variants: Sequence[str]
+    ) -> Matrix:
+        """The hand-eye equation flange · mount = frame · measured in closed form: rotations by the singular
+        vectors of sum(measured ⊗ flange) (Shah 2013), then lengths by linear least squares."""
+        at, result = spread(len(poses)), np.array(unknowns, dtype=float)
+        if not len(at) or (self.frame is not None and all(self.tolerated)):
+            return result
+        flange, measured = poses[at, :3, :3], np.array([rotation_of_quaternion(r[3:7]) for r in readings[at]])
+        mount, frame = self._rotations(flange, measured, rotation(result[3:6]) @ self.mount_rotation)
+        if not self.tolerated[1]:
+            result[3:6] = rotation_vector(mount @ self.mount_rotation.T)
+        if self.frame is None:
+            result[9:12] = rotation_vector(frame)
+        # R x - f = F m - t, of which x and f are solved for where they are free; x about its guess.
+        right = readings[at, :3] @ frame.T - poses[at, :3, 3] - flange @ result[:3]
+        columns = []
+        if not self.tolerated[0]:
+            columns.append(flange.reshape(-1, 3))
+        if self.frame is None:
+            columns.append(np.tile(-np.eye(3), (len(at), 1)))
+        else:
+            right += self.frame[1]
+        if columns:
+            solution = np.linalg.lstsq(np.hstack(columns), right.ravel(), rcond=1e-9)[0]
+            if self.frame is None:
+                result[6:9] = solution[-3:]
+            if not self.tolerated[0]:
+                result[:3] += solution[:3]
+        return result
+
+    def _rotations(self, flange: Matrix, measured: Matrix, mount: Matrix) -> tuple[Matrix, Matrix]:
+        """Rotations (3, 3) of mount and frame from those of flange and measured body (N, 3, 3); what is known
+        stays as it is."""
+
+        def frame_of(mount: Matrix) -> Matrix:
+            return nearest_rotation(np.einsum("nij,jk,nlk->il", flange, mount, measured))
+
+        def mount_of(frame: Matrix) -> Matrix:
+            return nearest_rotation(np.einsum("nji,jk,nkl->il", flange, frame, measured))
+
+        if self.frame is not None:
+            return (mount if self.tolerated[1] else mount_of(self.frame[0])), self.frame[0]
+        if self.tolerated[1]:
+            return mount, frame_of(mount)
+        # vec of rows: frame = flange · mount · measured', so (flange ⊗ measured) mount = frame.
+        left, _, right = np.linalg.svd(np.einsum("nij,nkl->ikjl", flange, measured).reshape(9, 9))
+        mount, frame = right[0].reshape(3, 3), left[:, 0].reshape(3, 3)
+        mount = nearest_rotation(mount * np.sign(np.linalg.det(mount) or 1.0))
+        frame = nearest_rotation(frame * np.sign(np.linalg.det(frame) or 1.0))
+        for _ in range(_ROUNDS):
+            before = mount
+            frame = frame_of(mount)
+            mount = mount_of(frame)
+            if np.abs(mount - before).max() < 1e-12:
+                break
+        return mount, frame

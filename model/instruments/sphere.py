@@ -1,0 +1,98 @@
+"""A probe on the flange that touches balls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal, Self
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from ..arrays import Matrix
+from ..errors import BadInput
+from ..parsing.validation import FileModel, NotNegative
+from .kind import Flange, TargetEntry, Unknown, Words
+from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
+
+
+class StatedSphereProbe(StatedTip):
+    """A probe on the flange that touches balls."""
+
+    kind: Literal["sphere"]
+    tip_diameter_mm: NotNegative = Field(
+        default=0.0, description="diameter of the ball whose centre the tip is, millimetres; 0 for a point"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SphereProbe(TipStation):
+    """Its residual is how far the tip's ball of `radius` mm is off the target's ball, along their centres.
+
+    A reading is the radius of the target's ball, mm (1,).
+    """
+
+    name = "sphere"
+    also_called = ("ball", "master ball", "datum ball")
+    columns: ClassVar[dict[str, int]] = {}
+    target = "ball"
+    target_is = "point"
+    touches_ball = True
+    met = True
+    reading_size = 1
+    Stated: ClassVar[type[FileModel]] = StatedSphereProbe
+    words = Words(
+        is_="a tip that touches balls",
+        part="probe tip",
+        motion="shift of the probe tip",
+        unit="mm",
+        reading="touch",
+        method="a probe on the flange and balls in the cell",
+        posture="the probe at the ball",
+        to_do="Move slowly towards the ball until the probe touches it, and write down the joints.",
+        fields=("ball",),
+        traced=(
+            ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
+            ("Probe, calibration certificate", ("probe certificate",)),
+            ("Ball, calibration certificate", ("ball certificate",)),
+        ),
+    )
+
+    radius: float
+
+    @classmethod
+    def of(cls, label: str, header: StatedSphereProbe, *, exact: bool) -> Self:
+        return cls(
+            label=label,
+            tip=np.array(header.tip_mm, dtype=float),
+            tip_std=tip_std(header, exact=exact),
+            sigma=header.sigma_mm,
+            radius=header.tip_diameter_mm / 2,
+        )
+
+    @property
+    def key(self) -> bytes:
+        return super().key + f" {self.radius}".encode()
+
+    def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
+        if target is None or target.diameter_mm is None:
+            raise BadInput(
+                "a ball without a diameter cannot be used",
+                found="no diameter_mm",
+                allowed="a number above 0, millimetres",
+                remedy="state the target's diameter_mm",
+            )
+        return super().coordinates(target)
+
+    def reading(
+        self, measured: Mapping[str, Sequence[float]], sigma: float | None, target: TargetEntry | None
+    ) -> Matrix:
+        """What reads no ball has the radius 0."""
+        return np.array([0.0 if target is None else (target.diameter_mm or 0.0) / 2])
+
+    def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
+        return distance(flange.in_base(self.tip_at(unknowns)), target) - self.radius - reading[0]
+
+    def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
+        return sphere_through(self.tips(poses, unknowns), readings[:, 0] + self.radius, zero_free=False)

@@ -1,0 +1,202 @@
+"""What a plane, a sphere, a ball bar and a dial have in common: a tip on the flange that touches a target,
+and how a target is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from pydantic import Field
+
+from ..arrays import Matrix
+from ..errors import BadInput
+from ..parsing.reading import shown
+from ..parsing.validation import FileModel, Positive, Vector, without_length
+from .frames import vector_unknowns
+from .kind import Station, TargetEntry, Unknown
+from .rotations import across, basis_across
+
+TIP_MM = 0.1  # prior std of a stated tip, each direction
+_NO_NORMAL = (0.36, 0.48, 0.8)
+_STEEPEST = 0.2  # least cosine between a plane's normal and its stated one that a start believes
+_STRAIGHT = 1e-3  # width by length of points that are on a line
+_TINY = 1e-18  # mm²: keeps the derivative of a distance of zero finite
+_STEPS = 50
+
+
+class StatedTip(FileModel):
+    """A tip on the flange, and how well it reads."""
+
+    tip_mm: Vector = Field(description="the tip in the flange frame, millimetres")
+    sigma_mm: Positive = Field(description="standard deviation of a reading or touch, millimetres")
+    tip_sigma_mm: Positive | None = Field(
+        default=None, description="standard deviation of the tip, each direction, millimetres; default: 0.1"
+    )
+
+
+def tip_std(header: StatedTip, *, exact: bool) -> float | None:
+    """Prior std of a stated tip, mm; None of an exact one."""
+    return TIP_MM if header.tip_sigma_mm is None and not exact else header.tip_sigma_mm
+
+
+@dataclass(frozen=True, eq=False)
+class TipStation(Station):
+    """A tip on the flange at `tip` (3,) mm, known to `tip_std`; with None it is exact. `sigma` mm is the std
+    of a reading."""
+
+    residual_size = 1
+
+    tip: Matrix
+    tip_std: float | None
+    sigma: float
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        if self.tip_std is None:
+            return ()
+        return vector_unknowns(f"{self.label}.tip", self.tip, self.tip_std, tolerated=True)
+
+    @property
+    def known_to(self) -> float:
+        return self.tip_std or 0.0
+
+    @property
+    def key(self) -> bytes:
+        """Of an exact tip its numbers; those of another are unknowns."""
+        tip = self.tip.tobytes() if self.tip_std is None else b"unknown"
+        return f"{self.name} ".encode() + tip
+
+    @property
+    def std(self) -> float:
+        return self.sigma
+
+    @property
+    def point(self) -> Matrix:
+        return self.tip
+
+    def tip_at(self, unknowns: ca.SX) -> ca.SX:
+        """(3, 1) mm in the flange frame."""
+        return ca.SX(self.tip) if self.tip_std is None else unknowns[:3]
+
+    def tips(self, poses: Matrix, unknowns: Matrix) -> Matrix:
+        """(N, 3) mm in the base frame, of flange poses (N, 4, 4)."""
+        tip = self.tip if self.tip_std is None else unknowns[:3]
+        return np.asarray(poses[:, :3, :3] @ tip + poses[:, :3, 3])
+
+    def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return self.tip_at(unknowns), ca.SX.zeros(3)
+
+
+def distance(point: ca.SX, other: ca.SX) -> ca.SX:
+    """Between two points (3, 1), mm; its derivative is 0 where they are one."""
+    return ca.sqrt(ca.sumsqr(point - other) + _TINY)
+
+
+# Planes
+
+
+def unit_normal(target: TargetEntry | None) -> Matrix:
+    """(3,) the unit normal that a header states of a plane. What reads no plane has one as well, which keeps
+    its functions finite."""
+    normal = _NO_NORMAL if target is None or target.normal is None else target.normal
+    return np.asarray(np.array(normal, dtype=float) / np.linalg.norm(normal))
+
+
+def plane_coordinates(target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
+    """Distance d of a plane along its normal from the base's origin, mm, and its two tilts, rad. A tilt about
+    a stated point off the normal moves d, which the prior of d allows for."""
+    if target is None or target.normal is None or without_length(target.normal):
+        raise BadInput(
+            "a plane without a normal cannot be used",
+            found="no normal" if target is None or target.normal is None else shown(target.normal),
+            allowed="a direction in the base frame, out of the body, such as [0, 0, 1]",
+            remedy="state the target's normal; it may be rough",
+        )
+    normal = unit_normal(target)
+    point = np.array(target.guess_mm or (0.0, 0.0, 0.0), dtype=float)
+    tilt = float(np.radians(target.sigma_deg))
+    lever = float(np.linalg.norm(point - (normal @ point) * normal))
+    return (
+        Unknown("d", "mm", float(normal @ point), float(np.hypot(target.sigma_mm, lever * tilt))),
+        Unknown("tilt1", "deg", 0.0, tilt),
+        Unknown("tilt2", "deg", 0.0, tilt),
+    )
+
+
+def plane_at(target: ca.SX, nominal: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Unit normal n (3, 1) and distance d, n · p = d: of d, tilt1, tilt2 (3, 1) about a stated normal n0
+    (3, 1). n is along n0 + tan(tilt1) b1 + tan(tilt2) b2."""
+    b1, b2 = across(nominal)
+    normal = nominal + ca.tan(target[1]) * b1 + ca.tan(target[2]) * b2
+    return normal / ca.sqrt(ca.sumsqr(normal)), target[0]
+
+
+def fitted_plane(points: Matrix, nominal: Matrix, offset: float) -> Matrix:
+    """(3,) d, tilt1, tilt2 of the plane nearest to points (N, 3) that are `offset` above it, its normal near
+    the stated one (3,); what points on a line leave open of it is as stated."""
+    mean = points.mean(axis=0)
+    _, sizes, directions = np.linalg.svd(points - mean, full_matrices=True)
+    sizes = np.append(sizes, np.zeros(3))[:3]
+    normal = directions[2] * (np.sign(directions[2] @ nominal) or 1.0)
+    if sizes[1] <= _STRAIGHT * sizes[0] or normal @ nominal < _STEEPEST:
+        normal = nominal
+        if sizes[0] > 0 and sizes[1] <= _STRAIGHT * sizes[0]:
+            level = nominal - (nominal @ directions[0]) * directions[0]
+            length = float(np.linalg.norm(level))
+            normal = level / length if length > _STEEPEST else nominal
+    b1, b2 = basis_across(nominal)
+    tangents = np.array([normal @ b1, normal @ b2]) / (normal @ nominal)
+    return np.array([normal @ mean - offset, *np.arctan(tangents)])
+
+
+# Points
+
+
+def sphere_through(points: Matrix, lengths: Matrix, *, zero_free: bool) -> Matrix:
+    """(3,) the centre that has `lengths` (N,) to points (N, 3): by least squares that are linear in centre c,
+    |c|² and (with `zero_free`) what all lengths are wrong by, then by Gauss-Newton from both sides of the
+    points where they are all but in a plane."""
+    mean = points.mean(axis=0)
+    near = points - mean
+    scale = float(np.abs(near).max()) or 1.0
+    columns = [2 * near / scale, -np.ones((len(near), 1))]
+    if zero_free:
+        columns.append(-2 * lengths[:, None] / scale)
+    square = (near**2).sum(axis=1) - lengths**2
+    centre = np.linalg.lstsq(np.hstack(columns), square / scale, rcond=1e-9)[0][:3]
+    _, _, directions = np.linalg.svd(near, full_matrices=True)
+    sideways = directions[2] * float(np.median(np.abs(lengths)))
+    starts = (centre, centre + sideways, centre - sideways)
+    best = min(
+        (_climbed(near, lengths, start, zero_free=zero_free) for start in starts), key=lambda fit: fit[0]
+    )
+    return np.asarray(best[1] + mean)
+
+
+def _climbed(points: Matrix, lengths: Matrix, centre: Matrix, *, zero_free: bool) -> tuple[float, Matrix]:
+    """Sum of squares (mm²) and centre (3,), by Gauss-Newton."""
+
+    def at(centre: Matrix) -> tuple[float, Matrix, Matrix]:
+        rays = centre - points
+        ranges = np.sqrt((rays**2).sum(axis=1) + _TINY)
+        residuals, jacobian = ranges - lengths, rays / ranges[:, None]
+        if zero_free:
+            residuals, jacobian = residuals - residuals.mean(), jacobian - jacobian.mean(axis=0)
+        return float(residuals @ residuals), residuals, jacobian
+
+    cost, residuals, jacobian = at(centre)
+    for _ in range(_STEPS):
+        step = np.linalg.lstsq(jacobian, -residuals, rcond=1e-9)[0]
+        for _ in range(8):
+            tried = at(centre + step)
+            if tried[0] < cost:
+                break
+            step = step / 2
+        else:
+            break
+        gained, centre = cost - tried[0], centre + step
+        cost, residuals, jacobian = tried
+        if gained < 1e-12 * cost:
+            break
+    return cost, centre
