@@ -26,11 +26,14 @@ class Placement:
 
 
 def placements(problem: Problem) -> tuple[Placement, ...]:
-    """All placements with measurements, in the order of their first target.
+    """All placements with measurements, in the order of their first target; none of a run with a station,
+    whose frame belongs to all.
 
     A placement of several targets is called by what their names begin with alike (`front` of `front_0` and
     `front_1`), by all of their names where that is nothing or names two.
     """
+    if problem.stations:
+        return ()
     label = np.arange(len(problem.targets))
     for distance in problem.distances:
         label[label == label[distance.second]] = label[distance.first]

@@ -38,6 +38,7 @@ Targets = Annotated[
 # As help lists them; those of other makers are behind.
 _READERS = (
     "csv",
+    "points",
     "ros",
     "log",
     "ur-calibration",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import glob
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.shot import Shot, ShotRules, check_distances, target_names, unknown_targets
+from ...model.files.shot import Shot, ShotRules, check_distances, shot_model, target_names, unknown_targets
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
@@ -40,7 +40,8 @@ class FileMeasurements:
     """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point').
 
     `joints` (K, n) are degrees or mm; `lines` (K,) of the file, if it is text; `numbers` (K,) of the
-    measurements; `spots` (K, 2) mm; `times` (K,) s since the start of the recording.
+    measurements; `spots` (K, 2) mm; `times` (K,) s since the start of the recording; `more` (K,) further keys
+    of each measurement, as in a run file.
     """
 
     path: Path
@@ -52,6 +53,7 @@ class FileMeasurements:
     spots: Matrix | None = None
     times: Matrix | None = None
     notes: Sequence[str] = ()
+    more: Sequence[Mapping[str, object]] = ()
 
 
 # Farther from the planned posture is another posture; as near as this is the plan itself.
@@ -211,7 +213,15 @@ class ImportJob:
                 remedy="import what the program recorded, not the program; the beam must be centred first",
                 file=part.path,
             )
-        return replace(part, numbers=numbers, targets=[plan.targets[number] for number in numbers])
+        more: Sequence[Mapping[str, object]] = part.more
+        if plan.means:
+            planned_with = [plan.means[number]._asdict() for number in numbers]
+            more = [
+                {**{key: value for key, value in means.items() if value is not None}, **keys}
+                for means, keys in zip(planned_with, part.more or [{}] * len(numbers), strict=True)
+            ]
+        targets = [plan.targets[number] for number in numbers]
+        return replace(part, numbers=numbers, targets=targets, more=more)
 
     def _shots(self, part: FileMeasurements, first: int) -> list[Shot]:
         """Times of several files have no common start: only those of a single file are kept."""
@@ -225,12 +235,16 @@ class ImportJob:
             columns["spot_mm"] = part.spots.tolist()
         if times is not None:
             columns["time_s"] = times.tolist()
-        shots, rules = [], ShotRules(self.header, self.robot)
+        shots, rules, model = [], ShotRules(self.header, self.robot), shot_model(self.header)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
             with located(part.path, None if part.lines is None else part.lines[i]):
-                shot = validate(Shot, dict(zip(columns, row, strict=True)), file=None, line=_nowhere)
+                more = part.more[i] if part.more else {}
+                shot = validate(
+                    model, {**more, **dict(zip(columns, row, strict=True))}, file=None, line=_nowhere
+                )
                 rules.check(shot, file=None, line=None)
             shots.append(shot)
+        rules.check_postures(shots, part.lines or [None] * len(shots), file=part.path)
         return shots
 
     def _check_limits(self, part: FileMeasurements) -> None:
@@ -271,10 +285,10 @@ def matching(path: Path) -> list[Path]:
 def _counted(shots: Sequence[Shot], part: FileMeasurements) -> str:
     """'3 measurements of target 'a', numbered 0 to 2'."""
     names = target_names(part.targets)
-    plural = "s" if len(names) > 1 else ""
     which = ", ".join(repr(name) for name in names)
+    of = f" of target{'s' if len(names) > 1 else ''} {which}" if names else ""
     numbers = [shot.shot for shot in shots]
-    return f"{len(shots)} measurements of target{plural} {which}, numbered {min(numbers)} to {max(numbers)}"
+    return f"{len(shots)} measurements{of}, numbered {min(numbers)} to {max(numbers)}"
 
 
 def _numbered_once(shots: Sequence[Shot]) -> None:

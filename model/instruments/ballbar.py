@@ -31,7 +31,7 @@ def _bias(value: object) -> object:
 class StatedBallbar(StatedTip):
     """A bar or wire whose one end is a socket on the flange."""
 
-    kind: Literal["ballbar"]
+    kind: Literal["ballbar"] = Field(description="this kind of instrument")
     bias: Annotated[Literal["free"] | float, BeforeValidator(_bias)] = Field(
         default=0.0, description="what it reads at no length, millimetres; free where nobody knows"
     )

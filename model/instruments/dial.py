@@ -28,7 +28,7 @@ def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
 class StatedDial(StatedTip):
     """A dial gauge on the flange."""
 
-    kind: Literal["dial"]
+    kind: Literal["dial"] = Field(description="this kind of instrument")
     direction: Annotated[Vector, AfterValidator(_direction)] = Field(
         description="in which its reading grows, in the flange frame, any length: towards the face"
     )

@@ -7,7 +7,7 @@ a kind's own file asks which kind it is: it asks for the facts below.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
@@ -226,6 +226,10 @@ class Instrument(ABC):
         """What it may read at a posture, by name: its reflectors. One without a name where there is no
         choice."""
         return ("",)
+
+    def with_variants(self, names: Collection[str]) -> Self:
+        """The same with those variants alone: what is never read is no unknown."""
+        return self
 
     @property
     def reading_size(self) -> int:

@@ -19,7 +19,7 @@ from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinat
 class StatedPlaneProbe(StatedTip):
     """A probe on the flange that touches planes."""
 
-    kind: Literal["plane"]
+    kind: Literal["plane"] = Field(description="this kind of instrument")
     tip_diameter_mm: NotNegative = Field(
         default=0.0, description="diameter of the ball whose centre the tip is, millimetres; 0 for a point"
     )

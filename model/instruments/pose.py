@@ -35,8 +35,12 @@ _ROUNDS = 50
 class StatedMount(FileModel):
     """Where the measured body is on the flange; what has no sigma is only a guess."""
 
-    guess_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="its origin in the flange frame, mm")
-    sigma_mm: Positive | None = Field(default=None, description="standard deviation of that, each direction")
+    guess_mm: Vector = Field(
+        default=(0.0, 0.0, 0.0), description="its origin in the flange frame, millimetres"
+    )
+    sigma_mm: Positive | None = Field(
+        default=None, description="standard deviation of that, each direction, millimetres"
+    )
     guess_quat: Quaternion = Field(
         default=(1.0, 0.0, 0.0, 0.0), description="its orientation in the flange frame: [w, x, y, z]"
     )
@@ -60,7 +64,7 @@ class StatedMount(FileModel):
 class StatedPose(FileModel):
     """An instrument that measures poses, and where on the flange the measured body is."""
 
-    kind: Literal["pose"]
+    kind: Literal["pose"] = Field(description="this kind of instrument")
     frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
     sigma_mm: Positive = Field(description="standard deviation of a coordinate, millimetres")
     sigma_deg: Positive = Field(description="standard deviation of a rotation about each axis, degrees")

@@ -20,7 +20,7 @@ from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
 class StatedSphereProbe(StatedTip):
     """A probe on the flange that touches balls."""
 
-    kind: Literal["sphere"]
+    kind: Literal["sphere"] = Field(description="this kind of instrument")
     tip_diameter_mm: NotNegative = Field(
         default=0.0, description="diameter of the ball whose centre the tip is, millimetres; 0 for a point"
     )

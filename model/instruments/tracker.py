@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
@@ -70,7 +70,8 @@ class StatedReflector(FileModel):
 
     guess_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="in the flange frame, millimetres")
     sigma_mm: Positive | None = Field(
-        default=None, description="standard deviation of that, each direction; default: it is only a guess"
+        default=None,
+        description="standard deviation of that, each direction, millimetres; default: only a guess",
     )
 
     @model_validator(mode="after")
@@ -87,10 +88,10 @@ class StatedReflector(FileModel):
 class StatedTracker(FileModel):
     """A tracker in the world, and its reflectors on the flange."""
 
-    kind: Literal["tracker"]
+    kind: Literal["tracker"] = Field(description="this kind of instrument")
     frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
     sigma_mm: StatedPositionSigma = Field(
-        description="standard deviation of a coordinate: a number, [x, y, z], or constant and per_m"
+        description="of a coordinate, millimetres: a number, [x, y, z], or constant and per_m"
     )
     reflectors: Annotated[dict[Name, StatedReflector], Field(min_length=1)] = Field(
         description="the reflectors on the flange, by name"
@@ -185,6 +186,10 @@ class Tracker(FramedStation):
     @property
     def variants(self) -> tuple[str, ...]:
         return tuple(self.reflectors)
+
+    def with_variants(self, names: Collection[str]) -> Self:
+        read = {name: each for name, each in self.reflectors.items() if name in names}
+        return replace(self, reflectors=read)
 
     @property
     def point(self) -> Matrix:

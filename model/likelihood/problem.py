@@ -7,7 +7,7 @@ with the size of a column.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -119,9 +119,11 @@ class Problem:
         """From a header whose one tool meets a target at every shot, recorded or planned; `targets` names
         the target of each shot."""
         (label,) = header.labels
-        measured = [(Measured(label, "", target, {}),) for target in targets]
-        problem = cls.of_measured(header, robot, joints, measured, shot_numbers)
-        return problem if spots is None else replace(problem, spots=spots)
+        tool = instrument(header, robot, label)
+        nothing = np.zeros((len(joints), tool.residual_size))
+        spots, readings = nothing if spots is None else spots, np.zeros((len(joints), tool.reading_size))
+        of_target = dict.fromkeys(targets, tool)
+        return cls._of(header, robot, joints, tool, of_target, targets, spots, readings, shot_numbers)
 
     @classmethod
     def of_measured(
@@ -137,25 +139,47 @@ class Problem:
         """From a header and (N,) what is measured at each of the recorded (or planned) `joints` (N, n)."""
         every = [item for some in measured for item in some]
         instruments = tuple(
-            instrument(header, robot, label) for label in dict.fromkeys(item.label for item in every)
+            instrument(header, robot, label).with_variants(
+                {item.variant for item in every if item.label == label}
+            )
+            for label in dict.fromkeys(item.label for item in every)
         )
         labels = [each.label for each in instruments]
         parts = dict.fromkeys(Part(labels.index(item.label), item.variant) for item in every)
         tool: Instrument = instruments[0]
         if len(instruments) > 1 or len(tool.variants) > 1:
             tool = Together("", instruments, tuple(parts))
-        noise = NoiseModel.from_header(header, robot, tool)
-        geometry = Geometry.from_header(header, robot)
         of_target: dict[str, Instrument] = {}
         for item in every:
             if item.target is not None:
                 of_target.setdefault(item.target, instruments[labels.index(item.label)])
         # A shot belongs to its target; what has none, to the first instrument that reads there.
         belongs = [next((item.target for item in some if item.target), some[0].label) for some in measured]
-        names = tuple(dict.fromkeys([*of_target, *belongs]))
         rows = [
             tool.row(some, header.targets.get(name)) for some, name in zip(measured, belongs, strict=True)
         ]
+        spots = np.array([shift for _, shift in rows]).reshape(len(joints), tool.residual_size)
+        readings = np.array([reading for reading, _ in rows]).reshape(len(joints), tool.reading_size)
+        problem = cls._of(header, robot, joints, tool, of_target, belongs, spots, readings, shot_numbers)
+        return replace(problem, planned=planned)
+
+    @classmethod
+    def _of(
+        cls,
+        header: Header,
+        robot: Robot,
+        joints: Matrix,
+        tool: Instrument,
+        of_target: Mapping[str, Instrument],
+        belongs: Sequence[str],
+        spots: Matrix,
+        readings: Matrix,
+        shot_numbers: Sequence[int] | None,
+    ) -> Problem:
+        """Of shots that each belong to a target, measured by an instrument, or to a station."""
+        noise = NoiseModel.from_header(header, robot, tool)
+        geometry = Geometry.from_header(header, robot)
+        index = {name: k for k, name in enumerate(dict.fromkeys([*of_target, *belongs]))}
         return cls(
             robot=robot,
             tool=tool,
@@ -163,24 +187,32 @@ class Problem:
             parameters=Parameters.build(robot, tool, noise, geometry, header, of_target),
             functions=shot_functions(robot, tool, "relative" if noise.separate else "none", geometry),
             joints=np.asarray(joints, dtype=float),
-            spots=np.array([shift for _, shift in rows]).reshape(len(joints), tool.residual_size),
-            readings=np.array([reading for reading, _ in rows]).reshape(len(joints), tool.reading_size),
+            spots=spots,
+            readings=readings,
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
-            targets=names,
-            target_index=np.array([names.index(name) for name in belongs], dtype=np.int64),
-            guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in names]),
-            distances=distances(header, names),
+            targets=tuple(index),
+            target_index=np.array([index[name] for name in belongs], dtype=np.int64),
+            guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in index]),
+            distances=distances(header, tuple(index)),
             weights=np.ones(len(joints)),
-            planned=planned,
         )
 
     @classmethod
     def from_run(cls, run: Run) -> Problem:
         with located(run.path, run.header_line):
-            rows, measured = _by_posture(run.measurements)
-            numbers = [run.shots[i].shot for i in rows]
-            problem = cls.of_measured(run.header, run.robot, run.joints[rows], measured, numbers)
+            problem = cls._recorded(run)
             return problem._with_enough(run.header)
+
+    @classmethod
+    def _recorded(cls, run: Run) -> Problem:
+        tools = len(run.header.labels) == 1 and run.header.only_tools
+        if tools and all(shot.posture is None for shot in run.shots):  # there may be a million of them
+            spots = run.spots if run.header.instrument.columns else None
+            numbers, targets = [shot.shot for shot in run.shots], [shot.met_target for shot in run.shots]
+            return cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
+        rows, measured = _by_posture(run.measurements)
+        numbers = [run.shots[i].shot for i in rows]
+        return cls.of_measured(run.header, run.robot, run.joints[rows], measured, numbers)
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:

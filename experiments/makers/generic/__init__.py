@@ -158,6 +158,103 @@ def _read_csv(
     return import_csv(job, layout, still=Stillness.of_options(still_deg, still_s, still_mm))
 
 
+def _read_points(
+    job: "ImportJob",
+    joint_columns: Annotated[
+        str,
+        Option("Columns of joint 1, 2, …: a,b,c by name or number, from 1; or A1=j1,A2=j2,… in any order."),
+    ],
+    joint_units: Annotated[Literal["deg", "rad"], Option("Unit of the joints.")],
+    units: Annotated[
+        Literal["mm", "m", "inch"] | None, Option("Unit of the coordinates, unless the file says it.")
+    ] = None,
+    columns: Annotated[
+        str | None, Option("Columns of x,y,z, by name or number (default: by these names).")
+    ] = None,
+    instrument: Annotated[str | None, Option("Instrument of the header, if it states several.")] = None,
+    reflector: Annotated[str | None, Option("Reflector of all points, if there are several.")] = None,
+    reflector_column: Annotated[str | None, Option("Column with each point's reflector, instead.")] = None,
+    joints: Annotated[
+        Path | None, Option("Table of the joints, if they are not in the same table as the points.")
+    ] = None,
+    match: Annotated[
+        Literal["number", "time"] | None, Option("What joins a point of FILE and a row of --joints.")
+    ] = None,
+    number_column: Annotated[
+        str | None, Option("Column of the points' numbers, or names that end with them.")
+    ] = None,
+    joints_number_column: Annotated[
+        str | None, Option("The same of --joints; without both: row by row.")
+    ] = None,
+    time_column: Annotated[str | None, Option("Column of the points' times.")] = None,
+    time_units: Annotated[
+        str | None, Option("Their unit: s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S.")
+    ] = None,
+    joints_time_column: Annotated[str | None, Option("Column of times of --joints.")] = None,
+    joints_time_units: Annotated[str | None, Option("Their unit, if it is another one.")] = None,
+    within_s: Annotated[float | None, Option("Largest time between a point and its joints, seconds.")] = None,
+    rotation_columns: Annotated[
+        str | None, Option("Of poses: columns of three angles, a,b,c, in the order of --euler.")
+    ] = None,
+    rotation_units: Annotated[Literal["deg", "rad"] | None, Option("Unit of these angles.")] = None,
+    euler: Annotated[
+        str | None,
+        Option(
+            "Axes in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find:"
+            " the order that fits the nominal arm."
+        ),
+    ] = None,
+    quaternion_columns: Annotated[str | None, Option("Of poses: columns w,x,y,z instead of angles.")] = None,
+    uncertainty: Annotated[
+        Literal["1sigma", "95", "none"] | None,
+        Option("Level of the uncertainty columns; none: they are not used."),
+    ] = None,
+    uncertainty_columns: Annotated[
+        str | None, Option("Columns of the uncertainty of x,y,z (default: by names such as U-x).")
+    ] = None,
+    lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None,
+    delimiter: Annotated[str | None, Option("Delimiter of FILE; found if not stated.")] = None,
+    decimal: Decimal = ".",
+    j3: J3Counting = None,
+    small_angles: Annotated[
+        bool, Option("The joints are in degrees, although all are as small as radians would be.")
+    ] = False,
+) -> "Imported":
+    """Points or poses of a tracker or CMM, with the joints at each. What is not stated is never guessed."""
+    from .points import PointLayout, import_points
+
+    layout = PointLayout(
+        names_of(joint_columns) or (),
+        joint_units,
+        units,
+        names_of(columns),
+        instrument,
+        reflector,
+        reflector_column,
+        joints,
+        match,
+        number_column,
+        joints_number_column,
+        time_column,
+        time_units,
+        joints_time_column,
+        joints_time_units,
+        within_s,
+        names_of(rotation_columns),
+        rotation_units,
+        euler,
+        names_of(quaternion_columns),
+        uncertainty,
+        names_of(uncertainty_columns),
+        lengths,
+        delimiter,
+        decimal,
+        j3,
+        small_angles,
+    )
+    return import_points(job, layout)
+
+
 def _read_ros(
     job: "ImportJob",
     still_deg: StillDeg = None,
@@ -220,6 +317,12 @@ MAKER = Maker(
     ),
     read=(
         Reader("csv", _read_csv, "CSV files, one posture a row.", first=("files", "units")),
+        Reader(
+            "points",
+            _read_points,
+            "Table of points: SpatialAnalyzer text, CSV of any other software.",
+            first=("files", "file", "header", "joints", "joint_columns", "joint_units"),
+        ),
         Reader(
             "ros",
             _read_ros,

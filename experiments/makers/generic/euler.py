@@ -1,0 +1,137 @@
+"""Orders of Euler angles: rotations of a stated order, or the order by which the flange's rotations fit."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ....model.arrays import Matrix
+from ....model.errors import BadInput
+
+_PLAIN = ["".join(axes) for axes in itertools.permutations("XYZ")]
+_SAME_TWICE = [f"{a}{b}{a}" for a in "XYZ" for b in "XYZ" if a != b]
+ORDERS = [f"{axes}-{way}" for axes in (*_PLAIN, *_SAME_TWICE) for way in ("fixed", "moving")]
+_LARGEST_DEG = 2.0  # of a nominal arm from its measured orientations
+_AGREEING = 0.3  # of pairs of poses, at least, turn by the same angle
+_STEPS = (1, 2, 3, 5, 7)  # how far apart the poses of a pair are
+_CLEARLY = 20.0  # log likelihood ratio to the next order, a component of each pose (Laplace)
+_LEAST = 5  # poses
+
+
+class FittingOrder(NamedTuple):
+    """Rotations (N, 3, 3) by the order that fits, and a sentence on it."""
+
+    rotations: Matrix
+    sentence: str
+
+
+def rotations(angles: Matrix, order: str) -> Matrix:
+    """(N, 3, 3) of angles (N, 3), rad, about the axes of an order such as XYZ-fixed or ZYX-moving.
+
+    The first angle is about the first axis, and is the first rotation; fixed axes stay, moving ones turn with
+    the body. BadInput for an order that there is not.
+    """
+    match = re.fullmatch(r"([xyz]{3})-(fixed|moving)", order, re.IGNORECASE)
+    if match is None or f"{match[1].upper()}-{match[2].lower()}" not in ORDERS:
+        raise BadInput(
+            "there is no such order of Euler angles",
+            found=order,
+            allowed="XYZ-fixed, ZYX-moving, ZYZ-moving, … or find",
+            remedy="state the axes in the order of the columns, and whether they stay or turn with the body",
+        )
+    turns = [_about(axis, angle) for axis, angle in zip(match[1].upper(), angles.T, strict=True)]
+    one, two, three = turns if match[2].lower() == "moving" else turns[::-1]
+    return np.asarray(one @ two @ three)
+
+
+def _about(axis: str, angles: Matrix) -> Matrix:
+    """(N, 3, 3) rotations about a coordinate axis."""
+    i = "XYZ".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    result = np.zeros((len(angles), 3, 3))
+    result[:, i, i] = 1.0
+    result[:, j, j] = result[:, k, k] = np.cos(angles)
+    result[:, k, j], result[:, j, k] = np.sin(angles), -np.sin(angles)
+    return result
+
+
+def found_order(angles: Matrix, columns: Sequence[str], flange: Matrix) -> FittingOrder:
+    """The order by which angles (N, 3), rad, are those of something on the flange, whose rotations (N, 3, 3)
+    are nominal, as seen from anywhere.
+
+    The columns are angles about x, y and z; tried are all orders of these rotations. Another naming of the
+    axes would be a change of frames, which are not known. BadInput where no order fits, or where another one
+    fits nearly as well.
+    """
+    if len(angles) < _LEAST:
+        raise BadInput(
+            "too few poses to find the order of the angles",
+            found=f"{len(angles)} poses",
+            allowed=f"{_LEAST} or more",
+            remedy="state the order, such as --euler XYZ-fixed",
+        )
+    tried: list[tuple[float, str, Matrix]] = []
+    for axes in _PLAIN:
+        at = ["XYZ".index(axis) for axis in axes]
+        turned = rotations(angles[:, at], f"{axes}-fixed")
+        # The same rotations backwards about axes that move are named by the columns as they are.
+        name = "XYZ-moving" if axes == "ZYX" else f"{axes}-fixed"
+        named = columns if axes == "ZYX" else [columns[i] for i in at]
+        tried.append((_misfit(turned, flange), f"{name} of {', '.join(named)}", turned))
+    tried.sort(key=lambda one: one[0])
+    (best, name, turned), (next_best, other, _) = tried[:2]
+    fits = f"{name} to {best:.3g}° (median); the next is {other} to {next_best:.3g}°"
+    clear = len(angles) * np.log(next_best / max(best, 1e-6)) > _CLEARLY
+    if best > _LARGEST_DEG or not clear:
+        raise BadInput(
+            "no order of the angles fits the nominal arm"
+            if best > _LARGEST_DEG
+            else "several orders of the angles fit",
+            found=fits,
+            allowed=f"one order within {_LARGEST_DEG:g}°, and the next clearly worse in so many poses",
+            remedy="state the order, or check which joints belong to which pose",
+        )
+    return FittingOrder(turned, f"the order that fits: {fits}")
+
+
+def _misfit(measured: Matrix, flange: Matrix) -> float:
+    """Degrees, median: how far M_i is from A F_i B, with the rotations A and B that fit best.
+
+    B aligns the relative rotations of poses, B^T (F_i^T F_j) B = M_i^T M_j, by their axes (as in hand-eye
+    calibration; Park and Martin 1994). Only pairs whose angles agree count, so that wrong rows do not; A is
+    then the mean of those M_i B^T F_i^T that are near most others.
+    """
+    m, f = (
+        np.concatenate([np.swapaxes(r[:-step], 1, 2) @ r[step:] for step in _STEPS if step < len(r)])
+        for r in (measured, flange)
+    )
+    agreeing = np.abs(_angles(m) - _angles(f)) < _LARGEST_DEG
+    if agreeing.sum() < max(3, _AGREEING * len(agreeing)):
+        return 180.0
+    mount = _nearest_rotation(_axes(f[agreeing]).T @ _axes(m[agreeing]))
+    worlds = measured @ np.swapaxes(flange @ mount, 1, 2)
+    tried = worlds[:: max(1, len(worlds) // 50)]
+    off = np.array([_angles(world.T @ worlds) for world in tried])
+    nearest = off[int(np.argmin(np.median(off, axis=1)))]
+    world = _nearest_rotation(worlds[nearest <= np.median(nearest)].sum(axis=0))
+    return float(np.median(_angles(world.T @ worlds)))
+
+
+def _angles(r: Matrix) -> Matrix:
+    """(N,) degrees, of rotations (N, 3, 3)."""
+    return np.asarray(np.degrees(np.arccos(np.clip((np.trace(r, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))))
+
+
+def _axes(r: Matrix) -> Matrix:
+    """(N, 3) axis times sine of the angle: what is aligned, and 0 where the axis is not clear."""
+    return np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1) / 2.0
+
+
+def _nearest_rotation(matrix: Matrix) -> Matrix:
+    """(3, 3) the rotation R with the largest trace of R^T matrix."""
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
