@@ -68,13 +68,13 @@ def servo_joints(problem: Problem) -> Matrix:
     return weights
 
 
-def moving_joints(joints: Matrix) -> Matrix:
-    """(n,) weights by which recorded shots (N, n) may be moved: each joint's variance over the shots.
+def moving_joints(problem: Problem) -> Matrix:
+    """(n,) weights by which recorded shots may be moved: each joint's variance over the shots, rad² or m².
 
     A joint that the shots keep exactly constant stays exactly constant, so that no gauge is broken.
     """
-    spread = np.ptp(joints, axis=0)
-    return np.where(spread > 0, np.var(joints, axis=0), 0.0)
+    spread = np.ptp(problem.joints, axis=0)
+    return np.where(spread > 0, np.var(problem.joints / joint_scale(problem), axis=0), 0.0)
 
 
 def at_rest(problem: Problem) -> Mask:
@@ -109,7 +109,8 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
     with own ones for every shot.
 
-    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual.
+    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual. The
+    weights are of turns in rad, or shifts in m.
     """
     turned = np.flatnonzero(weights)
     scale = joint_scale(problem)[turned]

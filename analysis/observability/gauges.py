@@ -18,11 +18,12 @@ _ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements co
 PART = 1e-6  # a parameter with more than this in a unit null vector has a part in it, whatever the rounding
 _TARGET_MM, _CONFIRMATIONS = 50.0, 3  # points near by, and the way to them of a target
 # Where points differ in rank: one in five with a lower rank than the rest is overlooked in one of 5000.
-_SPECIAL_CONFIRMATIONS = {50.0: 6, 5.0: 16, 0.5: 16}
+_SPECIAL_CONFIRMATIONS = 38
+_TURN = np.radians(2.0)  # standard deviation of a joint (or as a share of a metre) where a target is put
 _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
 _CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
-_PREDICTED = 0.1  # of a residual may be left by one Newton step: else it may come to another posture
+_PREDICTED = 0.1  # of a residual may not be as its Jacobian predicts: else it may come to another posture
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
@@ -52,17 +53,10 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     null = _null_space(jacobian, tolerated)
     taken_up = [spanned(jacobian, tolerated)]
     followed = _followed(aimed, x, hit, _weights(problem) > 0)
-    if followed:
-        near_by = []
-        if null.size or tolerated.any():
-            near_by = _near_by(problem, x, hit, aimed, _TARGET_MM, _CONFIRMATIONS)
-    else:
-        # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
-        near_by = [
-            point
-            for target_mm, points in _SPECIAL_CONFIRMATIONS.items()
-            for point in _near_by(problem, x, hit, None, target_mm, points)
-        ]
+    near_by = []
+    if null.size or tolerated.any() or not followed:
+        near_by = _near_by(problem, x, hit, aimed, followed)
+    if not followed:
         lowest_rank = max(near_by, key=lambda point: point.null.size, default=None)
         if lowest_rank is not None and lowest_rank.null.size > null.size:
             # Judged where the true values may just as well be, and where the rank is lower.
@@ -94,7 +88,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
     a joint at rest varies by.
     """
     centred, shots = problem.moved(problem.joints, np.zeros_like(problem.spots)), problem.shots
-    weights, at_once = moving_joints(problem.joints), max(1, _AIMED_AT_ONCE // max(shots, 1))
+    weights, at_once = moving_joints(problem), max(1, _AIMED_AT_ONCE // max(shots, 1))
     rest = at_rest(problem) & (weights > 0)
     roots = []
     for some in (xs[i : i + at_once] for i in range(0, len(xs), at_once)):
@@ -114,7 +108,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
 
 def _weights(problem: Problem) -> Matrix:
     """(n,) weights by which recorded shots may be moved, 0 of joints at rest."""
-    return np.where(at_rest(problem), 0.0, moving_joints(problem.joints))
+    return np.where(at_rest(problem), 0.0, moving_joints(problem))
 
 
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
@@ -242,11 +236,9 @@ class _NearBy:
     same: bool
 
 
-def _near_by(
-    problem: Problem, x: Matrix, hit: Mask, followed: Problem | None, target_mm: float, points: int
-) -> list[_NearBy]:
-    """Points near x, with the target about `target_mm` off, at which all shots of `hit` (N,) hit, all that
-    were found on the way to each of `points`. There may be none.
+def _near_by(problem: Problem, x: Matrix, hit: Mask, aimed: Problem, followed: bool) -> list[_NearBy]:
+    """Points near x at which all shots of `hit` (N,) hit, all that were found on the way to each of some
+    points. `aimed` has the shots at x. There may be none.
 
     All are tried side by side, then those again that will not do, by half the way. A shot that does not hit
     breaks a gauge that it has where it hits, and so does one that jumps to another posture, such as the
@@ -257,59 +249,82 @@ def _near_by(
     same; fewer joints than a residual has coordinates reach no other point then.
     """
     weights, tolerated = _weights(problem), problem.parameters.tolerated[problem.parameters.free]
-    if followed is None and np.count_nonzero(weights) < problem.met.sum(axis=1).max():
+    if not followed and np.count_nonzero(weights) < problem.met.sum(axis=1).max():
         return []
-    # Near special points other directions at every distance.
-    rng = np.random.default_rng(2014 if followed else [2014, int(10 * target_mm)])
+    rng = np.random.default_rng(2014)
     rounding, nearer = (ROUNDING, _NEARER_FOLLOWED) if followed else (_ROUNDING_SPECIAL, _NEARER)
     numbered: list[tuple[int, _NearBy]] = []
-    missing = list(range(points))
+    missing = list(range(_CONFIRMATIONS if followed else _SPECIAL_CONFIRMATIONS))
     for halved in range(nearer):
         if not missing:
             break
         tried = missing
-        steps = [_step(problem, rng, target_mm) for _ in tried]
+        steps = [_step(problem, rng) for _ in tried]
         others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved
+        if not followed:
+            others = _within_reach(aimed, others, hit, rng, _TURN / 2**halved)
         missing = []
         roots = information_roots(problem, others, 1.0)
-        for k, other, (_, jacobian, still) in zip(tried, others, roots, strict=True):
+        for k, other, (there, jacobian, still) in zip(tried, others, roots, strict=True):
             same = False
             if still[hit].all():
-                same = followed is not None and _same_shots(followed, x, other, hit, weights)
+                same = followed and _same_shots(aimed, x, there, other, hit)
                 numbered.append(
                     (k, _NearBy(other, jacobian, _null_space(jacobian, tolerated, rounding), same))
                 )
-            if not (same or (followed is None and still[hit].all())):
+            if not (same if followed else still[hit].all()):
                 missing.append(k)
     return [point for _, point in sorted(numbered, key=lambda pair: pair[0])]
 
 
-def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matrix:
+def _step(problem: Problem, rng: np.random.Generator) -> Matrix:
     """(p,) a random way to a point near by."""
     parameters = problem.parameters
     size = np.where(
         parameters.group("target"),
-        target_mm,
+        _TARGET_MM,
         np.minimum(parameters.prior_std, np.maximum(np.radians(1.0), 0.2 * parameters.prior_std)),
     )
     return np.where(parameters.free, rng.normal(size=len(parameters)) * size, 0.0)
 
 
-def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Matrix) -> bool:
-    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x predicts:
-    one step of Newton's by the joints with a weight (n,) leaves little of their residuals."""
-    weights = weights * joint_scale(aimed) ** 2
+def _within_reach(aimed: Problem, xs: Matrix, hit: Mask, rng: np.random.Generator, turn: float) -> Matrix:
+    """xs (k, p) with each target moved, as little as can be, to where one of its shots of `hit` (N,) meets
+    it: a random one, whose joints are turned by about `turn`.
+
+    Where shots cannot follow a target, hardly any random target is within reach. The tip of an arm without
+    shoulder and elbow, say, reaches a shell about as thick as its links deviate from nominal. Without points
+    near by, the verdict would be that of the special point, at which the shots say more than nearly anywhere
+    else.
+    """
+    parameters, xs = aimed.parameters, xs.copy()
+    for which in range(len(aimed.targets) - aimed.stations):
+        shots = np.flatnonzero(hit & (aimed.target_index == which))
+        if len(shots) == 0:
+            continue
+        chosen = aimed.select(rng.choice(shots, len(xs)))
+        turns = rng.normal(size=chosen.joints.shape) * joint_scale(aimed) * turn
+        joints = chosen.joints + np.where(_weights(aimed) > 0, turns, 0.0)
+        residual, jacobian = to_meet(chosen, xs, joints, slice(None))
+        block = parameters.block("target", which)
+        by_target = jacobian[:, :, parameters.in_shot("target")] * parameters.prior_std[block]
+        step = (np.linalg.pinv(by_target) @ residual[:, :, None])[:, :, 0]
+        xs[:, block] -= step * parameters.prior_std[block]
+    return xs
+
+
+def _same_shots(aimed: Problem, x: Matrix, there: Problem, other: Matrix, hit: Mask) -> bool:
+    """Whether the shots of `hit` (N,), aimed at x and `there` at `other`, have turned as their Jacobian at x
+    predicts: the turn of the joints takes away what `other` adds to the residuals, but for little.
+
+    One that jumped to another posture has turned by more than that. Whether a step of Newton's leads near is
+    no test: a shot near the end of what its joint reaches jumps after such a step too.
+    """
     _, jacobian_mm = to_meet(aimed, x, aimed.joints, slice(None))
-    residual, _ = to_meet(aimed, other, aimed.joints, slice(None))
-    by_joints = aimed.by_joints(jacobian_mm)[hit]
-    gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
-    damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30  # as `aim` does
-    gram += damping[:, None, None] * np.eye(gram.shape[1])
-    across = np.linalg.solve(gram, residual[hit][:, :, None])
-    joints = aimed.joints.copy()
-    joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
-    left, _ = to_meet(aimed, other, joints, slice(None))
-    before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
+    added, _ = to_meet(aimed, other, aimed.joints, slice(None))
+    turned = (there.joints - aimed.joints)[:, :, None]
+    left = added + (aimed.by_joints(jacobian_mm) @ turned)[:, :, 0]
+    before, after = (np.linalg.norm(residual[hit], axis=1) for residual in (added, left))
     return bool((after <= _PREDICTED * before + HIT_MM).all())
 
 

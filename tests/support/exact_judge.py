@@ -397,16 +397,21 @@ def special(arm: Cell, problem: Problem) -> bool:
     return any(np.linalg.matrix_rank(own, rtol=1e-6) < len(own) for own in by_joints)
 
 
+def values_near_by(problem: Problem, seed: int | None) -> Matrix:
+    """Random values (p,) near by, nominal ones without a seed."""
+    x = problem.nominal()
+    if seed is None:
+        return x
+    size = np.where(problem.parameters.display == 1, _STEP, np.radians(0.1 * _STEP))
+    if not problem.geometry:
+        size[: problem.robot.n] *= np.where(problem.robot.display == 1, 0.2, 1.0)
+    return x + np.where(problem.parameters.free, np.random.default_rng(seed).normal(size=len(size)) * size, 0)
+
+
 def near_by(arm: Cell, problem: Problem, seed: int | None) -> Exact | None:
     """The Jacobian at random values near by (nominal ones without a seed), with the measurements turned onto
     the target there; None where they cannot be."""
-    judge, parameters, x = Judge(arm, problem.geometry), problem.parameters, problem.nominal()
-    if seed is not None:
-        size = np.where(parameters.display == 1, _STEP, np.radians(0.1 * _STEP))
-        if not problem.geometry:
-            size[: problem.robot.n] *= np.where(problem.robot.display == 1, 0.2, 1.0)
-        x = x + np.random.default_rng(seed).normal(size=len(size)) * size
-        x = np.where(parameters.free, x, problem.nominal())
+    judge, x = Judge(arm, problem.geometry), values_near_by(problem, seed)
     near = aim(problem, x, arm.moving)
     if not near.hit.all():
         return None

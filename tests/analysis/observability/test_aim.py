@@ -72,11 +72,12 @@ def test_the_given_problem_is_not_changed():
 
 
 def test_a_constant_joint_may_not_move():
-    joints = np.random.default_rng(1).normal(size=(5, 4))
+    problem, _ = near()
+    joints = np.random.default_rng(1).normal(size=(5, 6))
     joints[:, 1] = 0.3
-    weights = moving_joints(joints)
+    weights = moving_joints(problem.moved(joints))
     assert weights[1] == 0
-    np.testing.assert_allclose(weights[[0, 2, 3]], joints[:, [0, 2, 3]].var(axis=0))
+    np.testing.assert_allclose(weights[[0, 2, 3, 4, 5]], joints[:, [0, 2, 3, 4, 5]].var(axis=0))
 
 
 @pytest.mark.parametrize(("noises", "rest"), [(1.0, True), (4.0, False)])
