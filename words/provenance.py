@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from ..model.instruments.kind import Instrument
 from .wording import shown
@@ -61,9 +61,14 @@ def first_entry(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
     return next((shown(str(provenance[key])) for key in keys if key in provenance), "")
 
 
-def instrument(provenance: Mapping[str, object], kind: type[Instrument]) -> str:
-    """The instruments of a kind, their makers and serial numbers; "" where none is stated."""
-    rows = [keys for name, keys in kind.words.traced if "serial" in name]
+def traced(kinds: Iterable[type[Instrument]]) -> list[tuple[str, tuple[str, ...]]]:
+    """What a certificate names of instruments of these kinds, each entry once."""
+    return list(dict.fromkeys(entry for kind in kinds for entry in kind.words.traced))
+
+
+def instrument(provenance: Mapping[str, object], kinds: Iterable[type[Instrument]]) -> str:
+    """The instruments of these kinds, their makers and serial numbers; "" where none is stated."""
+    rows = [keys for name, keys in traced(kinds) if "serial" in name]
     return ", ".join(text for text in (provenance_entry(provenance, keys) for keys in rows) if text)
 
 

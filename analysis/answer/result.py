@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...model.instruments.kind import Instrument
-from ...model.instruments.registry import kind_of
+from ...model.instruments.registry import kinds_of
 from ..covariance import OffsetsWithoutPrior
 from ..diagnostics.accuracy import TcpAccuracy
 from ..diagnostics.budget import Budget
@@ -100,9 +100,9 @@ class Inputs:
     vendor: str | None = None
 
     @property
-    def instrument(self) -> type[Instrument]:
-        """The kind of the instrument on the flange."""
-        return kind_of(str(self._of("tool")["kind"]))
+    def instruments(self) -> dict[str, type[Instrument]]:
+        """The kind of each instrument, by its label."""
+        return kinds_of(self.header)
 
     @property
     def calibrated(self) -> bool:

@@ -151,7 +151,7 @@ def _entry(result: ReadResult, text: str, origin: _Origin) -> Entry:
         model=_text(inputs.robot),
         vendor=None if inputs.vendor is None else _text(inputs.vendor),
         measured_at=origin.measured_at,
-        instrument=instrument(origin.provenance, inputs.instrument),
+        instrument=instrument(origin.provenance, inputs.instruments.values()),
         operator=origin.operator,
         run=_text(inputs.run),
         shots=inputs.shots,

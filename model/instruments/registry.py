@@ -6,6 +6,7 @@ imported before a header names it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import EntryPoint
 
@@ -35,6 +36,13 @@ for _kind in (*STATIONS.values(), *TOOLS.values()):  # a word that two kinds are
 def kind_of(name: str) -> type[Instrument]:
     """The kind of that name; KeyError where there is none, BadInput where its package is broken."""
     return KINDS[name] if name in KINDS else _loaded(name)
+
+
+def kinds_of(header: Mapping[str, object]) -> dict[str, type[Instrument]]:
+    """The kind of each instrument of a header's plain values, by its label."""
+    tool, others = header.get("tool"), header.get("instruments")
+    entries = ({"tool": tool} if tool else {}) | (others if isinstance(others, dict) else {})
+    return {label: kind_of(entry["kind"]) for label, entry in entries.items() if isinstance(entry, dict)}
 
 
 def kind_names() -> list[str]:

@@ -22,7 +22,7 @@ from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signatu
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
-from ...model.instruments.registry import kind_of
+from ...model.instruments.registry import kinds_of
 from ...words.provenance import (
     CERTIFICATE_KEYS,
     DATE,
@@ -30,6 +30,7 @@ from ...words.provenance import (
     SIMULATED,
     by_plain_key,
     provenance_entry,
+    traced,
 )
 from ...words.result_json import dumps
 from ..output.whole_folder import Kind, write_folder, write_page
@@ -136,7 +137,7 @@ def _form(header: Json) -> Json:
         **{key: provenance_entry(provenance, KEYS[name]) or None for key, name in CERTIFICATE_KEYS.items()},
         "instruments": [
             {"name": name, "text": provenance_entry(provenance, keys) or None}
-            for name, keys in kind_of(header["tool"]["kind"]).words.traced
+            for name, keys in traced(kinds_of(header).values())
         ],
     }
 

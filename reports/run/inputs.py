@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...analysis.answer.result import Inputs, Result
-from ...model.instruments.registry import kind_of
+from ...model.instruments.registry import kinds_of
 from ...words.provenance import (
     DATE,
     KEYS,
@@ -19,6 +19,7 @@ from ...words.provenance import (
     instrument,
     is_simulated,
     provenance_entry,
+    traced,
 )
 from ...words.wording import clipped, listed, shown
 from ..style.blocks import Facts, Head, Paragraph, Section, row_of, section_of, table_of
@@ -78,7 +79,7 @@ _SIGNED = ("Approved by", "Date of approval", "Signature")
 def traceability_section(result: Result) -> Section:
     """A form with a field a row; what nobody has stated is left empty."""
     provenance = by_plain_key(result.inputs.provenance)
-    fields = [*MEASURED, *result.inputs.instrument.words.traced]
+    fields = [*MEASURED, *traced(result.inputs.instruments.values())]
     rows = [row_of(name, provenance_entry(provenance, keys)) for name, keys in fields]
     rows += [row_of("SHA-256 of the run", result.inputs.sha256)]
     rows += [row_of(name, "") for name in _SIGNED]
@@ -98,6 +99,6 @@ def origin_of(header: Mapping[str, Any]) -> dict[str, str]:
         "serial": provenance_entry(provenance, KEYS[SERIAL]),
         "when": provenance_entry(provenance, KEYS[DATE]),
         "who": provenance_entry(provenance, KEYS[OPERATOR]),
-        "instrument": instrument(provenance, kind_of(header["tool"]["kind"])),
+        "instrument": instrument(provenance, kinds_of(header).values()),
         "origin": provenance_entry(provenance, ("origin",)),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.budget import Budget, BudgetRow
@@ -62,14 +62,16 @@ def _lead(result: Result) -> str:
     return text
 
 
-def source_words(row: BudgetRow, instrument: type[Instrument]) -> str:
-    """A source in words."""
+def source_words(row: BudgetRow, instruments: Mapping[str, type[Instrument]]) -> str:
+    """A source in words; `instruments` by their labels."""
     names = [label(name, _NAME) for name in row.of]
     match row.kind:
         case "joint":
             return f"joint {names[0]}"
         case "spot":
-            return instrument.words.reading
+            if names:
+                return f"{instruments[row.of[0]].words.reading} of {names[0]}"
+            return next(iter(instruments.values())).words.reading
         case "prior" | "target":
             return f"prior of {names[0]}"
         case "distance":
@@ -89,7 +91,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     if len(ranked) - len(kept) == 1:
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
-    instrument, k = result.inputs.instrument, result.coverage_factor
+    instruments, k = result.inputs.instruments, result.coverage_factor
     heads = [(f"{label(budget.name)} ({numbers.symbol(budget.unit)})", "right") for budget in budgets]
     shown = []
     for i in sorted(kept):
@@ -99,14 +101,14 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
             _contribution(column[i].contribution, column[i].share, b)
             for column, b in zip(rows, budgets, strict=True)
         ]
-        shown.append(row_of(source_words(source, instrument), std, *cells))
+        shown.append(row_of(source_words(source, instruments), std, *cells))
     note = None
     if others:
         below = max(math.floor(100 * largest[others[0]]) + 1, round(100 * MINOR))
         name = f"{len(others)} others, each <{numbers.NO_BREAK}{below}{numbers.NO_BREAK}%"
         cells = [_together([column[i] for i in others], b) for column, b in zip(rows, budgets, strict=True)]
         shown.append(row_of(name, "", *cells))
-        note = Paragraph(f"The others: {listed([source_words(rows[0][i], instrument) for i in others], 6)}.")
+        note = Paragraph(f"The others: {listed([source_words(rows[0][i], instruments) for i in others], 6)}.")
     shown += [
         row_of("combined u", "", *(numbers.spread(b.std) for b in budgets)),
         row_of("ν effective", "", *(_dof(b.dof) for b in budgets)),
@@ -118,20 +120,20 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
         note,
-        _sensitivities(of, instrument, rows, sorted(kept), heads),
+        _sensitivities(of, instruments, rows, sorted(kept), heads),
     ]
 
 
 def _sensitivities(
     of: str,
-    instrument: type[Instrument],
+    instruments: Mapping[str, type[Instrument]],
     rows: Sequence[Sequence[BudgetRow]],
     kept: list[int],
     heads: list[tuple[str, str]],
 ) -> Table | None:
     shown = [
         row_of(
-            source_words(rows[0][i], instrument),
+            source_words(rows[0][i], instruments),
             f"per {numbers.symbol(rows[0][i].unit or '')}",
             *(numbers.or_words(column[i].sensitivity, "", digits=2) for column in rows),
         )
