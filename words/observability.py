@@ -44,7 +44,7 @@ _BASE_FRAME = (
 )
 _MOST_AT_OPTIMA = 3
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
-_TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated laser (section 3.1)"
+_TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
 _UNKNOWN: dict[Group, str] = {
     "offset": "offset",
     "target": "target coordinate",
@@ -409,7 +409,7 @@ def wrong_words(power: DetectionPower) -> str:
         case "drift":
             return f"a drift of {size} in the zero of joint {power.joint}"
         case "reading":
-            return f"one reading {size} off at the spot"
+            return f"one reading {size} off"
         case "moved":
             return f"a target moved by {size}"
         case "jump":

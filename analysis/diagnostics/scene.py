@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...model.arrays import Matrix
+from ...model.arrays import Index, Matrix
 from ..solution import Solution
 
 Point = tuple[float, float, float]
@@ -83,7 +83,11 @@ def scene(solution: Solution) -> RunScene | None:
             )
             for row, i in enumerate(chosen)
         ),
-        targets=tuple(_target(solution, k) for k in range(len(problem.targets))),
+        targets=tuple(
+            _target(solution, coordinates, name)
+            for name in problem.targets
+            if ((coordinates := problem.parameters.place_of(name)) >= 0).all()
+        ),
         radius2=_radius2(solution),
     )
 
@@ -101,12 +105,10 @@ def _drawn(solution: Solution) -> Matrix:
     return x
 
 
-def _target(solution: Solution, k: int) -> SceneTarget:
+def _target(solution: Solution, coordinates: Index, name: str) -> SceneTarget:
+    """A point, or the origin of a free frame; planes and known frames are not drawn."""
     problem, fit = solution.problem, solution.fit
-    coordinates = problem.parameters.place_of(problem.targets[k])
     position = covariance = None
-    if (coordinates < 0).any():  # a plane, or a station whose frame is known
-        return SceneTarget(problem.targets[k], position, covariance)
     status = {solution.status[i] for i in coordinates.tolist()}
     if "unidentifiable" not in status:
         position = _point(fit.x[coordinates])
@@ -115,7 +117,7 @@ def _target(solution: Solution, k: int) -> SceneTarget:
             std = problem.parameters.prior_std[coordinates]
             matrix = fit.covariance[np.ix_(rows, rows)] * np.outer(std, std)
             covariance = (_point(matrix[0]), _point(matrix[1]), _point(matrix[2]))
-    return SceneTarget(problem.targets[k], position, covariance)
+    return SceneTarget(name, position, covariance)
 
 
 def _radius2(solution: Solution) -> float:

@@ -63,7 +63,7 @@ class DetectionPower:
     "tool": a point of the tool is off; "beam": its direction is; "arm": what has a tolerance of the geometry
     is so many times that large; "jump": the zero of `joint` (from 1) jumps halfway; "drift": it drifts so far
     from the first measurement to the last; "moved": a target is moved halfway through its measurements, or
-    drifts from the first to the last; "reading": one measurement is off at the spot; "backlash": every joint
+    drifts from the first to the last; "reading": one measurement is off; "backlash": every joint
     is off by that, one way or the other; "noise": the readings scatter so many times as much. Of joints,
     targets and directions that of the largest risk is stated.
 

@@ -457,7 +457,7 @@ class Problem:
             joints, self.data[rows], parts.arm, own_target, parts.tool
         )
         d = self.tool.residual_size
-        return residual.reshape(len(joints), d), jacobian.reshape(len(joints), d, -1)
+        return residual.reshape(len(joints), d), jacobian.reshape(len(joints), d, jacobian.shape[-1])
 
     @cached_property
     def data(self) -> Matrix:

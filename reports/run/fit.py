@@ -32,7 +32,7 @@ def fit_section(result: Result) -> Section:
     sides = [_likelihood_facts(likelihood, separate)]
     if midpoint.available:
         sides.append(_midpoint_facts(midpoint))
-    columns = ["quantity", "beam-residual likelihood", "midpoint cost (eq. 8)"]
+    columns = ["quantity", "residual likelihood", "midpoint cost (eq. 8)"]
     rows = [row_of(name, *(side.get(name, _NO_COST) for side in sides)) for name in sides[0]]
     sentences = goodness_of_fit(result, "fitted" if separate else "stated")
     if (message := likelihood_message(likelihood)) is not None:
@@ -82,7 +82,7 @@ def _converged(fit: LikelihoodSummary | MidpointSummary) -> str:
 
 def _both_estimates(result: Result) -> Table | None:
     """The offsets by both costs, where both have an estimate."""
-    columns = ["name", "beam-residual likelihood", "midpoint cost (eq. 8)", "difference over U"]
+    columns = ["name", "residual likelihood", "midpoint cost (eq. 8)", "difference over U"]
     k = result.coverage_factor
     rows = [
         row_of(

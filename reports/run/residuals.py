@@ -42,8 +42,8 @@ def residuals_section(result: Result) -> Section:
     outliers = set(robust.outliers) if robust is not None and weights is not None else set()
     chosen, caption = list(range(len(shots))), "Residual of every measurement"
     text = (
-        "A residual is what the fit leaves between beam (or probe) and target; normalised, it is divided"
-        " by its standard deviation. The leave-one-out residual is that from the fit to the other"
+        "A residual is what the fit leaves between what was read and what is predicted; normalised, it is"
+        " divided by its standard deviation. The leave-one-out residual is that from the fit to the other"
         " measurements; Cook’s distance is how far the estimates move without the measurement."
     )
     if weights is not None:

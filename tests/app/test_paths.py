@@ -351,7 +351,7 @@ def test_no_option_of_a_job_is_stated_twice(there: Path) -> None:
         for key, kind in options.items():
             option = key if kind == "flag" else f"{key}=1"
             command = [*name, *(own for own in needed if not own.startswith(f"{key}=")), option, option]
-            if kind == "values":
+            if kind in ("values", "held out"):
                 made = job_command(folder, [*command, *["plan.yaml"] * files])
                 assert made.count(option) == 2
                 continue
@@ -384,7 +384,7 @@ def test_every_allowed_option_exists_and_one_that_takes_a_path_is_resolved() -> 
             for key in set(own.opts) & set(options):
                 path = "Path" in str(hints[own.name])
                 assert path == (options[key] in ("read", "write")) or key == "--db", (name, key)
-                assert own.multiple == (options[key] == "values"), (name, key)
+                assert own.multiple == (options[key] in ("values", "held out")), (name, key)
                 assert own.is_flag == (options[key] == "flag"), (name, key)
                 found.add(key)
     assert {"--out", "--header", "--cell", "--sensors", "--db", "--target", "--resume"} <= found

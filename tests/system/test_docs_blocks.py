@@ -140,7 +140,8 @@ def carry_out(text: str, folder: Path, *, short: bool = False, written: bool = T
 
 
 def runs(name: str) -> bool:
-    return any(block.commands or block.language == "python" for block in blocks(read(name)))
+    programs = ("python", None)  # one with a title is a file
+    return any(block.commands or (block.language, block.title) == programs for block in blocks(read(name)))
 
 
 RUN = [name for name in PAGES if runs(name)]

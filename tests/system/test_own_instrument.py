@@ -44,7 +44,9 @@ def seen_from(robot, q):
 
 def write(path: Path, wrong_mm: float = 0.0) -> None:
     """A run of the page's header, of an arm with OFFSETS; of half the pictures the mark is elsewhere."""
-    (header,) = (YAML(typ="safe").load(block.text) for block in blocks(PAGE) if block.language == "yaml")
+    (header,) = (
+        YAML(typ="safe").load(block.text) for block in blocks(PAGE) if "robot: irb1600" in block.text
+    )
     (shot,) = (json.loads(block.text) for block in blocks(PAGE) if block.language == "json")
     rng, robot = np.random.default_rng(3), load_robot("irb1600", Path())
     lines = [{"schema": "zerobeam/run/1", "geometry": "exact", **header}]

@@ -174,7 +174,7 @@ def test_an_uncalibrated_laser_with_delta6_freed() -> None:
     assert (named(answer, "delta6").status, named(answer, "delta6").data_std) == ("unidentifiable", None)
     (null,) = answer.identifiability.null_space
     assert null.kind == "exact"
-    assert "last joint is equivalent to one of the uncalibrated laser" in reason(null.cause)
+    assert "last joint is equivalent to one of the uncalibrated tool" in reason(null.cause)
     # The turn by delta6 is undone by the tool's own parameters alone.
     assert set(null.combination) <= {"delta6", "tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2"}
     for name in ("delta2", "delta3", "delta4", "delta5"):

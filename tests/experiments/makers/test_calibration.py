@@ -63,7 +63,7 @@ def test_held_ones_are_said_to_be_held_at_zero() -> None:
         assert (offset.status, offset.exported, offset.applied) == ("held", False, 0.0)
         assert "HELD at 0" in offset.sentence
     assert "defines the base frame" in first.sentence
-    assert "equivalent to one of the uncalibrated laser" in last.sentence
+    assert "equivalent to one of the uncalibrated tool" in last.sentence
 
 
 def test_an_unidentifiable_one_is_refused_by_name_with_its_reason(refused: Refused) -> None:

@@ -18,7 +18,6 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.likelihood.noise import NoiseModel
 
 # Nothing is wrong with it, and its face is turned towards each beam: it reads across the beam.
 EXACT_PSD = {"noise_mm": 1e-9, "resolution_mm": 1e-9, "nonlinearity": 0, "ambient": 0, "lost": 0}
@@ -177,7 +176,7 @@ def test_the_joints_stand_off_by_the_plans_noise_or_by_what_is_stated(stated: An
     rig = exact(arm={"repeatability_deg": stated})
     std = np.radians(stated if deg is None else deg) * np.ones(6)
     if stated is None:
-        np.testing.assert_array_equal(std, NoiseModel.from_header(plan().header, plan().robot).joint)
+        np.testing.assert_array_equal(std, Problem.from_plan(plan()).noise.joint)
     errors = []
     for shot in range(300):
         rig.begin(shot, "psd", None)
