@@ -33,7 +33,7 @@ from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
-from ..model.instruments.registry import kind_of
+from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
 from .wording import Namer, counted, label, listed, shown
@@ -54,6 +54,11 @@ _UNKNOWN: dict[Group, str] = {
 }
 
 
+def _sigma_of(kind: str) -> str:
+    """The key of a header that says how well what the flange carries is known."""
+    return "tool.sigma" if kind in TOOLS else "sigma"
+
+
 def reason(cause: Cause, name: Namer = str) -> str:
     """Why, as what can follow a colon; `name` writes names of parameters and targets."""
     match cause:
@@ -69,7 +74,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
                 return f"joint {joint} and a free {words.part} rotate together: only the sum of both moves it"
             return (
                 f"a rotation of joint {joint} is equivalent to a {words.motion}, which is known to"
-                f" {numbers.exact(known_to, numbers.unit_of(words.unit))} (tool.sigma)"
+                f" {numbers.exact(known_to, numbers.unit_of(words.unit))} ({_sigma_of(tool)})"
             )
         case Held(by="first link"):
             return "it moves the arm and every target alike, as the choice of the base frame does"
@@ -139,8 +144,10 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "nothing: it is a choice of base frame and costs no accuracy"
         case Held(by="free tool"):
             return "nothing: it is part of the tool, which is estimated"
-        case ToolRotation(_, joint, float()):
-            return f"calibrate the tool better and state its tool.sigma, or hold {name(f'delta{joint}')}"
+        case ToolRotation(tool, joint, float()):
+            return (
+                f"calibrate the tool better and state its {_sigma_of(tool)}, or hold {name(f'delta{joint}')}"
+            )
         case Held() | ToolRotation():
             last = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
             return f"hold {last}, or calibrate the tool separately and state it as calibrated"

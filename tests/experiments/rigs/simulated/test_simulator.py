@@ -18,6 +18,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
+from zerobeam.model.likelihood.problem import Problem
 
 # Nothing is wrong with it, and its face is turned towards each beam: it reads across the beam.
 EXACT_PSD = {"noise_mm": 1e-9, "resolution_mm": 1e-9, "nonlinearity": 0, "ambient": 0, "lost": 0}

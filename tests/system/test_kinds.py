@@ -1,0 +1,146 @@
+"""Runs of other instruments than lasers, from the file to the answer and the page.
+
+Readings are made by hand, with numpy and the arm's forward kinematics, of an arm whose offsets are known.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import zerobeam
+
+from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.kinematics.robot import rotation_about
+
+OFFSETS = np.radians([0.0, 0.4, -0.3, 0.5, -0.2, 0.3])
+JOINT = np.radians(0.005)
+COUNT = 24
+ROBOT = load_robot("irb1600", Path())
+TURN = (rotation_about("z", 2.0) @ rotation_about("x", 0.4))[:3, :3]
+STAND = np.array([2500.0, -800.0, 300.0])
+REFLECTORS = {"R1": np.array([60.0, 0.0, 30.0]), "R2": np.array([-40.0, 50.0, 30.0])}
+SOCKETS = {"a": np.array([900.0, 300.0, 50.0]), "b": np.array([700.0, -500.0, 100.0])}
+SOCKET = np.array([40.0, 10.0, 60.0])
+DIAL = np.array([20.0, 0.0, 100.0])
+
+TRACKER = {
+    "kind": "tracker",
+    "frame": "free",
+    "sigma_mm": 0.02,
+    "reflectors": {name: {"guess_mm": at.tolist(), "sigma_mm": 0.05} for name, at in REFLECTORS.items()},
+}
+KNOWN = TRACKER | {"frame": {"xyz_mm": STAND.tolist(), "quat": [1, 0, 0, 0]}}
+POSE = {"kind": "pose", "sigma_mm": 0.02, "sigma_deg": 0.005, "mount": {}}
+BAR = {"kind": "ballbar", "tip_mm": SOCKET.tolist(), "tip_sigma_mm": 0.02, "sigma_mm": 0.005, "bias": "free"}
+TARGETS = {name: {"guess_mm": (at + 20).tolist(), "sigma_mm": 100} for name, at in SOCKETS.items()}
+
+
+def seen(point, turn=TURN):
+    """A point of the base frame as the tracker has it."""
+    return turn.T @ (point - STAND)
+
+
+def quaternion(r):
+    w = np.sqrt(max(1 + np.trace(r), 1e-12)) / 2
+    return np.array([w, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / [1, *[4 * w] * 3]
+
+
+def readings(kind, i, pose, rng):
+    """What a kind records in posture i, of the true `pose` (4, 4) of the flange."""
+    at, turn = pose[:3, 3], pose[:3, :3]
+    if kind in ("tracker", "known"):
+        frame = np.eye(3) if kind == "known" else TURN
+        for name, point in REFLECTORS.items():
+            yield {
+                "reflector": name,
+                "measured_mm": seen(at + turn @ point, frame) + rng.normal(size=3) * 0.02,
+            }
+    elif kind == "pose":
+        mount = rotation_about("y", 0.7)[:3, :3]
+        small = rng.normal(size=3) * np.radians(0.005)
+        noise = np.eye(3) + np.cross(np.eye(3), -small)
+        measured = quaternion(noise @ TURN.T @ turn @ mount)
+        yield {
+            "measured_mm": seen(at + turn @ SOCKET) + rng.normal(size=3) * 0.02,
+            "measured_quat": measured / np.linalg.norm(measured),
+        }
+    else:
+        name = "ab"[i % 2]
+        length = np.linalg.norm(at + turn @ SOCKET - SOCKETS[name]) + 0.7 + rng.normal() * 0.005
+        yield {"target": name, "measured_mm": length}
+
+
+def written(path: Path, instruments: dict[str, object], of: dict[str, str], **changes: object) -> Path:
+    """A run of postures in turn by each instrument: `of` says the kind by its label."""
+    rng = np.random.default_rng(5)
+    header = {
+        "schema": "zerobeam/run/1",
+        "robot": "irb1600",
+        "instruments": instruments,
+        "noise": {"joint_deg": 0.005},
+        "geometry": "exact",
+        **({"targets": TARGETS} if "ballbar" in of.values() else {}),
+        **changes,
+    }
+    lines: list[dict[str, object]] = [header]
+    for i in range(COUNT):
+        low, high = ([-60, -20, -40, -120, -90, -150], [60, 50, 30, 120, 90, 150])
+        q = np.radians(rng.uniform(low, high))
+        true = ROBOT.fk(q + OFFSETS + rng.normal(size=6) * JOINT, unit="rad")
+        label = list(of)[i % len(of)]
+        for reading in readings(of[label], i, true, rng):
+            row = {"shot": len(lines), "posture": i, "joints_deg": np.degrees(q).tolist()}
+            row |= {"instrument": label} if len(of) > 1 else {}
+            lines.append(row | {key: np.asarray(value).tolist() for key, value in reading.items()})
+    path.write_text("\n".join(map(json.dumps, lines)) + "\n", encoding="utf-8")
+    return path
+
+
+CASES = {
+    "tracker": ({"leica": TRACKER}, {"leica": "tracker"}),
+    "known": ({"leica": KNOWN}, {"leica": "known"}),
+    "pose": ({"tmac": POSE}, {"tmac": "pose"}),
+    "ballbar": ({"bar": BAR}, {"bar": "ballbar"}),
+    "mix": ({"leica": TRACKER, "bar": BAR}, {"leica": "tracker", "bar": "ballbar"}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_determined_is_right_and_the_rest_is_not_told(case: str, tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES[case])
+    answer = zerobeam("analyse", run, "--ess", 100, "--json")
+    assert answer.json["verdict"] != "misfit", answer.out
+    offsets = answer.json["parameters"][:6]
+    determined = [row for row in offsets if row["estimate"] is not None and not row["held"]]
+    assert len(determined) >= 4
+    for row in determined:
+        true = np.degrees(OFFSETS[int(row["name"][-1]) - 1])
+        assert abs(row["estimate"] - true) < 4.5 * row["std"]
+    assert (offsets[0]["status"] == "held") == (case != "known")  # a known frame determines the first offset
+    assert (offsets[5]["status"] == "held") == (case == "pose")  # whose mount nobody knows
+    frames = [row["name"] for row in answer.json["parameters"] if row["group"] == "frame"]
+    label = {"tracker": "leica", "mix": "leica", "pose": "tmac"}.get(case)
+    assert frames == ([f"{label}.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")] if label else [])
+
+
+def test_readings_that_are_off_are_a_misfit(tmp_path: Path) -> None:
+    stiff = TRACKER | {"sigma_mm": 0.002}
+    run = written(tmp_path / "run.jsonl", {"leica": stiff}, {"leica": "tracker"}, noise={"joint_deg": 0.0005})
+    assert zerobeam("analyse", run, "--ess", 100, "--json").json["verdict"] == "misfit"
+
+
+def test_the_page_of_a_run_without_a_laser_speaks_of_none(tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES["mix"])
+    told = zerobeam("report", run, "--ess", 100, "-o", tmp_path / "report")
+    assert told.status in (0, 1)
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    text = re.sub(r"<[^>]+>", " ", re.sub(r"<(style|script|svg).*?</\1>", " ", page, flags=re.DOTALL))
+    for word in ("laser", "beam", "PSD", "tool.sigma"):
+        assert not re.search(rf"\b{word}\b", told.out + text), word
+    assert "Frame of the instrument in the base frame" in text
+    assert "position of leica" in text  # a row of the budget
+    assert "length of bar" in text
