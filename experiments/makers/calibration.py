@@ -23,7 +23,7 @@ from ...analysis.ladder import solve_run
 from ...analysis.recordings.steps import RecordingStep
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.status import Status, known, versions
-from ...model.arrays import Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, FitFailed, located
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
@@ -164,7 +164,7 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
     """Root mean square, mm, of the residuals with these parameters at their prior means and `offsets` as they
     are applied.
 
-    Each target is where it then fits best (one linear step).
+    Targets and free frames are where they then fit best (one linear step).
     """
     problem, x = solution.problem, solution.fit.x.copy()
     parameters = problem.parameters
@@ -175,19 +175,31 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
             x[parameters.index(offset.name)] = offset.internal
             gone[parameters.index(offset.name)] = True
     residual, jacobian = problem.linearise(x)
-    by_target = jacobian[:, :, parameters.in_shot("target")]
-    return rms_length(_refitted(problem, residual, by_target) if gone.any() else residual)
+    return rms_length(_refitted(problem, residual, jacobian) if gone.any() else residual)
 
 
-def _refitted(problem: Problem, residual: Matrix, by_target: Matrix) -> Matrix:
-    """Residuals (N, d) once each target has moved to suit its own."""
+def _refitted(problem: Problem, residual: Matrix, jacobian: Matrix) -> Matrix:
+    """Residuals (N, d) once targets and frames have moved to suit them; `jacobian` (N, d, c) is that of each
+    shot by its own parameters."""
+    parameters, d = problem.parameters, problem.tool.residual_size
+    placed = (parameters.group("target") | parameters.group("frame")) & parameters.free
     result = residual.copy()
-    for k in range(len(problem.targets)):
-        rows = np.flatnonzero(problem.target_index == k)
-        columns = by_target[rows].reshape(-1, 3)
-        step = np.linalg.lstsq(columns, residual[rows].ravel(), rcond=1e-9)[0]
-        result[rows] -= (columns @ step).reshape(residual[rows].shape)
+    for group in _sharing(problem, placed):
+        columns = np.zeros((len(group), d, len(placed)))
+        where = np.repeat(problem.columns[group][:, None, :], d, axis=1)
+        np.put_along_axis(columns, where, jacobian[group], axis=2)
+        by_placed = columns[:, :, placed].reshape(len(group) * d, -1)
+        step = np.linalg.lstsq(by_placed, residual[group].ravel(), rcond=1e-9)[0]
+        result[group] -= (by_placed @ step).reshape(-1, d)
     return result
+
+
+def _sharing(problem: Problem, placed: Mask) -> list[Index]:
+    """The shots that have something of what is `placed` (p,) in common: those of each target, or all where a
+    frame is."""
+    if problem.stations:
+        return [np.arange(problem.shots)] if placed.any() else []
+    return [np.flatnonzero(problem.target_index == k) for k in range(len(problem.targets))]
 
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise

@@ -118,8 +118,8 @@ class Problem:
     ) -> Problem:
         """From a header whose one tool meets a target at every shot, recorded or planned; `targets` names
         the target of each shot."""
-        (label,) = header.labels
-        tool = instrument(header, robot, label)
+        _ = header.tool_kind  # others refuse here
+        tool = instrument(header, robot, header.labels[0])
         nothing = np.zeros((len(joints), tool.residual_size))
         spots, readings = nothing if spots is None else spots, np.zeros((len(joints), tool.reading_size))
         of_target = dict.fromkeys(targets, tool)
