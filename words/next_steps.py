@@ -9,6 +9,7 @@ from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.message import Message
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.enter import Entered
+from ..model.instruments.flange_tool import FlangeTool
 from . import numbers
 from .enter import WHY_THEY_DIFFER, conformity_sentence, enter_sentence, geometry_sentence
 from .message import export_command, run_argument
@@ -66,12 +67,21 @@ def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:
 def _after_entering(result: Result) -> tuple[NextStep, ...]:
     run = run_argument(result.inputs.run)
     why = WHY_THEY_DIFFER if result.entered_geometry else None
-    gain = (enter_sentence(result), geometry_sentence(result), conformity_sentence(result), why)
-    return (
-        NextStep(" ".join(sentence for sentence in gain if sentence is not None)),
-        NextStep(
+    kinds = list(result.inputs.instruments.values())
+    if len(kinds) == 1 and issubclass(kinds[0], FlangeTool):
+        verify = NextStep(
             "Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
             " The answer is pass, fail or inconclusive.",
             (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
-        ),
+        )
+    else:
+        verify = NextStep(
+            "Verify before the values are entered: measure a second run with the same header. It is"
+            " predicted.",
+            (f"zerobeam analyse {run} --hold-out NEW.jsonl",),
+        )
+    gain = (enter_sentence(result), geometry_sentence(result), conformity_sentence(result), why)
+    return (
+        NextStep(" ".join(sentence for sentence in gain if sentence is not None)),
+        verify,
     )

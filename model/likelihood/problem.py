@@ -177,6 +177,12 @@ class Problem:
         shot_numbers: Sequence[int] | None,
     ) -> Problem:
         """Of shots that each belong to a target, measured by an instrument, or to a station."""
+        if header.angles:
+            raise BadInput(
+                "known angles between planes are not used by the calculation yet",
+                found=f"{len(header.angles)} under `angles`",
+                remedy="take `angles` out: then each plane is estimated by itself",
+            )
         noise = NoiseModel.from_header(header, robot, tool)
         geometry = Geometry.from_header(header, robot)
         index = {name: k for k, name in enumerate(dict.fromkeys([*of_target, *belongs]))}

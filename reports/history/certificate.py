@@ -119,6 +119,12 @@ def _require_certifiable(result: StoredResult, answer: Json) -> None:
             allowed="a result with the verdict pass, weak or degenerate",
             remedy="find the cause (zerobeam report), measure again, or name another result by --run",
         )
+    if not answer["inputs"]["header"].get("tool"):
+        raise BadInput(
+            "only results of a laser or a probe are certified",
+            found=f"{of}: {', '.join(kind.name for kind in kinds_of(answer['inputs']['header']).values())}",
+            allowed="a run with the key tool",
+        )
     converged = answer["fits"]["likelihood"]["converged"]
     if not converged or not any(known(row.status) for row in result.offsets):
         why = "the result determines no offset" if converged else "the fit did not converge"

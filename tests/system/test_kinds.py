@@ -144,3 +144,30 @@ def test_the_page_of_a_run_without_a_laser_speaks_of_none(tmp_path: Path) -> Non
     assert "Frame of the instrument in the base frame" in text
     assert "position of leica" in text  # a row of the budget
     assert "length of bar" in text
+
+
+def test_known_angles_are_refused_and_not_ignored(tmp_path: Path) -> None:
+    planes = {
+        name: {"kind": "plane", "normal": normal, "guess_mm": [900, 0, 300]}
+        for name, normal in (("top", [0, 0, 1]), ("side", [1, 0, 0]))
+    }
+    angles = [{"between": ["top", "side"], "deg": 90, "sigma_deg": 0.01}]
+    tip = {"kind": "plane", "tip_mm": [20, 0, 100], "sigma_mm": 0.01}
+    header = {"robot": "irb1600", "instruments": {"tip": tip}, "noise": {"joint_deg": 0.005}}
+    lines: list[dict[str, object]] = [
+        {"schema": "zerobeam/run/1", "targets": planes, "angles": angles, **header}
+    ]
+    rng = np.random.default_rng(1)
+    for i in range(12):
+        joints = rng.uniform(-30, 30, size=6).tolist()
+        lines.append({"shot": i, "target": ("top", "side")[i % 2], "joints_deg": joints})
+    (tmp_path / "run.jsonl").write_text("\n".join(map(json.dumps, lines)) + "\n", encoding="utf-8")
+    assert "angles" in zerobeam("analyse", tmp_path / "run.jsonl").refused()
+
+
+def test_what_moves_a_robot_refuses_what_is_no_laser(tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES["known"])
+    for command in (("plan", "verify", run), ("plan", "optimal", "--header", run, "--target", "900,0,300")):
+        told = zerobeam(*command, "-o", tmp_path / "plan.yaml").refused()
+        assert "laser or probe" in told or "tool on the flange" in told
+        assert not (tmp_path / "plan.yaml").exists()
