@@ -267,7 +267,7 @@ def test_an_open_laser_with_the_last_joint_freed():
     assert rows["delta6"] == ("unidentifiable", np.inf)
     null = direction_of(identified, "tool.tilt1", "exact")
     assert "delta6" in null.combination
-    assert "uncalibrated laser" in reason(null.cause)
+    assert "uncalibrated tool" in reason(null.cause)
     assert "hold delta6" in remedy(null.cause)
 
 
@@ -559,7 +559,7 @@ def test_what_is_thought_of_for_a_tool():
     ("plan", "names", "why", "what"),
     [
         (lambda: good_plan(held=[]), ("delta1", *TARGET), "base frame", "hold delta1"),
-        (lambda: good_plan(12, 5, OPEN_LASER, held=["delta1"]), ("delta6", *TOOL), "uncalibrated laser", ""),
+        (lambda: good_plan(12, 5, OPEN_LASER, held=["delta1"]), ("delta6", *TOOL), "uncalibrated tool", ""),
         (
             lambda: good_plan(12, 5, OPEN_PROBE),
             ("delta6", "tool.x", "tool.y", "tool.z"),

@@ -125,7 +125,7 @@ DESIGNS = {
         lambda: good_plan(16, 5, OPEN_LASER, held=["delta1"]),
         "delta6",
         ToolRotation,
-        "the uncalibrated laser",
+        "the uncalibrated tool",
     ),
     "free probe": Design(
         lambda: good_plan(16, 7, OPEN_PROBE, target=(700.0, 200.0, 900.0)),
