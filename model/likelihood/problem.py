@@ -531,7 +531,7 @@ class Problem:
         return x
 
     def _start_instruments(self, x: Matrix, joints: Matrix) -> None:
-        variants = [""] * self.shots
+        variants = self.tool.variants[:1] * self.shots
         for row, point in enumerate(x):
             parts, poses = self.split(point), self._poses(point, joints[row % len(joints)])
             started = self.tool.start_unknowns(poses, self.readings, parts.tool, variants)

@@ -49,15 +49,15 @@ def quaternion(r):
     return np.array([w, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / [1, *[4 * w] * 3]
 
 
-def readings(kind, i, pose, rng):
+def readings(kind, reflectors, i, pose, rng):
     """What a kind records in posture i, of the true `pose` (4, 4) of the flange."""
     at, turn = pose[:3, 3], pose[:3, :3]
     if kind in ("tracker", "known"):
         frame = np.eye(3) if kind == "known" else TURN
-        for name, point in REFLECTORS.items():
+        for name in reflectors:
             yield {
                 "reflector": name,
-                "measured_mm": seen(at + turn @ point, frame) + rng.normal(size=3) * 0.02,
+                "measured_mm": seen(at + turn @ REFLECTORS[name], frame) + rng.normal(size=3) * 0.02,
             }
     elif kind == "pose":
         mount = rotation_about("y", 0.7)[:3, :3]
@@ -74,7 +74,9 @@ def readings(kind, i, pose, rng):
         yield {"target": name, "measured_mm": length}
 
 
-def written(path: Path, instruments: dict[str, object], of: dict[str, str], **changes: object) -> Path:
+def written(
+    path: Path, instruments: dict[str, dict[str, object]], of: dict[str, str], **changes: object
+) -> Path:
     """A run of postures in turn by each instrument: `of` says the kind by its label."""
     rng = np.random.default_rng(5)
     header = {
@@ -92,7 +94,8 @@ def written(path: Path, instruments: dict[str, object], of: dict[str, str], **ch
         q = np.radians(rng.uniform(low, high))
         true = ROBOT.fk(q + OFFSETS + rng.normal(size=6) * JOINT, unit="rad")
         label = list(of)[i % len(of)]
-        for reading in readings(of[label], i, true, rng):
+        reflectors = instruments[label].get("reflectors", ())
+        for reading in readings(of[label], reflectors, i, true, rng):
             row = {"shot": len(lines), "posture": i, "joints_deg": np.degrees(q).tolist()}
             row |= {"instrument": label} if len(of) > 1 else {}
             lines.append(row | {key: np.asarray(value).tolist() for key, value in reading.items()})
@@ -103,6 +106,10 @@ def written(path: Path, instruments: dict[str, object], of: dict[str, str], **ch
 CASES = {
     "tracker": ({"leica": TRACKER}, {"leica": "tracker"}),
     "known": ({"leica": KNOWN}, {"leica": "known"}),
+    "one reflector": (
+        {"leica": TRACKER | {"reflectors": {"R1": TRACKER["reflectors"]["R1"]}}},
+        {"leica": "tracker"},
+    ),
     "pose": ({"tmac": POSE}, {"tmac": "pose"}),
     "ballbar": ({"bar": BAR}, {"bar": "ballbar"}),
     "mix": ({"leica": TRACKER, "bar": BAR}, {"leica": "tracker", "bar": "ballbar"}),
@@ -123,7 +130,7 @@ def test_what_is_determined_is_right_and_the_rest_is_not_told(case: str, tmp_pat
     assert (offsets[0]["status"] == "held") == (case != "known")  # a known frame determines the first offset
     assert (offsets[5]["status"] == "held") == (case == "pose")  # whose mount nobody knows
     frames = [row["name"] for row in answer.json["parameters"] if row["group"] == "frame"]
-    label = {"tracker": "leica", "mix": "leica", "pose": "tmac"}.get(case)
+    label = {"tracker": "leica", "one reflector": "leica", "mix": "leica", "pose": "tmac"}.get(case)
     assert frames == ([f"{label}.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")] if label else [])
 
 
