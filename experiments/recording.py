@@ -150,7 +150,7 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
-    _ = plan.header.tool_kind  # nothing else is carried out: others refuse here
+    plan.header.require_tool()
     if request.rig != "simulated":
         _refuse({"--arm": request.arm}, "is for the simulated rig")
     if request.rig in ("abb", "manual"):

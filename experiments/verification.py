@@ -98,7 +98,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
 def _determined(run: Run) -> tuple[Solution, dict[str, float]]:
     """The solution of a run, and the values to enter, deg (mm) by offset: of all that are not held, each
     identified."""
-    _ = run.header.tool_kind  # others refuse here: their verification is not built
+    run.header.require_tool()
     solution = converged_solution(run, "nothing was to be entered")
     free = [row for row in solution.offsets if not row.held]
     with located(run.path, run.header_line):

@@ -24,7 +24,7 @@ from pydantic import (
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..instruments.flange_tool import FlangeTool
+from ..instruments.flange_tool import FlangeTool, flange_tool_kind
 from ..instruments.kind import POINT, TARGET_KEYS, Instrument, StatedInstrument, Station, TargetKind
 from ..instruments.registry import STATIONS, TOOLS, kind_names, kind_of, names_of
 from ..kinematics.robot import Robot
@@ -695,13 +695,11 @@ class Header(FileModel):
     @property
     def tool_kind(self) -> type[FlangeTool]:
         """The kind of the only instrument, a laser or a probe; BadInput where it is none."""
-        if issubclass(self.instrument, FlangeTool):
-            return self.instrument
-        raise BadInput(
-            "this needs a tool on the flange that meets its target",
-            found=f"kind: {self.instrument.name}",
-            allowed=" or ".join(TOOLS),
-        )
+        return flange_tool_kind(self.instrument)
+
+    def require_tool(self) -> None:
+        """BadInput unless a laser or a probe is the only instrument."""
+        _ = self.tool_kind
 
     @property
     def stated_tool(self) -> StatedTool:
@@ -714,6 +712,19 @@ class Header(FileModel):
     def labels(self) -> tuple[str, ...]:
         """Names of the instruments."""
         return tuple(self.instruments_stated())
+
+    def made(self, label: str, joints: int) -> Instrument:
+        """The instrument of that label, on an arm of so many joints.
+
+        The sigma of a tool that is not calibrated is knowledge, as that of a calibrated one is, where it is
+        stated and the last joint's offset, which the tool would take up, is to be estimated by it.
+        """
+        kind, entry, exact = self.kinds[label], self.instruments_stated()[label], self.arm is None
+        if issubclass(kind, FlangeTool):
+            estimated = self.held is not None and f"delta{joints}" not in self.held
+            known = estimated and "sigma" in entry.model_fields_set
+            return kind.of(label, entry, exact=exact, sigma_known=known)
+        return kind.of(label, entry, exact=exact)
 
     @property
     def only_target(self) -> str:

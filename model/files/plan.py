@@ -15,6 +15,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
 from ..parsing.reading import Document, read_yaml, require_schema
 from ..parsing.validation import validate
@@ -35,7 +36,7 @@ from .header_file import completed
 from .limits import check_limits, require_joint_count
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .robot_file import load_robot
-from .shot import Measurement, Shot, ShotRules, check_distances, target_names, unknown_targets
+from .shot import Shot, ShotRules, check_distances, target_names, unknown_targets
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
 
 

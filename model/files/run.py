@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Matrix
 from ..errors import BadInput
+from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
 from ..parsing.reading import (
     LARGEST_RECORDING,
@@ -46,7 +47,7 @@ from .arguments import (
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .robot_file import load_robot
-from .shot import Measurement, Shot, ShotRules, check_distances, check_shots, shot_model, target_names
+from .shot import Shot, ShotRules, check_distances, check_shots, shot_model, target_names
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6

@@ -7,14 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field, create_model
 
 from ..errors import BadInput
-from ..instruments.kind import POINT, Instrument
-from ..instruments.registry import kind_of
+from ..instruments.kind import POINT, Instrument, Measurement
 from ..kinematics.robot import Robot
 from ..parsing.reading import did_you_mean, shown
 from ..parsing.validation import MOST, FileModel, Name, Positive, TargetName, refusal
@@ -171,19 +170,6 @@ def _shot_with(columns: tuple[str, ...]) -> type[Shot]:
     return create_model("Shot", __base__=Shot, **fields)
 
 
-class Measurement(NamedTuple):
-    """A measurement for a calculation: the label of its instrument, which of its variants, its target, if it
-    has one, and what was `measured` by column (quaternions of length 1); `sigma_mm` if it states its own.
-    `posture` is a number that those of one posture share."""
-
-    instrument: str
-    variant: str
-    target: str | None
-    measured: dict[str, tuple[float, ...]]
-    sigma_mm: float | None
-    posture: int
-
-
 class ShotRules:
     """What a header and a robot allow of a measurement."""
 
@@ -191,8 +177,7 @@ class ShotRules:
         self.robot = robot
         self.targets = header.targets
         self.instruments: dict[str, Instrument] = {
-            label: kind_of(entry.kind).of(label, entry, exact=header.arm is None)
-            for label, entry in header.instruments_stated().items()
+            label: header.made(label, robot.n) for label in header.labels
         }
 
     def check(self, shot: Shot, *, file: Path | None, line: int | None) -> None:

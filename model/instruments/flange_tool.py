@@ -96,10 +96,17 @@ class FlangeTool(Instrument):
 
 def flange_tool(instrument: Instrument) -> FlangeTool:
     """The same; BadInput where it is none, for what only a laser or a probe can do."""
-    if isinstance(instrument, FlangeTool):
-        return instrument
+    flange_tool_kind(type(instrument))
+    assert isinstance(instrument, FlangeTool)
+    return instrument
+
+
+def flange_tool_kind(kind: type[Instrument]) -> type[FlangeTool]:
+    """The same; BadInput where it is none."""
+    if issubclass(kind, FlangeTool):
+        return kind
     raise BadInput(
         "this needs a tool on the flange that meets its target",
-        found=f"kind: {instrument.name}",
-        allowed=" or ".join(kind.name for kind in FlangeTool.__subclasses__()),
+        found=f"kind: {kind.name}",
+        allowed=" or ".join(tool.name for tool in FlangeTool.__subclasses__()),
     )

@@ -108,15 +108,17 @@ class Words:
     traced: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-class Measured(NamedTuple):
-    """What an instrument, by its label, reads of a target at one posture: `reading` by its columns, `sigma`
-    (mm) of its own."""
+class Measurement(NamedTuple):
+    """A measurement for a calculation: the label of its instrument, which of its variants, its target, if it
+    has one, and what was `measured` by column (quaternions of length 1; nothing of a planned one); `sigma_mm`
+    if it states its own. `posture` is a number that those of one posture share."""
 
-    label: str
+    instrument: str
     variant: str
     target: str | None
-    reading: Mapping[str, Sequence[float]]
-    sigma: float | None = None
+    measured: Mapping[str, Sequence[float]]
+    sigma_mm: float | None = None
+    posture: int = 0
 
 
 class ResidualLayout(NamedTuple):
@@ -273,10 +275,10 @@ class Instrument(ABC):
         """What a measurement with this `reading` (w,) and `shift` (d,) records by `columns`."""
         return {}
 
-    def row(self, some: Sequence[Measured], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
+    def row(self, some: Sequence[Measurement], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         (item,) = some
-        return self.reading(item.reading, item.sigma, target), self.shift(item.reading)
+        return self.reading(item.measured, item.sigma_mm, target), self.shift(item.measured)
 
     @abstractmethod
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:

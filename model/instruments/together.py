@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
-from .kind import Flange, Instrument, Measured, ResidualLayout, TargetEntry, Unknown, Words
+from .kind import Flange, Instrument, Measurement, ResidualLayout, TargetEntry, Unknown, Words
 
 
 class Part(NamedTuple):
@@ -148,18 +148,18 @@ class Together(Instrument):
     def _of_parts(self) -> list[Instrument]:
         return [self.instruments[part.instrument] for part in self.parts]
 
-    def row(self, some: Sequence[Measured], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
+    def row(self, some: Sequence[Measurement], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         reading, shift = np.zeros(self.reading_size), np.zeros(self.residual_size)
-        by_part = {(item.label, item.variant): item for item in some}
+        by_part = {(item.instrument, item.variant): item for item in some}
         for number, (part, instrument) in enumerate(zip(self.parts, self._of_parts, strict=True)):
             item = by_part.get((instrument.label, part.variant))
             reading[number] = item is not None
             # Of what does not read any numbers do, with which its functions stay finite.
             reading[self.slices[number]] = 1.0
             if item is not None:
-                reading[self.slices[number]] = instrument.reading(item.reading, item.sigma, target)
-                shift[self.rows[number]] = instrument.shift(item.reading)
+                reading[self.slices[number]] = instrument.reading(item.measured, item.sigma_mm, target)
+                shift[self.rows[number]] = instrument.shift(item.measured)
         return reading, shift
 
     def recorded_by(self, reading: Matrix, shift: Matrix) -> list[tuple[Part, dict[str, tuple[float, ...]]]]:

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from ..arrays import Index, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
-from ..files.shot import Measurement, check_distances
-from ..instruments.flange_tool import FlangeTool
-from ..instruments.kind import Instrument, Measured
+from ..files.shot import check_distances
+from ..instruments.kind import Instrument, Measurement
 from ..instruments.together import Part, Together
 from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
@@ -118,8 +117,8 @@ class Problem:
     ) -> Problem:
         """From a header whose one tool meets a target at every shot, recorded or planned; `targets` names
         the target of each shot."""
-        _ = header.tool_kind  # others refuse here
-        tool = instrument(header, robot, header.labels[0])
+        header.require_tool()
+        tool = header.made(header.labels[0], robot.n)
         nothing = np.zeros((len(joints), tool.residual_size))
         spots, readings = nothing if spots is None else spots, np.zeros((len(joints), tool.reading_size))
         of_target = dict.fromkeys(targets, tool)
@@ -131,7 +130,7 @@ class Problem:
         header: Header,
         robot: Robot,
         joints: Matrix,
-        measured: Sequence[Sequence[Measured]],
+        measured: Sequence[Sequence[Measurement]],
         shot_numbers: Sequence[int] | None = None,
         *,
         planned: bool = False,
@@ -139,22 +138,24 @@ class Problem:
         """From a header and (N,) what is measured at each of the recorded (or planned) `joints` (N, n)."""
         every = [item for some in measured for item in some]
         instruments = tuple(
-            instrument(header, robot, label).with_variants(
-                {item.variant for item in every if item.label == label}
+            header.made(label, robot.n).with_variants(
+                {item.variant for item in every if item.instrument == label}
             )
-            for label in dict.fromkeys(item.label for item in every)
+            for label in dict.fromkeys(item.instrument for item in every)
         )
         labels = [each.label for each in instruments]
-        parts = dict.fromkeys(Part(labels.index(item.label), item.variant) for item in every)
+        parts = dict.fromkeys(Part(labels.index(item.instrument), item.variant) for item in every)
         tool: Instrument = instruments[0]
         if len(instruments) > 1 or len(tool.variants) > 1:
             tool = Together("", instruments, tuple(parts))
         of_target: dict[str, Instrument] = {}
         for item in every:
             if item.target is not None:
-                of_target.setdefault(item.target, instruments[labels.index(item.label)])
+                of_target.setdefault(item.target, instruments[labels.index(item.instrument)])
         # A shot belongs to its target; what has none, to the first instrument that reads there.
-        belongs = [next((item.target for item in some if item.target), some[0].label) for some in measured]
+        belongs = [
+            next((item.target for item in some if item.target), some[0].instrument) for some in measured
+        ]
         rows = [
             tool.row(some, header.targets.get(name)) for some, name in zip(measured, belongs, strict=True)
         ]
@@ -626,27 +627,12 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
-def _by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measured]]]:
+def _by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measurement]]]:
     """The first measurement of each posture, by its index, and what is measured there."""
     rows: dict[int, list[int]] = {}
     for i, item in enumerate(measurements):
         rows.setdefault(item.posture, []).append(i)
-    measured = [[Measured(*measurements[i][:5]) for i in some] for some in rows.values()]
-    return [some[0] for some in rows.values()], measured
-
-
-def instrument(header: Header, robot: Robot, label: str) -> Instrument:
-    """That of a label, as a header states it.
-
-    The sigma of a tool that is not calibrated is knowledge, as that of a calibrated one is, where it is
-    stated and the last joint's offset, which the tool would take up, is to be estimated by it.
-    """
-    kind, entry = header.kinds[label], header.instruments_stated()[label]
-    if issubclass(kind, FlangeTool):
-        estimated = header.held is not None and f"delta{robot.n}" not in header.held
-        known = estimated and "sigma" in entry.model_fields_set
-        return kind.of(label, entry, exact=header.arm is None, sigma_known=known)
-    return kind.of(label, entry, exact=header.arm is None)
+    return [some[0] for some in rows.values()], [[measurements[i] for i in some] for some in rows.values()]
 
 
 def rms_length(residual: Matrix) -> float:

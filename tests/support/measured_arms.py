@@ -14,7 +14,7 @@ import numpy as np
 from deviating_arms import Arms, N, Sizes
 
 from zerobeam.model.files.header import Header
-from zerobeam.model.instruments.kind import Measured
+from zerobeam.model.instruments.kind import Measurement
 
 SIGMA_MM, SIGMA_DEG = 0.05, 0.01
 TIP = [30.0, 0.0, 120.0]
@@ -260,7 +260,7 @@ class Recorded:
     """Joints (S, n) rad and what was measured at each posture; true `offsets` (n,) rad."""
 
     joints: np.ndarray
-    measured: list[list[Measured]]
+    measured: list[list[Measurement]]
     offsets: np.ndarray
 
 
@@ -286,7 +286,7 @@ def recorded(
     arm = replace(arm, offsets=offsets)
     world = World(cell, rng, exact=exact, off_mm=off_mm)
     joints: list[np.ndarray] = []
-    measured: list[list[Measured]] = []
+    measured: list[list[Measurement]] = []
     half = np.radians(arm.sizes.lost_deg) / 2
     while len(joints) < count:
         turn = cell.turns[len(joints) % len(cell.turns)]
@@ -298,7 +298,7 @@ def recorded(
             continue
         noise = np.radians(joint_deg) * rng.normal(size=N) + half * rng.choice([-1.0, 1.0], size=N)
         joints.append(q + noise)
-        measured.append([Measured(*read, world.reading(read, flange)) for read in turn])
+        measured.append([Measurement(*read, world.reading(read, flange)) for read in turn])
     return Recorded(np.array(joints), measured, arm.offsets[0])
 
 

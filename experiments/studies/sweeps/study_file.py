@@ -37,7 +37,6 @@ from ....model.kinematics.robot import Robot
 from ....model.likelihood.geometry import Geometry
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.parameters import Parameters
-from ....model.likelihood.problem import instrument
 from ....model.parsing.reading import Document, KeyPath, did_you_mean, read_yaml, shown
 from ....model.parsing.validation import (
     FileModel,
@@ -498,7 +497,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     check_header(header, robot, file=document.file, line=line)
     with located(document.file, line(("held",))):
         (label,) = header.labels
-        tool = instrument(header, robot, label)
+        tool = header.made(label, robot.n)
         noise, geometry = NoiseModel.from_header(header, robot, tool), Geometry.from_header(header, robot)
         Parameters.build(robot, tool, noise, geometry, header, {TARGET: tool})
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))

@@ -8,7 +8,6 @@ from plain_model import beam, by_differences, unit
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.instruments.laser import LaserBeam
-from zerobeam.model.likelihood import problem
 
 
 def header(**tool):
@@ -17,7 +16,7 @@ def header(**tool):
 
 
 def instrument(stated):
-    return problem.instrument(stated, load_robot("irb1600", Path()), "tool")
+    return stated.made("tool", load_robot("irb1600", Path()).n)
 
 
 def laser(direction, *, calibrated=False, point=(0.0, 0.0, 65.0)):

@@ -7,7 +7,6 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.noise import NoiseModel
 from zerobeam.model.likelihood.parameters import IN_RESIDUAL, ORDER, Parameters
-from zerobeam.model.likelihood.problem import instrument
 from zerobeam.words.observability import reason
 
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
@@ -21,7 +20,7 @@ def build(robot, tool, seen=("psd",), **changes):
     content = {"robot": "irb1600", "tool": tool, "noise": noise, "geometry": "exact", **changes}
     header = Header.model_validate(content)
     geometry = Geometry.from_header(header, robot)
-    tool = instrument(header, robot, "tool")
+    tool = header.made("tool", robot.n)
     noise = NoiseModel.from_header(header, robot, tool)
     return Parameters.build(robot, tool, noise, geometry, header, dict.fromkeys(seen, tool))
 
@@ -305,7 +304,7 @@ def test_what_people_read_of_a_noise_factor(irb1600):
 def noise_of(robot, **noise):
     tool = {"kind": "probe", "point_mm": [0, 0, 0]}
     header = Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise})
-    return NoiseModel.from_header(header, robot, instrument(header, robot, "tool"))
+    return NoiseModel.from_header(header, robot, header.made("tool", robot.n))
 
 
 def test_the_stated_noise_is_that_of_each_joint_in_radians_or_mm(irb1600, scara):
