@@ -4,29 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 from pydantic import Field
 
 from ..arrays import Matrix
-from ..parsing.validation import FileModel, NotNegative
+from ..parsing.validation import FileModel
 from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
+from .tips import BallTipStation, StatedBallTip, fitted_plane, plane_at, plane_coordinates, unit_normal
 
 
-class StatedPlaneProbe(StatedTip):
+class StatedPlaneProbe(StatedBallTip):
     """A probe on the flange that touches planes."""
 
     kind: Literal["plane"] = Field(description="this kind of instrument")
-    tip_diameter_mm: NotNegative = Field(
-        default=0.0, description="diameter of the ball whose centre the tip is, millimetres; 0 for a point"
-    )
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneProbe(TipStation):
+class PlaneProbe(BallTipStation):
     """Its residual is how far the ball of `radius` mm is above the plane, along the normal.
 
     A reading is the stated unit normal of the plane (3,), out of the body.
@@ -34,10 +31,8 @@ class PlaneProbe(TipStation):
 
     name = "plane"
     also_called = ("face", "flat", "datum", "cube", "datum cube")
-    columns: ClassVar[dict[str, int]] = {}
     target = "plane"
     target_is = "plane"
-    met = True
     reading_size = 3
     Stated: ClassVar[type[FileModel]] = StatedPlaneProbe
     words = Words(
@@ -55,22 +50,6 @@ class PlaneProbe(TipStation):
             ("Probe, calibration certificate", ("probe certificate",)),
         ),
     )
-
-    radius: float
-
-    @classmethod
-    def of(cls, label: str, header: StatedPlaneProbe, *, exact: bool) -> Self:
-        return cls(
-            label=label,
-            tip=np.array(header.tip_mm, dtype=float),
-            tip_std=tip_std(header, exact=exact),
-            sigma=header.sigma_mm,
-            radius=header.tip_diameter_mm / 2,
-        )
-
-    @property
-    def key(self) -> bytes:
-        return super().key + f" {self.radius}".encode()
 
     def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         return plane_coordinates(target)

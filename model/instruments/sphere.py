@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -12,22 +12,19 @@ from pydantic import Field
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..parsing.validation import FileModel, NotNegative
+from ..parsing.validation import FileModel
 from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
+from .tips import BallTipStation, StatedBallTip, distance, sphere_through
 
 
-class StatedSphereProbe(StatedTip):
+class StatedSphereProbe(StatedBallTip):
     """A probe on the flange that touches balls."""
 
     kind: Literal["sphere"] = Field(description="this kind of instrument")
-    tip_diameter_mm: NotNegative = Field(
-        default=0.0, description="diameter of the ball whose centre the tip is, millimetres; 0 for a point"
-    )
 
 
 @dataclass(frozen=True, eq=False)
-class SphereProbe(TipStation):
+class SphereProbe(BallTipStation):
     """Its residual is how far the tip's ball of `radius` mm is off the target's ball, along their centres.
 
     A reading is the radius of the target's ball, mm (1,).
@@ -35,11 +32,9 @@ class SphereProbe(TipStation):
 
     name = "sphere"
     also_called = ("ball", "master ball", "datum ball")
-    columns: ClassVar[dict[str, int]] = {}
     target = "ball"
     target_is = "point"
     touches_ball = True
-    met = True
     reading_size = 1
     Stated: ClassVar[type[FileModel]] = StatedSphereProbe
     words = Words(
@@ -58,22 +53,6 @@ class SphereProbe(TipStation):
             ("Ball, calibration certificate", ("ball certificate",)),
         ),
     )
-
-    radius: float
-
-    @classmethod
-    def of(cls, label: str, header: StatedSphereProbe, *, exact: bool) -> Self:
-        return cls(
-            label=label,
-            tip=np.array(header.tip_mm, dtype=float),
-            tip_std=tip_std(header, exact=exact),
-            sigma=header.sigma_mm,
-            radius=header.tip_diameter_mm / 2,
-        )
-
-    @property
-    def key(self) -> bytes:
-        return super().key + f" {self.radius}".encode()
 
     def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         if target is None or target.diameter_mm is None:

@@ -4,6 +4,7 @@ and how a target is fitted."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ from pydantic import Field
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..parsing.reading import shown
-from ..parsing.validation import FileModel, Positive, Vector, without_length
+from ..parsing.validation import FileModel, NotNegative, Positive, Vector, without_length
 from .frames import vector_unknowns
 from .kind import Station, TargetEntry, Unknown
 from .rotations import across, basis_across
@@ -86,6 +87,38 @@ class TipStation(Station):
 
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         return self.tip_at(unknowns), ca.SX.zeros(3)
+
+
+class StatedBallTip(StatedTip):
+    """A tip that is the centre of a ball, or a point."""
+
+    tip_diameter_mm: NotNegative = Field(
+        default=0.0, description="diameter of the ball whose centre the tip is, millimetres; 0 for a point"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class BallTipStation(TipStation):
+    """A tip that touches with a ball of `radius` mm: the joints are turned until it does."""
+
+    columns: ClassVar[dict[str, int]] = {}
+    met = True
+
+    radius: float
+
+    @classmethod
+    def of(cls, label: str, entry: StatedBallTip, *, exact: bool) -> Self:
+        return cls(
+            label=label,
+            tip=np.array(entry.tip_mm, dtype=float),
+            tip_std=tip_std(entry, exact=exact),
+            sigma=entry.sigma_mm,
+            radius=entry.tip_diameter_mm / 2,
+        )
+
+    @property
+    def key(self) -> bytes:
+        return super().key + f" {self.radius}".encode()
 
 
 def distance(point: ca.SX, other: ca.SX) -> ca.SX:
