@@ -7,10 +7,9 @@ do. Parts that read at one posture share the errors of its recorded joints.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import casadi as ca
@@ -25,6 +24,19 @@ class Part(NamedTuple):
 
     instrument: int
     variant: str
+
+
+class _PartOfRun(NamedTuple):
+    """A part by its `number`: the instrument with its index `source`, the places of its unknowns among all,
+    and where its own numbers are in a reading and its components in a residual."""
+
+    number: int
+    source: int
+    instrument: Instrument
+    variant: str
+    unknowns: list[int]
+    reading: slice
+    rows: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +90,32 @@ class Together(Instrument):
 
     @cached_property
     def residual_size(self) -> int:
-        return sum(instrument.residual_size for instrument in self._of_parts)
+        return sum(part.instrument.residual_size for part in self._parts)
 
     @cached_property
     def reading_size(self) -> int:
-        return len(self.parts) + sum(instrument.reading_size for instrument in self._of_parts)
+        return len(self.parts) + sum(part.instrument.reading_size for part in self._parts)
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
-        every = [unknown for instrument in self.instruments for unknown in instrument.unknowns]
-        return tuple(sorted(every, key=lambda unknown: unknown.group == "frame"))
+        return tuple(unknown for _, unknown in self._unknowns)
+
+    @cached_property
+    def _unknowns(self) -> list[tuple[int, Unknown]]:
+        """Those of all instruments with the index of each one's, the tools' before the frames'."""
+        every = [(k, unknown) for k, each in enumerate(self.instruments) for unknown in each.unknowns]
+        return sorted(every, key=lambda entry: entry[1].group == "frame")
+
+    @cached_property
+    def _parts(self) -> list[_PartOfRun]:
+        made, reading, row = [], len(self.parts), 0
+        for number, (source, variant) in enumerate(self.parts):
+            one = self.instruments[source]
+            unknowns = [at for at, (k, _) in enumerate(self._unknowns) if k == source]
+            readings = slice(reading, reading := reading + one.reading_size)
+            rows = slice(row, row := row + one.residual_size)
+            made.append(_PartOfRun(number, source, one, variant, unknowns, readings, rows))
+        return made
 
     @property
     def key(self) -> bytes:
@@ -99,125 +127,83 @@ class Together(Instrument):
         return self.instruments[0].point
 
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return self.instruments[0].ray(unknowns[self.takes[0]])
-
-    @cached_property
-    def takes(self) -> list[list[int]]:
-        """Of each instrument the places of its unknowns among all."""
-        labels = [k for k, instrument in enumerate(self.instruments) for _ in instrument.unknowns]
-        every = [unknown for instrument in self.instruments for unknown in instrument.unknowns]
-        order = sorted(range(len(every)), key=lambda k: every[k].group == "frame")
-        return [
-            [at for at, k in enumerate(order) if labels[k] == number]
-            for number in range(len(self.instruments))
-        ]
+        first = self._parts[0]
+        return first.instrument.ray(unknowns[first.unknowns])
 
     @cached_property
     def layout(self) -> ResidualLayout:
         relative, active, source = [], [], []
-        for number, (part, instrument, at) in enumerate(
-            zip(self.parts, self._of_parts, self.slices, strict=True)
-        ):
-            columns = instrument.layout.relative
-            relative.append(np.where(columns < 0, -1, columns + at.start))
-            active.append(np.full(instrument.residual_size, number))
-            source.append(np.full(instrument.residual_size, part.instrument))
+        for part in self._parts:
+            columns = part.instrument.layout.relative
+            relative.append(np.where(columns < 0, -1, columns + part.reading.start))
+            active.append(np.full(len(columns), part.number))
+            source.append(np.full(len(columns), part.source))
         return ResidualLayout(np.concatenate(relative), np.concatenate(active), np.concatenate(source))
-
-    @cached_property
-    def slices(self) -> list[slice]:
-        """Where in a reading each part's own is."""
-        sizes = [instrument.reading_size for instrument in self._of_parts]
-        ends = np.cumsum([len(self.parts), *sizes]).tolist()
-        return [slice(start, stop) for start, stop in pairwise(ends)]
-
-    @property
-    def rows(self) -> list[slice]:
-        """The components of the residual that are each part's."""
-        ends = np.cumsum([0, *(instrument.residual_size for instrument in self._of_parts)]).tolist()
-        return [slice(start, stop) for start, stop in pairwise(ends)]
 
     @property
     def lengths(self) -> list[list[int]]:
         return [
-            [rows.start + k for some in instrument.lengths for k in some]
-            for instrument, rows in zip(self._of_parts, self.rows, strict=True)
+            [part.rows.start + k for some in part.instrument.lengths for k in some] for part in self._parts
         ]
-
-    @property
-    def _of_parts(self) -> list[Instrument]:
-        return [self.instruments[part.instrument] for part in self.parts]
 
     def row(self, some: Sequence[Measurement], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
-        reading, shift = np.zeros(self.reading_size), np.zeros(self.residual_size)
+        # Of what does not read any numbers do, with which its functions stay finite.
+        reading, shift = np.ones(self.reading_size), np.zeros(self.residual_size)
+        reading[: len(self.parts)] = 0.0
         by_part = {(item.instrument, item.variant): item for item in some}
-        for number, (part, instrument) in enumerate(zip(self.parts, self._of_parts, strict=True)):
-            item = by_part.get((instrument.label, part.variant))
-            reading[number] = item is not None
-            # Of what does not read any numbers do, with which its functions stay finite.
-            reading[self.slices[number]] = 1.0
-            if item is not None:
-                reading[self.slices[number]] = instrument.reading(item.measured, item.sigma_mm, target)
-                shift[self.rows[number]] = instrument.shift(item.measured)
+        for part in self._parts:
+            if item := by_part.get((part.instrument.label, part.variant)):
+                reading[part.number] = 1.0
+                reading[part.reading] = part.instrument.reading(item.measured, item.sigma_mm, target)
+                shift[part.rows] = part.instrument.shift(item.measured)
         return reading, shift
 
-    def recorded_by(self, reading: Matrix, shift: Matrix) -> list[tuple[Part, dict[str, tuple[float, ...]]]]:
-        """What each part that reads records."""
-        return [
-            (part, instrument.recorded(reading[at], shift[rows]))
-            for number, (part, instrument, at, rows) in enumerate(
-                zip(self.parts, self._of_parts, self.slices, self.rows, strict=True)
-            )
-            if reading[number]
-        ]
-
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
-        return ca.vertcat(
-            *(
-                reading[number]
-                * instrument.residual(flange, target, unknowns[take], reading[at], part.variant)
-                for number, part, instrument, take, at in self._each_part()
+        every = [
+            part.instrument.residual(
+                flange, target, unknowns[part.unknowns], reading[part.reading], part.variant
             )
-        )
+            for part in self._parts
+        ]
+        return ca.vertcat(*(reading[part.number] * one for part, one in zip(self._parts, every, strict=True)))
 
     def predicted(
         self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
     ) -> ca.SX:
-        rows = [
-            instrument.predicted(flange, target, unknowns[take], reading[at], part.variant)
-            for _, part, instrument, take, at in self._each_part()
+        every = [
+            part.instrument.predicted(
+                flange, target, unknowns[part.unknowns], reading[part.reading], part.variant
+            )
+            for part in self._parts
         ]
-        return ca.vertcat(reading[: len(self.parts)], *rows)
-
-    def _each_part(self) -> Iterator[tuple[int, Part, Instrument, list[int], slice]]:
-        for number, (part, at) in enumerate(zip(self.parts, self.slices, strict=True)):
-            yield number, part, self.instruments[part.instrument], self.takes[part.instrument], at
+        return ca.vertcat(reading[: len(self.parts)], *every)
 
     def start_unknowns(
         self, poses: Matrix, readings: Matrix, unknowns: Matrix, variants: Sequence[str]
     ) -> Matrix:
         started = unknowns.copy()
-        for k, instrument in enumerate(self.instruments):
-            own_poses, own_readings, own_variants = [], [], []
-            for number, part, _, _, at in self._each_part():
-                reads = readings[:, number] > 0
-                if part.instrument == k and reads.any():
-                    own_poses.append(poses[reads])
-                    own_readings.append(readings[reads, at])
-                    own_variants += [part.variant] * int(reads.sum())
-            if own_poses:
-                started[self.takes[k]] = instrument.start_unknowns(
-                    np.concatenate(own_poses),
-                    np.concatenate(own_readings),
-                    unknowns[self.takes[k]],
-                    own_variants,
+        for source, instrument in enumerate(self.instruments):
+            reads = [
+                (part, np.flatnonzero(readings[:, part.number]))
+                for part in self._parts
+                if part.source == source
+            ]
+            at = reads[0][0].unknowns
+            if any(len(rows) for _, rows in reads):
+                started[at] = instrument.start_unknowns(
+                    np.concatenate([poses[rows] for _, rows in reads]),
+                    np.concatenate([readings[rows, part.reading] for part, rows in reads]),
+                    unknowns[at],
+                    [part.variant for part, rows in reads for _ in rows],
                 )
         return started
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix | None:
-        for number, _, instrument, take, at in self._each_part():
-            reads = readings[:, number] > 0
-            if reads.any() and instrument.target_is != "nothing":
-                return instrument.start_target(poses[reads], readings[reads, at], unknowns[take])
+        for part in self._parts:
+            reads = readings[:, part.number] > 0
+            if reads.any() and part.instrument.target_is != "nothing":
+                return part.instrument.start_target(
+                    poses[reads], readings[reads, part.reading], unknowns[part.unknowns]
+                )
         return None
