@@ -327,8 +327,7 @@ class Problem:
     @cached_property
     def active(self) -> Matrix:
         """(N, d) 1 for each component of a residual that was read, else 0."""
-        active = self.tool.layout.active
-        return np.where(active < 0, 1.0, np.pad(self.readings, ((0, 0), (0, 1)))[:, active])
+        return self._read(self.tool.layout.active)
 
     @cached_property
     def met(self) -> Matrix:
@@ -402,12 +401,20 @@ class Problem:
 
     def of_sources(self, variances: Matrix) -> Matrix:
         """(I, N, d) what each instrument adds to the variance of a component, from `variances` (n + I,)."""
+        return np.asarray(self._unit_variances * variances[self.robot.n :][:, None, None])
+
+    @cached_property
+    def _unit_variances(self) -> Matrix:
+        """(I, N, d) the same of instruments whose variance is 1."""
         layout, count = self.tool.layout, len(self.tool.each)
-        padded = np.pad(self.readings, ((0, 0), (0, 1)))
-        relative = np.where(layout.relative < 0, 1.0, padded[:, layout.relative])
-        unit = self.active * relative**2
+        unit = self.active * self._read(layout.relative) ** 2
         by_source = np.equal(layout.source, np.arange(count)[:, None])
-        return np.asarray(by_source[:, None, :] * unit * variances[self.robot.n :][:, None, None])
+        return np.asarray(by_source[:, None, :] * unit)
+
+    def _read(self, columns: Index) -> Matrix:
+        """(N, d) numbers of the readings by their `columns` (d,), 1 where that is -1."""
+        padded = np.pad(self.readings, ((0, 0), (0, 1)), constant_values=1.0)
+        return np.asarray(padded[:, columns])
 
     def covariances(self, by_joints: Matrix, variances: Matrix) -> Matrix:
         """(N, d, d) of the residuals, by their Jacobian (N, d, n) and `variances` (n + I,); 1 for each
