@@ -106,7 +106,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case NoiseSplit():
             return (
                 "the scatter of these residuals does not separate the noise of the joints from that of the"
-                " spot"
+                " instrument"
             )
         case OnAxis(tool, joint):
             return (

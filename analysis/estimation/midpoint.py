@@ -164,7 +164,7 @@ class _Middles:
     def of(cls, problem: Problem) -> tuple[_Middles | None, str | None]:
         """The pairs that have a middle, and a sentence on those that have none."""
         if not isinstance(problem.tool, FlangeTool):
-            return None, "the paper's fit is of beams or tips that meet one point"
+            return None, "the paper's fit is not defined for these instruments"
         if not problem.tool.beam:
             of = problem.tool.name
             note = f"a {of} has points, not beams: the scatter of the tip's positions is minimised"

@@ -148,7 +148,7 @@ def unexplained(problem: Problem) -> Mechanism:
     few = too_few_measurements(problem)
     if few is not None:
         return few
-    one_position = not problem.tool.beam and len(problem.targets) == 1
+    one_position = not problem.tool.beam and not problem.stations and len(problem.targets) == 1
     return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
 
 

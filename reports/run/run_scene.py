@@ -70,8 +70,11 @@ def run_turnable(result: Result) -> Turnable | None:
     positions = _positions(recorded)
     count, all_shots = len(scene.postures), len(result.shots)
     laser = scene.postures[0].end is not None
-    what = "with its beams as fitted" if laser else "with the tip of the probe as fitted"
+    drawn = next(iter(result.inputs.instruments.values()))
+    what = "with its beams as fitted" if laser else f"with the {drawn.words.part} as fitted"
     more = "" if len(positions) <= _MOST_NAMED else f"; and {len(positions) - _MOST_NAMED} more"
+    named = f" Targets (x, y, z in the base frame): {'; '.join(positions[:_MOST_NAMED])}{more}."
+    targets = named if positions else ""
     open_ = [
         label(row.name)
         for row in result.parameters
@@ -85,7 +88,7 @@ def run_turnable(result: Result) -> Turnable | None:
     return turnable(
         scene,
         alt=f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
-        f" grid. Targets (x, y, z in the base frame): {'; '.join(positions[:_MOST_NAMED])}{more}.",
+        f" grid.{targets}",
         caption=f"The arm at the recorded joints with the fitted offsets, {counted(count, 'measurement')}"
         f"{'' if count == all_shots else f' of {all_shots}'}. {scene.grid_words}; x, y and z are the base"
         f" frame.{nominal}",
@@ -109,6 +112,8 @@ def _positions(scene: RunScene) -> list[str]:
 
 
 def _sentences(positions: list[str], scene: RunScene) -> str:
+    if not positions:
+        return "The run has no target whose position is estimated."
     text = f"In the base frame (x, y, z): {'; '.join(positions[:_MOST_NAMED])}."
     if len(positions) > _MOST_NAMED:
         text += f" The other {len(positions) - _MOST_NAMED} are in the picture and in result.json."

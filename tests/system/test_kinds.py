@@ -153,6 +153,14 @@ def test_the_page_of_a_run_without_a_laser_speaks_of_none(tmp_path: Path) -> Non
     assert "length of bar" in text
 
 
+def test_the_page_of_a_run_without_a_target_says_so(tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES["known"])
+    zerobeam("report", run, "--ess", 100, "-o", tmp_path / "report")
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert "The run has no target whose position is estimated." in page
+    assert "base frame (x, y, z): ." not in page
+
+
 def test_known_angles_are_refused_and_not_ignored(tmp_path: Path) -> None:
     planes = {
         name: {"kind": "plane", "normal": normal, "guess_mm": [900, 0, 300]}
