@@ -11,6 +11,7 @@ import numpy as np
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
+from ....model.instruments.rotations import nearest_rotation
 
 _PLAIN = ["".join(axes) for axes in itertools.permutations("XYZ")]
 _SAME_TWICE = [f"{a}{b}{a}" for a in "XYZ" for b in "XYZ" if a != b]
@@ -112,12 +113,12 @@ def _misfit(measured: Matrix, flange: Matrix) -> float:
     agreeing = np.abs(_angles(m) - _angles(f)) < _LARGEST_DEG
     if agreeing.sum() < max(3, _AGREEING * len(agreeing)):
         return 180.0
-    mount = _nearest_rotation(_axes(f[agreeing]).T @ _axes(m[agreeing]))
+    mount = nearest_rotation(_axes(f[agreeing]).T @ _axes(m[agreeing]))
     worlds = measured @ np.swapaxes(flange @ mount, 1, 2)
     tried = worlds[:: max(1, len(worlds) // 50)]
     off = np.array([_angles(world.T @ worlds) for world in tried])
     nearest = off[int(np.argmin(np.median(off, axis=1)))]
-    world = _nearest_rotation(worlds[nearest <= np.median(nearest)].sum(axis=0))
+    world = nearest_rotation(worlds[nearest <= np.median(nearest)].sum(axis=0))
     return float(np.median(_angles(world.T @ worlds)))
 
 
@@ -129,9 +130,3 @@ def _angles(r: Matrix) -> Matrix:
 def _axes(r: Matrix) -> Matrix:
     """(N, 3) axis times sine of the angle: what is aligned, and 0 where the axis is not clear."""
     return np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1) / 2.0
-
-
-def _nearest_rotation(matrix: Matrix) -> Matrix:
-    """(3, 3) the rotation R with the largest trace of R^T matrix."""
-    u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
