@@ -137,6 +137,8 @@ class RunRequest:
     answers: Answers | None = None
 
 
+_STATES = 5  # times at most, in a rehearsal of other instruments, what is known so far
+
 Provenance = dict[str, str | int | float]
 # The provenance of the run, what measures into the journal, and who decides the order of an adaptive run.
 _Way = tuple[Provenance, Callable[[RunJournal], ProcedureResult], Adaptive | None]
@@ -150,12 +152,12 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
-    plan.header.require_tool()
     if request.rig != "simulated":
+        plan.header.require_tool()
         _refuse({"--arm": request.arm}, "is for the simulated rig")
     if request.rig in ("abb", "manual"):
         require_constraints(plan)
-    led = _by_rig if plan.header.instrument.beam else _rehearsed_by_hand
+    led = _by_rig if plan.header.only_beam else _rehearsed_by_hand
     way = _by_hand if request.rig == "manual" else led
     about, measure, adaptive = way(plan, request, listener)
     header = _header(plan, file, about)
@@ -191,7 +193,7 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     answers = request.answers
     if answers is None:
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
-    if not plan.header.instrument.beam:
+    if not plan.header.only_beam:
         _refuse({"--adaptive": request.tolerance}, _for_a_beam(plan))
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
@@ -205,19 +207,20 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
 
 
 def _for_a_beam(plan: Plan) -> str:
-    return f"is for a {' or '.join(names_of(beam=True))}; the plan's tool is a {plan.header.instrument.name}"
+    kinds = " and a ".join(kind.name for kind in plan.header.kinds.values())
+    return f"is for a {' or '.join(names_of(beam=True))}; the plan measures with a {kinds}"
 
 
 def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
-    """What is no beam is led to its target by hand: no servo, no sensors; only the simulated rig can do
-    that."""
+    """What is no beam is led to its target by hand, or reads wherever the arm stands: no servo, no sensors;
+    only the simulated rig can do that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
         _for_a_beam(plan),
     )
     if request.rig != "simulated":
         raise BadInput(
-            f"the rig {request.rig} cannot lead a {plan.header.instrument.name}",
+            f"the rig {request.rig} cannot lead a {plan.header.tool_kind.name}",
             remedy=f"use a {' or '.join(names_of(beam=True))}, or --rig simulated to rehearse",
         )
     arm = None if request.arm is None else corrected_arm(request.arm, plan, None)
@@ -228,13 +231,17 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
 
     def measure(journal: RunJournal) -> ProcedureResult:
         done = {shot.shot for shot in journal.shots}
-        state = state_of(truth.problem, journal.shots)
+        # What each measurement adds is told of a tool; a fit of many other readings takes too long for that.
+        often = 1 if plan.header.only_tools else -(-len(plan.postures) // _STATES)
+        state = None
         for shot in simulated_shots(truth, rng):
             if shot.shot not in done:
                 journal.append(shot)
-                state = state_of(truth.problem, journal.shots)
-                assert state is not None
-                listener(recorded_event(shot, len(journal.shots), state))
+                count, state = len(journal.shots), None
+                if count % often == 0 or count == len(plan.postures):
+                    state = state_of(plan.header, truth.problem, journal.shots)
+                listener(recorded_event(shot, plan.called[shot.shot], count, state))
+        state = state or state_of(plan.header, truth.problem, journal.shots)
         return ProcedureResult(journal.shots, (), state, {})
 
     provenance: Provenance = {

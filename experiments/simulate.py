@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,30 +13,38 @@ from ..analysis.observability.aim import aim, servo_joints
 from ..model.arrays import Matrix
 from ..model.errors import RigFault
 from ..model.files.plan import Plan
-from ..model.files.shot import Shot
+from ..model.files.shot import Shot, shot_model
+from ..model.instruments.kind import Instrument
 from ..model.likelihood.problem import Problem
+
+_DIGITS = {"mm": 6}  # of a reading; those without a unit, as a quaternion, have more
+_MORE_DIGITS = 12
+_MOST = {"mm": 50.0, "deg": float(np.radians(30.0))}  # std of what is only guessed, drawn at random
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The truth of a simulation: the true parameters x (p,), internal units, of a plan's problem."""
+    """The truth of a simulation: the true parameters x (p,), internal units, of a `plan`'s problem."""
 
+    plan: Plan
     problem: Problem
     x: Matrix
 
     @classmethod
     def drawn(cls, plan: Plan, rng: np.random.Generator, offset_deg: float = 1.0) -> Truth:
         """Offsets of about `offset_deg` (mm for prismatic joints), the targets at their nominal positions, an
-        uncalibrated tool and uncertain geometry off by random errors of the header's sigma and tolerances.
-        Held ones stay held."""
+        uncalibrated tool and uncertain geometry off by random errors of the header's sigma and tolerances, a
+        free frame where its instrument may stand. Held ones stay held."""
         problem = Problem.from_plan(plan)
         parameters = problem.parameters
         x = problem.nominal()
         drawn = rng.normal(size=len(x))
         offsets, others = parameters.group("offset"), parameters.group("tool") | parameters.group("geometry")
         x = x + np.where(offsets, drawn * offset_deg / parameters.display, 0.0)
-        x = x + np.where(others, drawn * parameters.prior_std, 0.0)
-        return cls(problem, np.where(parameters.free, x, parameters.prior_mean))
+        most = np.array([_MOST.get(item.unit, np.inf) for item in parameters.items])
+        x = x + np.where(others, drawn * np.minimum(parameters.prior_std, most), 0.0)
+        x[parameters.block("frame")] = problem.tool.placed(rng)
+        return cls(plan, problem, np.where(parameters.free, x, parameters.prior_mean))
 
     @classmethod
     def with_values(cls, plan: Plan, values: dict[str, float]) -> Truth:
@@ -43,7 +52,7 @@ class Truth:
         problem = Problem.from_plan(plan)
         for name in values:
             problem.parameters.index(name)  # ValueError where there is none
-        return cls(problem, problem.nominal()).knowing(values)
+        return cls(plan, problem, problem.nominal()).knowing(values)
 
     def knowing(self, values: Mapping[str, float]) -> Truth:
         """A copy with these values (deg, mm) by name; others than the problem's are passed over."""
@@ -51,7 +60,7 @@ class Truth:
         for i, item in enumerate(parameters.items):
             if item.name in values:
                 x[i] = values[item.name] / item.display
-        return Truth(self.problem, x)
+        return replace(self, x=x)
 
     def values(self) -> dict[str, float]:
         """The true offsets, geometry and tool by name, deg and mm."""
@@ -69,65 +78,106 @@ class Truth:
 
 
 def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
-    """The plan's measurements as the simulated cell records them, one by one.
+    """The plan's measurements as the simulated cell records them, posture by posture.
 
-    Each posture's wrist is turned until the true beam is on the true target (a probe is led into its
-    socket by all joints); then the joints are read with the stated joint noise and the spot with the
-    stated spot noise. Raises RigFault for a posture from which the target cannot be met.
+    What is met is brought onto its target: a beam by the wrist, a probe by all joints. Then the joints are
+    read with the stated joint noise and the instruments with theirs. Raises RigFault for a posture from which
+    the target cannot be met.
     """
-    problem = truth.problem
-    n, display, tool = problem.robot.n, problem.robot.display, problem.tool
-    if not tool.columns:
-        # There is nothing to read: a probe's ball does not sit quite at the socket's centre.
-        problem = problem.moved(problem.joints, rng.normal(size=(problem.shots, 3)) * problem.noise.spot)
-    aimed = aim(problem, truth.x, servo_joints(problem))
-    for i in range(problem.shots):
+    problem, plan = truth.problem, truth.plan
+    n, display = problem.robot.n, problem.robot.display
+    recorded = _recorded(problem.tool)
+    touches = rng.normal(size=(problem.shots, int((~recorded).sum())))
+    aimed = aim(_touching(problem, touches), truth.x, servo_joints(problem))
+    stds = np.sqrt(aimed.problem.of_sources(problem.noise.variances).sum(axis=0))
+    rows: dict[int, list[int]] = {}
+    for row, measurement in enumerate(plan.measurements):
+        rows.setdefault(measurement.posture, []).append(row)
+    model = shot_model(plan.header)
+    for i, same in enumerate(rows.values()):
         if not aimed.ahead[i]:
             raise RigFault(
-                f"posture {i}: the target is behind the laser. Correct the posture or tool.direction."
+                f"posture {same[0]}: the target is behind the laser. Correct the posture or tool.direction."
             )
         if not aimed.hit[i]:
+            meeting = next(each for each in problem.tool.each if each.met)
             raise RigFault(
-                f"posture {i}: the {'wrist' if tool.beam else 'arm'} cannot bring the {tool.name} onto"
-                f" the target, which is {aimed.off_mm[i]:.0f} mm off. Choose one that points nearer to it."
+                f"posture {same[0]}: the {'wrist' if meeting.beam else 'arm'} cannot bring the"
+                f" {meeting.name} onto its target, which is {aimed.off_mm[i]:.0f} mm off. Choose one that"
+                " points nearer to it."
             )
         joints = aimed.problem.joints[i] + rng.normal(size=n) * problem.noise.joint
-        spot = rng.normal(size=2) * problem.noise.spot
-        yield Shot(
-            shot=i,
-            target=problem.targets[problem.target_index[i]],
-            joints_deg=tuple(round(float(v), 9) for v in joints * display),
-            spot_mm=(round(float(spot[0]), 6), round(float(spot[1]), 6)) if tool.columns else None,
-        )
+        shift = np.zeros(problem.tool.residual_size)
+        shift[recorded] = rng.normal(size=int(recorded.sum())) * stds[i, recorded]
+        readings = problem.tool.readings_of(aimed.problem.readings[i], shift)
+        for row in same:
+            item = plan.measurements[row]
+            yield model(
+                shot=row,
+                target=item.target,
+                joints_deg=tuple(round(float(v), 9) for v in joints * display),
+                **(plan.means[row]._asdict() if plan.means else {}),
+                **_rounded(readings[item.instrument, item.variant]),
+            )
+
+
+def _recorded(tool: Instrument) -> NDArray[np.bool_]:
+    """(d,) the components of a residual of which the noise is in what is read, not in where the arm is."""
+    return np.array([bool(each.columns) for each in tool.each])[tool.layout.source]
+
+
+def _touching(problem: Problem, unit: Matrix) -> Problem:
+    """The same where what is met and not read is not met quite: a ball in its socket, a touch. `unit` (N, t)
+    are random numbers of std 1 for its t components."""
+    touching = ~_recorded(problem.tool)
+    stds = np.sqrt(problem.of_sources(problem.noise.variances).sum(axis=0))
+    spots = np.zeros((problem.shots, len(touching)))
+    spots[:, touching] = unit * stds[:, touching]
+    return problem.moved(problem.joints, spots)
+
+
+def _rounded(readings: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
+    """Readings by column as they are recorded, a single number as such."""
+    every = {
+        column: tuple(round(value, _DIGITS.get(column[-2:], _MORE_DIGITS)) for value in values)
+        for column, values in readings.items()
+    }
+    return {column: values[0] if len(values) == 1 else values for column, values in every.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Readings of W simulated runs of one plan: `joints` (W, N, n), `spots` (W, N, d); `met` (W,) where
-    every measurement could be brought onto its target."""
+    """Readings of W simulated runs of one plan: `joints` (W, N, n), `spots` (W, N, d), `readings` (W, N, w)
+    before their noise, which is in `spots`; `met` (W,) where every measurement could be brought onto its
+    target."""
 
     joints: Matrix
     spots: Matrix
+    readings: Matrix
     met: NDArray[np.bool_]
 
 
 def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generator) -> Readings:
     """As `simulated_shots`, for many arms with the true parameters `truths` (W, p), side by side."""
-    count, shots, d = len(truths), problem.shots, problem.tool.residual_size
-    spots = rng.normal(size=(count, shots, d)) * problem.noise.spot
-    all_shots = replace(
+    count, shots, recorded = len(truths), problem.shots, _recorded(problem.tool)
+    unit = rng.normal(size=(count * shots, len(recorded)))
+    every = replace(
         problem,
         joints=np.tile(problem.joints, (count, 1)),
-        # A laser's beam is led to the centre and the spot is read; a probe's ball sits where it sits.
-        spots=np.zeros((count * shots, d)) if problem.tool.columns else spots.reshape(-1, d),
+        spots=np.zeros_like(unit),
         readings=np.tile(problem.readings, (count, 1)),
         target_index=np.tile(problem.target_index, count),
         shot_numbers=tuple(range(count * shots)),
         weights=np.tile(problem.weights, count),
     )
-    aimed = aim(all_shots, np.repeat(truths, shots, axis=0), servo_joints(problem))
+    aimed = aim(_touching(every, unit[:, ~recorded]), np.repeat(truths, shots, axis=0), servo_joints(problem))
     joints = aimed.problem.joints + rng.normal(size=(count * shots, problem.robot.n)) * problem.noise.joint
+    stds = np.sqrt(aimed.problem.of_sources(problem.noise.variances).sum(axis=0))
+    spots = unit * stds * recorded
     met = np.asarray((aimed.hit & aimed.ahead).reshape(count, shots).all(axis=1))
-    if not problem.tool.columns:
-        spots = np.zeros_like(spots)
-    return Readings(joints.reshape(count, shots, -1), spots, met)
+    return Readings(
+        joints.reshape(count, shots, -1),
+        spots.reshape(count, shots, -1),
+        aimed.problem.readings.reshape(count, shots, -1),
+        met,
+    )

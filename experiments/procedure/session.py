@@ -22,11 +22,12 @@ from ...analysis.solution import Solution, so_far
 from ...interruption import interruptible, obey, uninterrupted
 from ...model.arrays import Matrix
 from ...model.errors import RigFault
+from ...model.files.header import Header
 from ...model.files.plan import Plan
-from ...model.files.shot import Shot
+from ...model.files.shot import Shot, ShotRules
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameters
-from ...model.likelihood.problem import Problem
+from ...model.likelihood.problem import Problem, by_posture
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import WEAKEST, Psd
 from .centring import centre
@@ -209,12 +210,12 @@ class Procedure:
             state = self.state()
             assert state is not None
             seconds = round(sum(self.seconds.values()) - began, 3)
-            self.told(recorded_event(shot, len(self.journal.shots), state, seconds))
+            self.told(recorded_event(shot, shot.met_target, len(self.journal.shots), state, seconds))
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> Solution | None:
         """The estimate from the measurements of the journal; None while there are none."""
-        return state_of(self._problem, self.journal.shots)
+        return state_of(self.plan.header, self._problem, self.journal.shots)
 
     def _following(self, state: Solution | None) -> int | None:
         return self.order.following(self.journal.shots, self._refused, state)
@@ -245,7 +246,7 @@ class Procedure:
         # A replay is read as it was recorded: in the axes of what was nominal then, as it does itself.
         if not shots or not self.rig.steerable:
             return x
-        mode = fit_likelihood(with_shots(self._near, shots), starts=0).x
+        mode = fit_likelihood(with_shots(self.plan.header, self._near, shots), starts=0).x
         parameters = self._problem.parameters
         x = parameters.with_values(x, self._near.parameters, mode)
         measured = {shot.target for shot in shots}
@@ -350,36 +351,32 @@ def near_nominal(problem: Problem, x: Matrix) -> Problem:
 
 
 def recorded_event(
-    shot: Shot, recorded: int, state: Solution, seconds: float | None = None
+    shot: Shot, name: str, recorded: int, state: Solution | None, seconds: float | None = None
 ) -> MeasurementRecorded:
-    """The event of a measurement that is on the disk, with what is known after it."""
+    """The event of a measurement that is on the disk, with what is known after it, if that was found out;
+    `name` is that of what was measured."""
     return MeasurementRecorded(
         shot=shot.shot,
-        target=shot.met_target,
+        target=name,
         spot_mm=shot.spot_mm,
         time_s=shot.time_s,
         recorded=recorded,
-        std=state.offset_std,
-        worst_std=state.worst,
-        p_value=state.p_value,
-        consistent=state.consistent,
+        std={} if state is None else state.offset_std,
+        worst_std=None if state is None else state.worst,
+        p_value=None if state is None else state.p_value,
+        consistent=state is None or state.consistent,
         seconds=seconds,
     )
 
 
-def state_of(problem: Problem, shots: Sequence[Shot]) -> Solution | None:
+def state_of(header: Header, problem: Problem, shots: Sequence[Shot]) -> Solution | None:
     """The estimate from measurements for the unknowns of a plan's problem; None without any."""
-    return so_far(with_shots(problem, shots)) if shots else None
+    return so_far(with_shots(header, problem, shots)) if shots else None
 
 
-def with_shots(problem: Problem, shots: Sequence[Shot]) -> Problem:
+def with_shots(header: Header, problem: Problem, shots: Sequence[Shot]) -> Problem:
     """The unknowns of a plan's problem, with these measurements in place of its postures."""
-    return replace(
-        problem,
-        joints=np.array([shot.joints_deg for shot in shots]) / problem.robot.display,
-        spots=np.array([shot.spot_mm or np.zeros(problem.tool.residual_size) for shot in shots]),
-        readings=np.zeros((len(shots), problem.tool.reading_size)),
-        target_index=np.array([problem.targets.index(shot.target) for shot in shots], dtype=np.int64),
-        shot_numbers=tuple(shot.shot for shot in shots),
-        weights=np.ones(len(shots)),
-    )
+    measurements = tuple(ShotRules(header, problem.robot).measurements(shots))
+    rows, measured = by_posture(measurements)
+    joints = np.array([shots[i].joints_deg for i in rows]) / problem.robot.display
+    return problem.recorded_at(joints, measured, [shots[i].shot for i in rows], header)

@@ -242,7 +242,10 @@ def cell_study(
             control=True,
         )
         half = with_half_the_noise(Problem.from_plan(plan.repeated.plan))
-        states = [None if run.state is None else state_of(half, run.shots) for run in made]
+        states = [
+            None if run.state is None else state_of(plan.repeated.plan.header, half, run.shots)
+            for run in made
+        ]
         return CellCase(answer, judged(understated, made, states))
 
     heading = heading_of("cell", seed, runs=runs, camera=camera)

@@ -681,6 +681,11 @@ class Header(FileModel):
         return all(issubclass(kind, FlangeTool) for kind in self.kinds.values())
 
     @property
+    def only_beam(self) -> bool:
+        """Whether a beam is the only instrument: what a servo leads onto a detector."""
+        return len(self.labels) == 1 and all(kind.beam for kind in self.kinds.values())
+
+    @property
     def instrument(self) -> type[Instrument]:
         """The kind of the only instrument; BadInput where there are several."""
         (kind, *others) = self.kinds.values()

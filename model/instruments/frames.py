@@ -13,11 +13,20 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal
 from .kind import Station, Unknown
-from .rotations import Quaternion, rotation_of_quaternion, turned, unit_quaternion
+from .rotations import (
+    Quaternion,
+    rotation,
+    rotation_of_quaternion,
+    rotation_vector,
+    turned,
+    unit_quaternion,
+)
 
 FREE_MM, FREE_RAD = 500.0, float(np.pi)  # prior stds of what the flange carries where nothing is stated
 _FRAME_MM = 10_000.0
 _MOST = 200  # measurements that a start is solved from
+_STANDS_MM = (3000.0, 0.0, 500.0)  # where an instrument stands of which nobody says
+_PLACED_MM, _LEVEL = 100.0, float(np.radians(0.5))  # stds of where one stands, and of its level, by chance
 
 
 class StatedKnownFrame(FileModel):
@@ -93,6 +102,20 @@ class FramedStation(Station):
             return ca.SX(self.frame[0]), ca.SX(self.frame[1])
         last = unknowns[len(self.unknowns) - 6 :]
         return turned(last[3:]), last[:3]
+
+    @property
+    def stands_at(self) -> Matrix:
+        """Upright, and turned as the base frame."""
+        return np.array([*_STANDS_MM, 0.0, 0.0, 0.0] if self.frame is None else [])
+
+    def placed(self, rng: np.random.Generator) -> Matrix:
+        """Turned anyhow about the vertical."""
+        if self.frame is not None:
+            return np.zeros(0)
+        origin = self.stands_at[:3] + _PLACED_MM * rng.normal(size=3)
+        upright = rotation(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        turn = rotation(_LEVEL * rng.normal(size=3)) @ upright
+        return np.concatenate([origin, rotation_vector(turn)])
 
     @property
     def frame_key(self) -> bytes:

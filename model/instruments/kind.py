@@ -275,6 +275,21 @@ class Instrument(ABC):
         """What a measurement with this `reading` (w,) and `shift` (d,) records by `columns`."""
         return {}
 
+    def readings_of(
+        self, reading: Matrix, shift: Matrix
+    ) -> dict[tuple[str, str], dict[str, tuple[float, ...]]]:
+        """What is `recorded` at one posture, by the label and the variant that read there."""
+        return {(self.label, self.variants[0]): self.recorded(reading, shift)}
+
+    @property
+    def stands_at(self) -> Matrix:
+        """(f,) the f unknowns of its frame, about where it stands: for what is planned."""
+        return np.zeros(sum(unknown.group == "frame" for unknown in self.unknowns))
+
+    def placed(self, rng: np.random.Generator) -> Matrix:
+        """(f,) the unknowns of its frame, drawn at random: for a simulation."""
+        return self.stands_at
+
     def row(self, some: Sequence[Measurement], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         (item,) = some

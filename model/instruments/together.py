@@ -159,6 +159,24 @@ class Together(Instrument):
                 shift[part.rows] = part.instrument.shift(item.measured)
         return reading, shift
 
+    def readings_of(
+        self, reading: Matrix, shift: Matrix
+    ) -> dict[tuple[str, str], dict[str, tuple[float, ...]]]:
+        return {
+            (part.instrument.label, part.variant): part.instrument.recorded(
+                reading[part.reading], shift[part.rows]
+            )
+            for part in self._parts
+            if reading[part.number]
+        }
+
+    @property
+    def stands_at(self) -> Matrix:
+        return np.concatenate([each.stands_at for each in self.instruments])
+
+    def placed(self, rng: np.random.Generator) -> Matrix:
+        return np.concatenate([each.placed(rng) for each in self.instruments])
+
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         every = [
             part.instrument.residual(

@@ -283,14 +283,16 @@ class _Sets(NamedTuple):
 
     def solved(self) -> tuple[Matrix, Matrix, Matrix]:
         """Rotation and origin of the frame, and the reflectors, of least squares: from the linear solution
-        with any matrix for the rotation, and where that is no good from several rotations."""
+        with any matrix for the rotation, and where that is no good from several rotations, until two of them
+        lead to the same."""
         size = float(np.ptp(self.measured, axis=0).max()) or 1.0
         best = None
         for turn in self._turns():
             fit = self._climbed(turn)
+            twice = best is not None and abs(fit[0] - best[0]) <= 1e-6 * best[0]
             if best is None or fit[0] < best[0]:
                 best = fit
-            if best[0] < 0.01 * size:
+            if twice or best[0] < 0.01 * size:
                 break
         assert best is not None
         return best[1:]

@@ -152,15 +152,8 @@ class Problem:
         for item in every:
             if item.target is not None:
                 of_target.setdefault(item.target, instruments[labels.index(item.instrument)])
-        # A shot belongs to its target; what has none, to the first instrument that reads there.
-        belongs = [
-            next((item.target for item in some if item.target), some[0].instrument) for some in measured
-        ]
-        rows = [
-            tool.row(some, header.targets.get(name)) for some, name in zip(measured, belongs, strict=True)
-        ]
-        spots = np.array([shift for _, shift in rows]).reshape(len(joints), tool.residual_size)
-        readings = np.array([reading for reading, _ in rows]).reshape(len(joints), tool.reading_size)
+        belongs = list(map(_belongs_to, measured))
+        spots, readings = _rows(header, tool, measured, belongs)
         problem = cls._of(header, robot, joints, tool, of_target, belongs, spots, readings, shot_numbers)
         return replace(problem, planned=planned)
 
@@ -217,14 +210,14 @@ class Problem:
             spots = run.spots if run.header.instrument.columns else None
             numbers, targets = [shot.shot for shot in run.shots], [shot.met_target for shot in run.shots]
             return cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
-        rows, measured = _by_posture(run.measurements)
+        rows, measured = by_posture(run.measurements)
         numbers = [run.shots[i].shot for i in rows]
         return cls.of_measured(run.header, run.robot, run.joints[rows], measured, numbers)
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         with located(plan.path):
-            rows, measured = _by_posture(plan.measurements)
+            rows, measured = by_posture(plan.measurements)
             problem = cls.of_measured(
                 plan.header, plan.robot, plan.postures[rows], measured, rows, planned=True
             )
@@ -253,6 +246,28 @@ class Problem:
         """The same problem with its shots at other joint positions (and spots)."""
         weights = self.weights if len(joints) == self.shots else np.ones(len(joints))
         return replace(self, joints=joints, spots=self.spots if spots is None else spots, weights=weights)
+
+    def recorded_at(
+        self,
+        joints: Matrix,
+        measured: Sequence[Sequence[Measurement]],
+        shot_numbers: Sequence[int],
+        header: Header,
+    ) -> Problem:
+        """The same unknowns with other recorded `joints` (M, n), and (M,) what was measured at each."""
+        belongs = list(map(_belongs_to, measured))
+        spots, readings = _rows(header, self.tool, measured, belongs)
+        index = [self.targets.index(name) for name in belongs]
+        return replace(
+            self,
+            joints=joints,
+            spots=spots,
+            readings=readings,
+            target_index=np.array(index, dtype=np.int64),
+            shot_numbers=tuple(shot_numbers),
+            weights=np.ones(len(joints)),
+            planned=False,
+        )
 
     def select(self, rows: Index) -> Problem:
         """The same unknowns with some of the shots, by their index."""
@@ -593,8 +608,10 @@ class Problem:
 
     def nominal(self) -> Matrix:
         """(p,) the nominal parameters, before any shot: no offsets, the nominal tool, each target at its
-        guess or, without one, as its measurements say; so too a frame that is free."""
+        guess or, without one, as its measurements say; so too a frame that is free (of a plan: about where
+        its instrument stands)."""
         x = self.parameters.prior_mean[None].copy()
+        x[0, self.parameters.block("frame")] = self.tool.stands_at
         if self.recorded:
             self._start_instruments(x, self.joints[None])
         block, real = self.parameters.block("target"), len(self.targets) - self.stations
@@ -634,8 +651,22 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
-def _by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measurement]]]:
-    """The first measurement of each posture, by its index, and what is measured there."""
+def _belongs_to(some: Sequence[Measurement]) -> str:
+    """A shot belongs to its target; what has none, to the first instrument that reads there."""
+    return next((item.target for item in some if item.target), some[0].instrument)
+
+
+def _rows(
+    header: Header, tool: Instrument, measured: Sequence[Sequence[Measurement]], belongs: Sequence[str]
+) -> tuple[Matrix, Matrix]:
+    """Spots (N, d) and readings (N, w) of what is measured at each posture."""
+    rows = [tool.row(some, header.targets.get(name)) for some, name in zip(measured, belongs, strict=True)]
+    spots = np.array([shift for _, shift in rows]).reshape(len(rows), tool.residual_size)
+    return spots, np.array([reading for reading, _ in rows]).reshape(len(rows), tool.reading_size)
+
+
+def by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measurement]]]:
+    """The first measurement of each posture, by its index, and (N,) what is measured at each."""
     rows: dict[int, list[int]] = {}
     for i, item in enumerate(measurements):
         rows.setdefault(item.posture, []).append(i)

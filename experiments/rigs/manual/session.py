@@ -81,12 +81,12 @@ class Manual:
 
     def carry_out(self) -> ProcedureResult:
         """Ask for postures until the order is through or no more lines come."""
-        state = state_of(self._problem, self.journal.shots)
+        state = state_of(self.plan.header, self._problem, self.journal.shots)
         while (number := self._following(state)) is not None:
             try:
                 shot = self._measured(number)
             except _Decided:
-                state = state_of(self._problem, self.journal.shots)
+                state = state_of(self.plan.header, self._problem, self.journal.shots)
                 continue
             except _Paused:
                 missing = self._pending(state)
@@ -94,9 +94,9 @@ class Manual:
             obey()
             self.journal.append(shot)
             self._again = None
-            state = state_of(self._problem, self.journal.shots)
+            state = state_of(self.plan.header, self._problem, self.journal.shots)
             assert state is not None
-            self.listener(recorded_event(shot, len(self.journal.shots), state))
+            self.listener(recorded_event(shot, shot.met_target, len(self.journal.shots), state))
             outlier = single_outlier(state.fit, state.dof) if state.converged else None
             if outlier is not None:
                 self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))

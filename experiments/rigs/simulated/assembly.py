@@ -201,7 +201,7 @@ def assemble(
         return problem.geometry.added(plan.robot, x[deviations], count)
 
     return CellParts(
-        truth=Truth(problem, x),
+        truth=replace(drawn, x=x),
         functions=shot_functions(robot, beam),
         tool=tool,
         wander=noise.spot if cell.laser.wander_mm is None else cell.laser.wander_mm,

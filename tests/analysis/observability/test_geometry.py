@@ -141,7 +141,7 @@ def test_gravity_counts_with_one_target(arms: int) -> None:
         x[parameters.tolerated] = 0.0
         bent = np.array([item.axis == "gravity" for item in parameters.items])
         x[bent] = np.radians(0.05) * rng.choice([-1, 1], bent.sum())
-        run = run_of(plan.header, simulated_shots(Truth(truth.problem, x), rng))
+        run = run_of(plan.header, simulated_shots(replace(truth, x=x), rng))
         solution = solve_run(Problem.from_run(run), plan.header)
         misfits += solution.verdict == "misfit"
         z = (solution.fit.x - x)[1:6] / parameters.unscaled(solution.fit.std)[1:6]

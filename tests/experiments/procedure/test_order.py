@@ -40,7 +40,7 @@ def test_it_ends_within_the_tolerance_and_not_a_shot_later(tmp_path: Path, pool:
     done = carried(pool, order, tmp_path / "run.jsonl")
     assert done.state.worst <= 0.04
     assert order.reason.startswith("the largest standard uncertainty is 0.0")
-    before = state_of(Problem.from_plan(pool), done.shots[:-1])
+    before = state_of(pool.header, Problem.from_plan(pool), done.shots[:-1])
     assert before.worst is None or before.worst > 0.04 or before.p_value is None
     assert len(done.shots) < POOL
 
@@ -49,7 +49,11 @@ def test_it_needs_fewer_shots_than_the_plan_in_turn(tmp_path: Path, pool: Plan) 
     adaptive = carried(pool, Adaptive(pool, 0.04), tmp_path / "adaptive.jsonl")
     whole = carried(pool, InTurn(POOL), tmp_path / "whole.jsonl")
     problem = Problem.from_plan(pool)
-    counts = [n for n in range(1, POOL + 1) if (state_of(problem, whole.shots[:n]).worst or 9.9) <= 0.04]  # type: ignore[union-attr]
+    counts = [
+        n
+        for n in range(1, POOL + 1)
+        if (state_of(pool.header, problem, whole.shots[:n]).worst or 9.9) <= 0.04
+    ]  # type: ignore[union-attr]
     assert len(adaptive.shots) < counts[0]
 
 
@@ -80,7 +84,7 @@ def test_it_is_the_same_again_from_the_same_shots(tmp_path: Path, pool: Plan) ->
     problem = Problem.from_plan(pool)
     for count in range(len(done.shots)):
         made = done.shots[:count]
-        following = Adaptive(pool, 0.04).following(made, (), state_of(problem, made))
+        following = Adaptive(pool, 0.04).following(made, (), state_of(pool.header, problem, made))
         assert following == done.shots[count].shot
 
 
@@ -132,7 +136,7 @@ def test_an_estimated_noise_is_not_believed_from_a_number_or_two(tmp_path: Path)
     _, run = simulated(plan, TABLE_2)
     order = Adaptive(plan, 0.1)
     for count in (5, 6):
-        state = state_of(problem, run.shots[:count])
+        state = state_of(plan.header, problem, run.shots[:count])
         assert state.worst is not None
         assert state.dof == 2 * count - 8
         of_noise = 1 - (state.worst / 5.0) ** 2  # but for what the target's prior makes of it
