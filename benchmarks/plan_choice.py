@@ -148,7 +148,7 @@ def main() -> None:
         )
         print(f"candidates: {time.perf_counter() - start:.2f} s; {postures.in_words()}")
         start = time.perf_counter()
-        planner = Planner(header, robot, np.array(TARGET), postures)
+        planner = Planner(header, robot, {"psd": np.array(TARGET)}, [postures])
         print(f"exact Jacobians: {time.perf_counter() - start:.2f} s")
         found = planner.candidates
         print(f"choice of {SHOTS} of {found.count}")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from ..model.errors import BadInput
 from .console import EXIT_STATUS, out, print_json, print_picture, progress, say
 from .options import Force, Json, Picture, RunFile, Scheduler, Seed, Workers, cluster_of
+
+if TYPE_CHECKING:
+    from ..experiments.plans.make import Portion
 
 
 class PlanKind(StrEnum):
@@ -32,7 +36,14 @@ class CriterionName(StrEnum):
 
 _FARTHEST = 1e6  # mm, as in files
 _PLAN = {"candidates": 0.6, "choice": 0.3, "check": 0.1}
-_OPTIONS = {"facing": "--facing", "acceptance_deg": "--acceptance", "beam_mm": "--beam"}
+_OPTIONS = {
+    "target": "--target",
+    "measure": "--measure",
+    "tolerance": "--tolerance",
+    "facing": "--facing",
+    "acceptance_deg": "--acceptance",
+    "beam_mm": "--beam",
+}
 _CONSTRAINTS = ("facing", "acceptance", "beam", "margin", "obstacles")  # options of an optimal plan
 
 
@@ -61,7 +72,7 @@ def plan(
     target: Annotated[
         str | None,
         typer.Option(
-            help="Position of the target: X,Y,Z in mm, base frame; not for verify.",
+            help="Position of the target: X,Y,Z in mm, base frame; default: the header's. Not for verify.",
             show_default=False,
         ),
     ] = None,
@@ -72,6 +83,15 @@ def plan(
             max=10_000,
             help="Number of measurements. Default: 20 (x, y and geometry: exact 7; verify: as few as the test"
             " needs).",
+            show_default=False,
+        ),
+    ] = None,
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[@TARGET,…]=COUNT",
+            help="optimal: how many measurements an instrument of the header makes (of which targets); for"
+            " each of several.",
             show_default=False,
         ),
     ] = None,
@@ -116,10 +136,10 @@ def plan(
                 remedy="zerobeam plan verify RUN -o PLAN: robot, tool and target are those of the run",
             )
         _plan_verify(run, file, shots, tolerance, force, as_json)
-    if run is not None or header is None or target is None:
+    if run is not None or header is None:
         raise BadInput(
-            f"plan {kind.value} takes --header and --target" + (", and no run" if run is not None else ""),
-            found=str(run) if run is not None else "not both are stated",
+            f"plan {kind.value} takes --header" + (", and no run" if run is not None else ""),
+            found=str(run) if run is not None else "no --header",
             remedy=f"zerobeam plan {kind.value} --header HEADER --target X,Y,Z -o PLAN",
         )
     if kind is not PlanKind.OPTIMAL:
@@ -142,8 +162,9 @@ def plan(
         kind="x" if kind is PlanKind.X else "y" if kind is PlanKind.Y else "optimal",
         header=shared_header,
         header_folder=header.parent,
-        target=_numbers(target, 3, "--target"),
+        target=None if target is None else _numbers(target, 3, "--target"),
         shots=shots,
+        measure=_measure(measure or []),
         candidates=candidates,
         criterion=criterion.value,
         tolerance=tolerance,
@@ -246,6 +267,24 @@ def _enough(tolerance: float | None) -> float | None:
     if tolerance is not None and not 0 < tolerance <= 1e6:
         raise BadInput("--tolerance is out of range", found=f"{tolerance:g}", allowed="a number above 0")
     return tolerance
+
+
+def _measure(texts: Sequence[str]) -> dict[str, Portion]:
+    """NAME[@TARGET,…]=COUNT of each instrument."""
+    from ..experiments.plans.make import Portion
+
+    shares: dict[str, Portion] = {}
+    for text in texts:
+        name, _, count = text.rpartition("=")
+        label, _, targets = name.partition("@")
+        if not label or not count.isdecimal() or not 1 <= int(count) <= 10_000 or label in shares:
+            raise BadInput(
+                "--measure is not understood",
+                found=text,
+                allowed="NAME=COUNT or NAME@TARGET,…=COUNT, once for each instrument, COUNT from 1 to 10000",
+            )
+        shares[label] = Portion(int(count), tuple(part for part in targets.split(",") if part))
+    return shares
 
 
 def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:

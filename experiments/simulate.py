@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,13 +111,14 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
         readings = problem.tool.readings_of(aimed.problem.readings[i], shift)
         for row in same:
             item = plan.measurements[row]
-            yield model(
-                shot=row,
-                target=item.target,
-                joints_deg=tuple(round(float(v), 9) for v in joints * display),
+            content = {
+                "shot": row,
+                "target": item.target,
+                "joints_deg": tuple(round(float(v), 9) for v in joints * display),
                 **(plan.means[row]._asdict() if plan.means else {}),
                 **_rounded(readings[item.instrument, item.variant]),
-            )
+            }
+            yield model.model_validate(content)
 
 
 def _recorded(tool: Instrument) -> NDArray[np.bool_]:
@@ -136,7 +136,7 @@ def _touching(problem: Problem, unit: Matrix) -> Problem:
     return problem.moved(problem.joints, spots)
 
 
-def _rounded(readings: Mapping[str, tuple[float, ...]]) -> dict[str, Any]:
+def _rounded(readings: Mapping[str, tuple[float, ...]]) -> dict[str, float | tuple[float, ...]]:
     """Readings by column as they are recorded, a single number as such."""
     every = {
         column: tuple(round(value, _DIGITS.get(column[-2:], _MORE_DIGITS)) for value in values)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from ..analysis.observability.aim import aim_plan
 from ..analysis.observability.check import Check, CheckedParameter, CheckedTable
 from ..experiments.plans.constraints import violations
-from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
+from ..experiments.plans.make import MadePlan, PlanRequest, Portion, make_plan
 from ..experiments.plans.obstacles import read_obstacles
 from ..model.errors import BadInput
 from ..model.files.arguments import checked, plain
@@ -208,9 +208,10 @@ def check(plan: Plan) -> CheckedPlan:
 
 def optimal_plan(
     header: Header | Mapping[str, Any] | Path | str,
-    target: Sequence[float],
+    target: Sequence[float] | None = None,
     *,
     shots: int | None = None,
+    measure: Mapping[str, int] | None = None,
     candidates: int = 10_000,
     criterion: Literal["A", "D", "E"] = "A",
     tolerance: float | None = None,
@@ -230,9 +231,11 @@ def optimal_plan(
         What all measurements have in common: a mapping with the keys of a header file (`robot`, `tool`,
         `noise`, …; the last two as `Laser`, `Probe` and `Noise` if you like), or the path of such a file.
     target
-        (3,) where the target is, base frame, mm.
+        (3,) where the target is, base frame, mm; None: where the header says, or there is none.
     shots
         Number of measurements; None: 20, or 7 where the geometry is exact.
+    measure
+        The number of measurements by each of several instruments, by its name in the header.
     candidates
         Number of random postures to choose from.
     criterion
@@ -298,8 +301,9 @@ def optimal_plan(
             kind="optimal",
             header=declared,
             header_folder=folder,
-            target=vector(target, 3, "target"),
+            target=None if target is None else vector(target, 3, "target"),
             shots=shots,
+            measure={label: Portion(count) for label, count in (measure or {}).items()},
             candidates=candidates,
             criterion=criterion,
             tolerance=tolerance,

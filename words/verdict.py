@@ -32,6 +32,7 @@ _TOUCHED: dict[Condition, str] = {
     "itself": "the arm hits itself",
     "cell": "the arm hits the floor or a box",
     "beam": "a box is in the beam's way",
+    "sight": "the arm or a box is in the line of sight",
 }
 
 
@@ -101,6 +102,8 @@ def violation_words(violation: Violation) -> str:
     """What a posture breaks of its plan's constraints, without the posture's number."""
     at_value, lowest, highest = violation.at, violation.lowest, violation.highest
     where = "" if violation.via is None else f"intermediate posture {violation.via}: "
+    if violation.why is not None:
+        return f"{where}{violation.why}"
     if at_value is None or lowest is None or highest is None:
         planned = ", before the wrist is turned onto the target" if violation.planned else ""
         return f"{where}{_TOUCHED[violation.condition]}{planned}"

@@ -7,7 +7,9 @@ part of the information, so that few measurements are no singular case.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -35,14 +37,24 @@ _GAP_START = 5e-4  # of the A-optimum that E begins with
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """`roots` (C, d, f): whitened, prior-scaled Jacobians of the candidates, free parameters;
-    `offsets` (f,) True for the parameters that matter, the rest is nuisance."""
+    `offsets` (f,) True for the parameters that matter, the rest is nuisance. `groups` (C,) are numbers: of
+    each group as many are chosen as are asked for; by default all are of one."""
 
     roots: Matrix
     offsets: Mask
+    groups: Index = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     @property
     def count(self) -> int:
         return len(self.roots)
+
+    @property
+    def group(self) -> Index:
+        """(C,) the group of each."""
+        return np.broadcast_to(self.groups, self.count)
+
+    def some(self, rows: Index) -> Candidates:
+        return Candidates(self.roots[rows], self.offsets, self.group[rows])
 
     def information(self, rows: Index) -> Matrix:
         """(f, f) of the chosen measurements, the unit prior included."""
@@ -93,50 +105,114 @@ def offset_covariance(candidates: Candidates, information: Matrix) -> Matrix:
 
 
 def continuous(
-    candidates: Candidates, shots: int, criterion: Criterion, *, most: float = 1.0, gap: float = _GAP
+    candidates: Candidates,
+    counts: Sequence[int],
+    criterion: Criterion,
+    *,
+    most: float = 1.0,
+    gap: float = _GAP,
 ) -> Continuous:
-    """The best continuous design of `shots` measurements, with a lower bound for every design that gives no
-    candidate a share above `most` (1 / `shots` where all are different), to within a `gap` of it.
+    """The best continuous design of so many measurements of each group, with a lower bound for every design
+    that gives no candidate a share of all above `most` (1 over their number where all are different), to
+    within a `gap` of it.
 
     Multiplicative updates on an active set, to which the candidates that violate the equivalence theorem
     (Kiefer & Wolfowitz 1960; Pukelsheim 1993, chapter 7) most are added until the bound is tight. The
     bound is the criterion's linearisation: the criterion is convex in the weights, so the bound holds
     wherever the updates stop.
     """
+    shots = sum(counts)
+    shares = Shares(candidates.group, np.array(counts) / shots, most)
     if criterion == "E":
-        return _continuous_e(candidates, shots, most)
-    active = _spread(candidates, 4 * candidates.roots.shape[2])
-    weights = np.full(len(active), 1 / len(active))
+        return _continuous_e(candidates, counts, shares)
+    active = np.concatenate(
+        [rows[_spread(candidates.some(rows), 4 * candidates.roots.shape[2])] for rows in shares.rows]
+    )
+    weights = shares.of(active).scaled(np.ones(len(active)))
     best_bound = 0.0
     for _ in range(_ROUNDS):
-        roots = candidates.roots[active]
+        roots, of_active = candidates.roots[active], shares.of(active)
         for _ in range(_INNER):
             at = _Slope(candidates, roots, weights, shots, criterion)
             gain = at.gain(roots)
             total = float(weights @ gain)
-            if gain.max() - total <= gap / 4 * at.scale:
+            if of_active.unlimited(gain) - total <= gap / 4 * at.scale:
                 break
-            weights = weights * np.sqrt(gain / total)
-            weights /= weights.sum()
+            weights = of_active.scaled(weights * np.sqrt(gain))
         everywhere = at.gain(candidates.roots)
-        bound = at.bound(_most_of(everywhere, most) - total)
+        bound = at.bound(shares.largest(everywhere) - total)
         best_bound = max(best_bound, bound)
         if bound >= at.value * (1 - gap):
             break
         kept = weights > 1e-6
-        promising = np.argsort(-everywhere)[:_ADDED]
-        promising = promising[everywhere[promising] > total + gap / 4 * at.scale]
+        above = everywhere - of_active.mean(weights, gain)[candidates.group]
+        promising = np.concatenate([rows[np.argsort(-above[rows])[:_ADDED]] for rows in shares.rows])
+        promising = promising[above[promising] > gap / 4 * at.scale]
         fresh = np.setdiff1d(promising, active[kept])
         active = np.concatenate([active[kept], fresh])
         # Without fresh ones the updates were not done yet: they go on.
         share = 0.1 if len(fresh) else 0.0
-        weights = np.concatenate(
-            [(1 - share) * weights[kept], np.full(len(fresh), share / max(len(fresh), 1))]
+        weights = shares.of(active).scaled(
+            np.concatenate([(1 - share) * weights[kept], np.full(len(fresh), share / max(len(fresh), 1))])
         )
-        weights /= weights.sum()
     result = np.zeros(candidates.count)
     result[active] = weights
     return Continuous(result, best_bound, everywhere)
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """What the weights of candidates of each of G groups are together: `shares` (G,) of sum 1; no weight is
+    above `most`. `group` (C,) is that of each candidate."""
+
+    group: Index
+    shares: Matrix
+    most: float
+
+    @cached_property
+    def rows(self) -> list[Index]:
+        """(G,) the candidates of each group."""
+        return [np.flatnonzero(self.group == g) for g in range(len(self.shares))]
+
+    def of(self, rows: Index) -> Shares:
+        """Those of some candidates."""
+        return Shares(self.group[rows], self.shares, self.most)
+
+    def scaled(self, weights: Matrix) -> Matrix:
+        """Weights (C,) in proportion, such that those of each group have its share."""
+        sums = np.bincount(self.group, weights, len(self.shares))
+        return np.asarray(weights * (self.shares / np.maximum(sums, 1e-300))[self.group])
+
+    def mean(self, weights: Matrix, worth: Matrix) -> Matrix:
+        """(G,) weighted means of the `worth` (C,) of candidates."""
+        sums = np.bincount(self.group, weights * worth, len(self.shares))
+        return np.asarray(sums / np.maximum(self.shares, 1e-300))
+
+    def unlimited(self, worth: Matrix) -> float:
+        """The largest sum of weights times `worth` (C,), whatever a single weight."""
+        return float(sum(share * worth[r].max() for share, r in zip(self.shares, self.rows, strict=True)))
+
+    def largest(self, worth: Matrix) -> float:
+        """The largest sum of weights times `worth` (C,)."""
+        return sum(self._most_of(worth[r], s) for r, s in zip(self.rows, self.shares.tolist(), strict=True))
+
+    def _most_of(self, worth: Matrix, share: float) -> float:
+        whole = min(int(share / self.most + 1e-9), len(worth))
+        best = -np.sort(-worth)[: whole + 1]
+        rest = (share - whole * self.most) * best[-1] if len(best) > whole else 0.0
+        return float(self.most * best[:whole].sum() + rest)
+
+    def capped(self, weights: Matrix) -> Matrix:
+        """Weights of which none is above `most`: what is above is given to the others of its group evenly."""
+        result = weights.copy()
+        for rows, share in zip(self.rows, self.shares.tolist(), strict=True):
+            some = result[rows]
+            while (some > self.most * (1 + 1e-9)).any():
+                some = np.minimum(some, self.most)
+                free = some < self.most
+                some = some + free * (share - some.sum()) / free.sum()
+            result[rows] = some
+        return result
 
 
 class _Slope:
@@ -172,32 +248,15 @@ class _Slope:
         return self.value - excess
 
 
-def _most_of(worth: Matrix, most: float) -> float:
-    """The largest sum of shares times `worth` (C,), shares of sum 1 and none above `most`."""
-    whole = min(int(1 / most + 1e-9), len(worth))
-    best = -np.sort(-worth)[: whole + 1]
-    rest = (1 - whole * most) * best[-1] if len(best) > whole else 0.0
-    return float(most * best[:whole].sum() + rest)
-
-
-def _capped(weights: Matrix, most: float) -> Matrix:
-    """Shares of sum 1, none above `most`: what is above is given to the others evenly."""
-    while (weights > most * (1 + 1e-9)).any():
-        weights = np.minimum(weights, most)
-        free = weights < most
-        weights = weights + free * (1 - weights.sum()) / free.sum()
-    return weights
-
-
-def _continuous_e(candidates: Candidates, shots: int, most: float) -> Continuous:
+def _continuous_e(candidates: Candidates, counts: Sequence[int], shares: Shares) -> Continuous:
     """The same for the E-criterion, whose largest eigenvalue has no gradient at the optimum: cutting planes.
 
     With G = M^-1 K S, S = (K' M^-1 K)^-1 the information on the offsets at any design, S(w) <= G' M(w) G
     for every w (Pukelsheim 1993, section 3.14): each eigenvector v bounds the smallest eigenvalue of S(w)
     by a linear function of w. A linear program finds the best w under all bounds so far.
     """
-    start = continuous(candidates, shots, "A", gap=_GAP_START)
-    weights, gain = _capped(start.weights, most), start.gain
+    start, shots = continuous(candidates, counts, "A", gap=_GAP_START), sum(counts)
+    weights, gain = shares.capped(start.weights), start.gain
     size, offsets = candidates.roots.shape[2], candidates.offsets
     rows: list[Matrix] = []
     heights: list[float] = []
@@ -217,7 +276,7 @@ def _continuous_e(candidates: Candidates, shots: int, most: float) -> Continuous
             pull = inverse[:, offsets] @ vector / value
             rows.append(shots * ((candidates.roots @ pull) ** 2).sum(axis=1))
             heights.append(float(pull @ pull))
-        ahead, ceiling, price = _highest_under(np.array(rows), np.array(heights), most, columns)
+        ahead, ceiling, price = _highest_under(np.array(rows), np.array(heights), shares, columns)
         if 1 / ceiling > bound:
             bound, gain = 1 / ceiling, price @ np.array(rows)
         columns = np.flatnonzero(ahead)
@@ -230,9 +289,9 @@ def _continuous_e(candidates: Candidates, shots: int, most: float) -> Continuous
 
 
 def _highest_under(
-    rows: Matrix, heights: Matrix, most: float, columns: Index
+    rows: Matrix, heights: Matrix, shares: Shares, columns: Index
 ) -> tuple[Matrix, float, Matrix]:
-    """Weights w (C,) of sum 1, none above `most`, that raise min(heights + rows w), a ceiling of it for
+    """Weights w (C,) with those `shares` that raise min(heights + rows w), a ceiling of it for
     every such w, and the price of each row.
 
     The program has candidates as columns, at first `columns` and the most promising; its dual prices all
@@ -240,31 +299,33 @@ def _highest_under(
     """
     from scipy.optimize import linprog  # for this criterion alone, and slow to come
 
-    count = rows.shape[1]
-    promising = np.argsort(-rows.sum(axis=0))[: int(1 / most) + 1]  # so many that there is an answer at all
+    count, sums = rows.shape[1], rows.sum(axis=0)
+    # So many that there is an answer at all.
+    enough = [int(share / shares.most) + 1 for share in shares.shares.tolist()]
+    promising = [r[np.argsort(-sums[r])[:k]] for r, k in zip(shares.rows, enough, strict=True)]
     leading = np.argpartition(-rows, min(_COLUMNS, count - 1), axis=1)[:, :_COLUMNS]
-    columns = np.unique(np.concatenate([columns, promising, leading.ravel()]))
-    ceiling = np.inf
+    columns = np.unique(np.concatenate([columns, *promising, leading.ravel()]))
+    ceiling, groups = np.inf, np.arange(len(shares.shares))
     while True:
         scale = float(rows[:, columns].max())
         solved = linprog(
             np.append(np.zeros(len(columns)), -1.0),
             A_ub=np.hstack([-rows[:, columns] / scale, np.ones((len(rows), 1))]),
             b_ub=heights / scale,
-            A_eq=np.append(np.ones(len(columns)), 0.0)[None],
-            b_eq=[1.0],
-            bounds=[(0, most)] * len(columns) + [(None, None)],
+            A_eq=np.hstack([np.equal.outer(groups, shares.group[columns]), np.zeros((len(groups), 1))]),
+            b_eq=shares.shares,
+            bounds=[(0, shares.most)] * len(columns) + [(None, None)],
         )
         if solved.status != 0:
             raise FitFailed(f"the bound on the best plan could not be found: {solved.message}")
         price = np.maximum(-solved.ineqlin.marginals, 0.0)
         price /= price.sum()
         worth = price @ rows
-        ceiling = min(ceiling, float(price @ heights) + _most_of(worth, most))
+        ceiling = min(ceiling, float(price @ heights) + shares.largest(worth))
         if ceiling <= float(solved.x[-1]) * scale * (1 + _GAP):
             weights = np.zeros(count)
             weights[columns] = np.maximum(solved.x[:-1], 0.0)
-            return weights / weights.sum(), ceiling, price
+            return shares.scaled(weights), ceiling, price
         columns = np.union1d(columns, np.argsort(-worth)[:_COLUMNS])
 
 
@@ -280,8 +341,8 @@ def _spread(candidates: Candidates, size: int) -> Index:
         best = int(np.argmax(gain))
         chosen.append(best)
         taken = covariance @ roots[best].T
-        root = np.linalg.cholesky(np.linalg.inv(np.eye(roots.shape[1]) + roots[best] @ taken))
-        taken = taken @ root
+        factor = np.linalg.cholesky(np.eye(roots.shape[1]) + roots[best] @ taken)
+        taken = np.linalg.solve(factor, taken.T).T
         covariance = covariance - taken @ taken.T
         gain -= (times(roots, taken) ** 2).sum(axis=(1, 2))
         gain[best] = -np.inf

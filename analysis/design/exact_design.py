@@ -65,29 +65,35 @@ Each = Callable[[Callable[[Exchange], Ended], Sequence[Exchange]], Iterable[Ende
 
 def design(
     candidates: Candidates,
-    shots: int,
+    counts: Sequence[int],
     criterion: Criterion,
     seed: int,
     starts: int = STARTS,
     each: Each = map,
 ) -> Design:
-    """Choose `shots` different candidates by exchanges from several starts, with a bound on the best.
+    """Choose so many different candidates of each group by exchanges from several starts, with a bound on the
+    best.
 
     The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`). For E the
     best of them go on to exchanges of two measurements at once. `each` applies a function to every start,
     and gives the answers in that order.
     """
-    ideal = continuous(candidates, shots, criterion, most=1 / shots)
-    near = np.union1d(np.argsort(-ideal.gain)[: max(_NEAR, shots)], np.flatnonzero(ideal.weights > 0))
-    few = Candidates(candidates.roots[near], candidates.offsets)
+    shots, group = sum(counts), candidates.group
+    ideal = continuous(candidates, counts, criterion, most=1 / shots)
+    promising = np.argsort(-ideal.gain)
+    nearest = [promising[group[promising] == g][: max(_NEAR, count)] for g, count in enumerate(counts)]
+    near = np.union1d(np.concatenate(nearest), np.flatnonzero(ideal.weights > 0))
+    few = candidates.some(near)
     rng = np.random.default_rng(seed)
     value_of: dict[tuple[int, ...], float] = {}
-    first_rows = [_start(ideal.weights[near], shots, rng, rounded=start % 4 != 3) for start in range(starts)]
+    first_rows = [
+        _start(few, ideal.weights[near], counts, rng, rounded=start % 4 != 3) for start in range(starts)
+    ]
     for value, rows in each(_exchanged, [(few, rows, criterion) for rows in first_rows]):
         value_of[tuple(np.sort(rows).tolist())] = value
     best = sorted(value_of, key=value_of.__getitem__)
     rows = np.array(best[0])
-    if criterion == "E":
+    if criterion == "E" and len(counts) == 1:
         promising = np.argsort(-ideal.gain[near], kind="stable")[:_PAIRED]
         rows = _exchange_two(few, best[:_PAIRED_STARTS], promising, rng)
     value, rows = _exchange(candidates, near[rows], criterion)
@@ -103,10 +109,22 @@ def _exchanged(start: Exchange) -> Ended:
     return _exchange(candidates, rows, criterion)
 
 
-def _start(weights: Matrix, shots: int, rng: np.random.Generator, *, rounded: bool) -> Index:
-    """Different candidates to start from: drawn by the continuous weights, or evenly."""
+def _start(
+    candidates: Candidates,
+    weights: Matrix,
+    counts: Sequence[int],
+    rng: np.random.Generator,
+    *,
+    rounded: bool,
+) -> Index:
+    """Different candidates of each group to start from: drawn by the continuous weights, or evenly."""
     probability = weights + 1e-9 if rounded else np.ones_like(weights)
-    return rng.choice(len(weights), size=shots, replace=False, p=probability / probability.sum())
+    chosen = []
+    for g, count in enumerate(counts):
+        rows = np.flatnonzero(candidates.group == g)
+        shares = probability[rows] / probability[rows].sum()
+        chosen.append(rows[rng.choice(len(rows), size=count, replace=False, p=shares)])
+    return np.concatenate(chosen)
 
 
 def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[float, Index]:
@@ -120,11 +138,11 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
         others = np.delete(rows, k)
         information = candidates.information(others)
         covariance: Matrix = np.asarray(np.linalg.inv(information), dtype=float)
-        some = _promising(candidates, others, covariance, value, criterion)
+        alike = candidates.group == candidates.group[rows[k]]
+        some = _promising(candidates, others, alike, covariance, value, criterion)
         if not len(some):
             continue
-        few = Candidates(candidates.roots[some], candidates.offsets)
-        values = _values_with(few, information, covariance, criterion)
+        values = _values_with(candidates.some(some), information, covariance, criterion)
         best = int(np.argmin(values))
         if values[best] < value * (1 - _STEP):
             rows[k], value, unchanged = some[best], float(values[best]), 0
@@ -132,10 +150,10 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
 
 
 def _promising(
-    candidates: Candidates, others: Index, covariance: Matrix, value: float, criterion: Measure
+    candidates: Candidates, others: Index, alike: Mask, covariance: Matrix, value: float, criterion: Measure
 ) -> Index:
-    """The candidates that may bring the criterion below `value` when added to the `others`, whose covariance
-    is stated.
+    """The candidates, of those `alike` (C,), that may bring the criterion below `value` when added to the
+    `others`, whose covariance is stated.
 
     The variance of what a candidate would measure is at least that of its noise, 1: so it lowers the
     criterion (for D its log) by no more than it would if it were that. At most so many are looked at.
@@ -146,7 +164,7 @@ def _promising(
     root = covariance[:, candidates.offsets] @ slope_root(of_offsets, criterion)
     gain = (times(candidates.roots, root) ** 2).sum(axis=(1, 2))
     gain[others] = -np.inf
-    some = np.flatnonzero(gain > lacking)
+    some = np.flatnonzero((gain > lacking) & alike)
     return some if len(some) <= _LOOKED_AT else some[np.argsort(-gain[some])[:_LOOKED_AT]]
 
 

@@ -7,7 +7,9 @@ measurements that hit, so identifiability is judged there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,12 +114,50 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual. The
     weights are of turns in rad, or shifts in m.
     """
+
+    def left(joints: Matrix, rows: Index | slice) -> tuple[Matrix, Matrix]:
+        residual, jacobian = to_meet(problem, x, joints, rows)
+        return residual, problem.by_joints(jacobian)
+
+    turned = _turned(problem, left, weights)
+    aimed = problem.moved(turned.joints)
+    if problem.tool.reading_size:
+        aimed = aimed.at_predicted(x)
+    return Aimed(aimed, turned.first, turned.last < HIT_MM, ahead(aimed, x))
+
+
+def brought(problem: Problem, x: Matrix, goals: Matrix) -> tuple[Problem, Mask]:
+    """The shots with the point that the instrument measures brought to `goals` (N, 3) mm in the base frame by
+    all joints, at the parameters x (p,), and (N,) whether it got there."""
+    parts, n = problem.split(x), problem.robot.n
+    placed = problem.functions.kernel("placed")
+
+    def left(joints: Matrix, rows: Index | slice) -> tuple[Matrix, Matrix]:
+        position, jacobian = placed(joints, parts.arm, problem.tool.point)
+        return position - goals[rows], jacobian[:, :, :n]
+
+    turned = _turned(problem, left, np.ones(n))
+    return problem.moved(turned.joints), turned.last < HIT_MM
+
+
+class _Turned(NamedTuple):
+    """`joints` (N, n) turned; how large what was left (N,) was at `first`, and is at `last`."""
+
+    joints: Matrix
+    first: Matrix
+    last: Matrix
+
+
+def _turned(
+    problem: Problem, left: Callable[[Matrix, Index | slice], tuple[Matrix, Matrix]], weights: Matrix
+) -> _Turned:
+    """The joints of every shot turned until nothing is `left`: of joints (m, n) and the rows that they are,
+    what is left (m, d) and its Jacobian by them (m, d, n)."""
     turned = np.flatnonzero(weights)
     scale = joint_scale(problem)[turned]
     weights = weights[turned] * scale**2
-    d = problem.tool.residual_size
     joints = problem.joints.copy()
-    residual, jacobian = to_meet(problem, x, joints, slice(None))
+    residual, jacobian = left(joints, slice(None))
     off = np.linalg.norm(residual, axis=1)
     best, smallest = joints.copy(), off.copy()
     active = np.arange(problem.shots)
@@ -130,25 +170,22 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         if len(active) == 0:
             break
         before_last_step[active] = smallest[active]
-        by_joints = problem.by_joints(jacobian)[:, :, turned]
+        by_joints = jacobian[:, :, turned]
         gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
         damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30
-        gram += damping[:, None, None] * np.eye(d)
+        gram += damping[:, None, None] * np.eye(gram.shape[1])
         step = -(
             weights * (by_joints.transpose(0, 2, 1) @ np.linalg.solve(gram, residual[:, :, None]))[:, :, 0]
         )
         largest = np.abs(step / scale).max(axis=1)
         step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
         joints[active[:, None], turned] += step
-        residual, jacobian = to_meet(problem, x, joints[active], active)
+        residual, jacobian = left(joints[active], active)
         size = np.linalg.norm(residual, axis=1)
         better = size < smallest[active]
         nearer = active[better]
         best[nearer], smallest[nearer] = joints[nearer], size[better]
-    aimed = problem.moved(best)
-    if problem.tool.reading_size:
-        aimed = aimed.at_predicted(x)
-    return Aimed(aimed, off, smallest < HIT_MM, ahead(aimed, x))
+    return _Turned(best, off, smallest)
 
 
 def to_meet(problem: Problem, x: Matrix, joints: Matrix, rows: Index | slice) -> tuple[Matrix, Matrix]:
@@ -161,8 +198,9 @@ def to_meet(problem: Problem, x: Matrix, joints: Matrix, rows: Index | slice) ->
 
 
 def ahead(problem: Problem, x: Matrix) -> Mask:
-    """(N,) whether each shot's target lies before the laser."""
+    """(N,) whether each shot's target lies before the laser; True where no beam reads."""
     origin, direction = problem.beams(x)
     targets = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1]))).targets
     targets_of_shots = targets[np.arange(problem.shots), problem.target_index]
-    return np.asarray(((targets_of_shots - origin) * direction).sum(axis=1) >= 0)
+    behind = ((targets_of_shots - origin) * direction).sum(axis=1) < 0
+    return np.asarray(~(behind & problem.by_beam))

@@ -1,23 +1,25 @@
-"""Candidate postures for a plan: reachable, in limits, seeing the target, hitting nothing."""
+"""Candidate postures for a plan: reachable, in limits, fit for the instrument, hitting nothing."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ...analysis.observability.aim import ahead, aim, servo_joints
+from ...analysis.observability.aim import ahead, aim, brought, servo_joints
 from ...analysis.observability.check import Condition
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.plan_file import Obstacles
+from ...model.instruments.kind import Measurement, Target
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
-from .constraints import Conditions, View
+from .constraints import Broken, Conditions, View
 from .obstacles import Clearance
 
 _BATCH = 20_000
@@ -35,16 +37,36 @@ _REASONS: dict[Condition, str] = {
     "itself": "make the arm hit itself",
     "cell": "make the arm hit the floor or a box",
     "beam": "have a box in the beam's way",
+    "sight": "have the arm or a box in the line of sight",
 }
+
+
+def _reason(broken: Broken) -> str:
+    """What is said of the postures that break a condition."""
+    return _REASONS[broken.condition] if broken.why is None else f"in which {broken.why}"
+
+
+class Planned(NamedTuple):
+    """What is measured in a posture: by the instrument of a label and its variant, of a target, if it has
+    one."""
+
+    instrument: str
+    variant: str = ""
+    target: str | None = None
+
+    def in_words(self) -> str:
+        return " ".join(filter(None, [self.instrument, self.variant, self.target]))
 
 
 @dataclass(frozen=True, eq=False)
 class CandidatePostures:
-    """`postures` (C, n) rad or mm, all aimed; `drawn` how many were tried, `removed` how many each
-    constraint took, in the order in which they were judged: together they are all that were drawn. Where
-    fewer than asked for are left, `alone` says what each constraint does by itself."""
+    """`postures` (C, n) rad or mm, all aimed, in which `planned` is measured; `drawn` how many were
+    tried, `removed` how many each constraint took, in the order in which they were judged: together they are
+    all that were drawn. Where fewer than asked for are left, `alone` says what each constraint does by
+    itself."""
 
     postures: Matrix
+    planned: Planned
     drawn: int
     removed: dict[str, int]
     alone: ConditionsAlone | None = None
@@ -89,30 +111,37 @@ class ConditionsAlone:
 def candidates(
     header: Header,
     robot: Robot,
-    target: Matrix,
+    target: Matrix | None,
     count: int,
     *,
     view: View | None = None,
     obstacles: Obstacles | None = None,
     seed: int = 0,
-    name: str = "psd",
+    planned: Planned | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> CandidatePostures:
-    """Draw postures evenly over the joint ranges, turn the wrist onto `target` (3,) mm, keep what is fit.
+    """Draw postures evenly over the joint ranges, turn the arm to the target, keep what is fit.
 
-    Only postures drawn with the target before the laser are turned. A probe is brought to the target by all
-    joints. Fewer than `count` may come back: drawing stops after a bounded number of tries. Raises BadInput
-    for contradictory constraints.
+    By default what the only instrument measures of its target is `planned`; `target` (3,) are the numbers of
+    the target, None where the header says enough of it or there is none. A beam is turned by the wrist, and
+    only from postures drawn with the target before the laser; a tip is brought there by all joints; what
+    reads wherever the arm stands stays where it was drawn. Fewer than `count` may come back: drawing stops
+    after a bounded number of tries. Raises BadInput for contradictory constraints.
     """
     view = view or View()
     _check(view, count)
+    if planned is None:
+        kind = header.instrument
+        planned = Planned(header.labels[0], target=header.only_target if kind.target_kinds() else None)
     lower, upper = view.limits(robot)
     lowest, highest = _one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
-    problem = Problem.build(header, robot, np.zeros((_BATCH, robot.n)), [name] * _BATCH)
+    measured = [[Measurement(*planned, {})]] * _BATCH
+    problem = Problem.of_measured(header, robot, np.zeros((_BATCH, robot.n)), measured, planned=True)
     problem = problem.with_geometry(NOMINAL)  # nominal: so the Jacobians are small
-    x = problem.parameters.prior_mean.copy()
-    x[problem.parameters.group("target")] = target
+    x = problem.nominal()
+    if target is not None:
+        x[problem.parameters.group("target")] = target
     clearance = None if obstacles is None else Clearance(problem, obstacles)
     removed: Counter[str] = Counter()
     kept: list[Matrix] = []
@@ -127,11 +156,12 @@ def candidates(
             before = ahead(turnable, x)
             turnable = turnable.select(np.flatnonzero(before))
             removed[_REASONS["behind"]] += int((~before).sum())
-        aimed = aim(turnable, x, servo_joints(problem))
+        aimed, reached = _brought(header, turnable, x, rng)
+        conditions = Conditions(aimed, x, view, clearance, header.targets)
         if sample is None:
-            some = aimed.problem.select(np.flatnonzero(aimed.hit)[:_SAMPLE])
-            sample = Conditions(some, x, view, clearance)
-        left = _fit(Conditions(aimed.problem, x, view, clearance), aimed.hit, removed)
+            some = aimed.select(np.flatnonzero(reached)[:_SAMPLE])
+            sample = Conditions(some, x, view, clearance, header.targets)
+        left = _fit(conditions, reached, removed)
         kept.append(left)
         left_count += len(left)
         if progress is not None:
@@ -141,7 +171,20 @@ def candidates(
     if left_count > count:
         removed["are more than asked for"] = left_count - count
     alone = None if left_count >= count or sample is None else _alone(sample)
-    return CandidatePostures(np.concatenate(kept)[:count], drawn, removed, alone)
+    return CandidatePostures(np.concatenate(kept)[:count], planned, drawn, removed, alone)
+
+
+def _brought(header: Header, problem: Problem, x: Matrix, rng: np.random.Generator) -> tuple[Problem, Mask]:
+    """The postures brought to where the instrument can measure, and (N,) which of them got there."""
+    tool, numbers = problem.tool, problem.split(x).targets[0]
+    reached = np.ones(problem.shots, dtype=bool)
+    goals = tool.goals(rng, problem.shots, Target(numbers, header.targets.get(problem.targets[0])))
+    if goals is not None:
+        problem, reached = brought(problem, x, goals)
+    if tool.met:
+        aimed = aim(problem, x, servo_joints(problem))
+        return aimed.problem, aimed.hit & reached
+    return problem, reached
 
 
 def _fit(conditions: Conditions, hit: Mask, removed: Counter[str]) -> Matrix:
@@ -152,7 +195,7 @@ def _fit(conditions: Conditions, hit: Mask, removed: Counter[str]) -> Matrix:
     for condition, breaks in conditions.in_order():
         rows = np.flatnonzero(left)
         broken = rows[breaks(rows)] if len(rows) else rows
-        removed[_REASONS[condition]] += len(broken)
+        removed[_reason(condition)] += len(broken)
         left[broken] = False
     return conditions.joints[left]
 
@@ -161,7 +204,7 @@ def _alone(conditions: Conditions) -> ConditionsAlone:
     """The effect of each condition alone on postures that are all turned onto the target."""
     rows = np.arange(len(conditions.joints))
     broken = {
-        _REASONS[condition]: breaks(rows) if len(rows) else np.zeros(0, dtype=bool)
+        _reason(condition): breaks(rows) if len(rows) else np.zeros(0, dtype=bool)
         for condition, breaks in conditions.in_order()
     }
     faults = np.sum(list(broken.values()), axis=0)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +14,10 @@ from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check, Condition, Violation
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, located
+from ...model.files.header import StatedTarget
 from ...model.files.plan import Plan
 from ...model.files.plan_file import StatedConstraints
+from ...model.instruments.kind import Target
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
@@ -74,17 +78,36 @@ class View:
         return lower, upper
 
 
-class Conditions:
-    """The conditions on the postures of a problem that are turned onto their targets at the parameters x."""
+class Broken(NamedTuple):
+    """A condition that is broken, or may be; with "unfit" `why`, a clause."""
 
-    def __init__(self, problem: Problem, x: Matrix, view: View, clearance: Clearance | None) -> None:
+    condition: Condition
+    why: str | None = None
+
+
+class Conditions:
+    """The conditions on the postures of a problem of a single instrument that are turned onto their targets
+    at the parameters x; `entries` are what a header says of targets."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        x: Matrix,
+        view: View,
+        clearance: Clearance | None,
+        entries: Mapping[str, StatedTarget],
+    ) -> None:
         self._problem, self._view, self._clearance = problem, view, clearance
         lower, _ = view.limits(problem.robot)
         self._margin = lower - problem.robot.lower
         self.joints = problem.joints
+        self._poses = problem.poses(x)
         self._origin, self._direction = problem.beams(x)
-        self._targets = problem.split(x).targets
-        places = self._targets[problem.target_index]
+        numbers = problem.split(x).targets
+        self._targets = [
+            Target(each, entries.get(name)) for each, name in zip(numbers, problem.targets, strict=True)
+        ]
+        places = numbers[problem.target_index]
         self.length = ((places - self._origin) * self._direction).sum(axis=1)
 
     @property
@@ -94,27 +117,39 @@ class Conditions:
         normal = np.array(self._view.facing) / np.linalg.norm(self._view.facing)
         return np.asarray(np.arccos(np.clip(-(self._direction @ normal), -1.0, 1.0)))
 
-    def in_order(self) -> Iterator[tuple[Condition, Callable[[Index], Mask]]]:
+    def in_order(self) -> Iterator[tuple[Broken, Callable[[Index], Mask]]]:
         """Each condition that is stated, with a function that says of rows (m,) which of them break it.
 
         Distances between links take the most time: they come last.
         """
         beam, view, clearance = self._problem.tool.beam, self._view, self._clearance
-        yield "limits", lambda rows: np.asarray(self.beyond(rows).any(axis=1))
+        yield Broken("limits"), lambda rows: np.asarray(self.beyond(rows).any(axis=1))
+        for why, mask in self._unfit.items():
+            yield Broken("unfit", why), partial(np.take, mask)
         if beam:
-            yield "behind", lambda rows: self.length[rows] <= 0
+            yield Broken("behind"), lambda rows: self.length[rows] <= 0
             if (length := view.beam) is not None:
                 yield (
-                    "beam_mm",
+                    Broken("beam_mm"),
                     lambda rows: (self.length[rows] < length[0]) | (self.length[rows] > length[1]),
                 )
             if view.facing is not None:
-                yield "facing", lambda rows: self.incidence[rows] > view.acceptance
+                yield Broken("facing"), lambda rows: self.incidence[rows] > view.acceptance
         if clearance is not None:
-            yield "itself", lambda rows: clearance.hits_itself(self.joints[rows])
-            yield "cell", lambda rows: clearance.hits_cell(self.joints[rows])
-            if beam:
-                yield "beam", self._blocked
+            yield Broken("itself"), lambda rows: clearance.hits_itself(self.joints[rows])
+            yield Broken("cell"), lambda rows: clearance.hits_cell(self.joints[rows])
+            yield Broken("beam" if beam else "sight"), self._blocked
+
+    @cached_property
+    def _unfit(self) -> dict[str, Mask]:
+        """(N,) each what prevents the instrument from measuring, in its words."""
+        tool, result = self._problem.tool, dict[str, Mask]()
+        for k, target in enumerate(self._targets):
+            rows = np.flatnonzero(self._problem.target_index == k)
+            prevented = tool.prevented(self._poses[rows], target, tool.variants[0])
+            for why, mask in prevented.items():
+                result.setdefault(why, np.zeros(len(self.joints), dtype=bool))[rows] = mask
+        return result
 
     def beyond(self, rows: Index) -> Mask:
         """(m, n) True where a joint is outside its limits with the margin, as the pendant counts it too."""
@@ -122,10 +157,15 @@ class Conditions:
 
     def _blocked(self, rows: Index) -> Mask:
         assert self._clearance is not None
-        blocked = np.zeros(len(rows), dtype=bool)
+        tool, blocked = self._problem.tool, np.zeros(len(rows), dtype=bool)
         for k, target in enumerate(self._targets):
-            there = self._problem.target_index[rows] == k
-            blocked[there] = self._clearance.beam_blocked(self._origin[rows[there]], target)
+            there = np.flatnonzero(self._problem.target_index[rows] == k)
+            some = rows[there]
+            end = target.numbers if tool.beam else tool.in_sight(target)
+            if end is not None:
+                blocked[there] = self._clearance.beam_blocked(self._origin[some], end)
+                if not tool.beam:
+                    blocked[there] |= self._clearance.behind_arm(self.joints[some], self._origin[some], end)
         return blocked
 
 
@@ -155,14 +195,12 @@ def require_constraints(plan: Plan) -> None:
 
 
 def violations(turned: AimedPlan) -> tuple[Violation, ...]:
-    """The violations of each posture of a plan of the plan's constraints, in the order of the postures.
+    """The violations of each posture of a plan of the plan's constraints and of what its instruments can
+    measure, in the order of the postures.
 
     Postures that cannot be turned onto their targets have no beam to be judged: `check` names them. What the
     arm may touch is judged in the postures as written and in the intermediate ones as well.
     """
-    constraints = turned.plan.constraints
-    if not constraints.model_fields_set:
-        return ()
     with one_blas_thread(), located(turned.plan.path):
         return tuple(sorted(_broken(turned), key=lambda each: each.posture))
 
@@ -177,49 +215,91 @@ def touched_boxes(turned: AimedPlan) -> list[bool]:
         one = obstacles.model_copy(update={"floor_mm": None, "boxes": [box]})
         plan = replace(turned.plan, constraints=StatedConstraints(obstacles=one))
         broken = violations(replace(turned, plan=plan))
-        touched.append(any(each.condition in ("cell", "beam") for each in broken))
+        touched.append(any(each.condition in ("cell", "beam", "sight") for each in broken))
     return touched
 
 
 def _broken(turned: AimedPlan) -> Iterator[Violation]:
-    plan, problem, constraints = turned.plan, turned.aimed.problem, turned.plan.constraints
+    plan, constraints = turned.plan, turned.plan.constraints
     view = View.of(constraints).rounded()
-    clearance = None if constraints.obstacles is None else Clearance(problem, constraints.obstacles)
-    conditions = Conditions(problem, turned.x, view, clearance)
-    every, hit = np.arange(problem.shots), np.flatnonzero(turned.aimed.hit)
-    in_front = hit[conditions.length[hit] > 0]
-    touched: set[tuple[int, Condition]] = set()
-    for condition, breaks in conditions.in_order():
-        if condition == "behind" or (condition == "limits" and constraints.margin_deg is None):
-            continue  # findings of `check`, stated or not
-        rows = hit if condition == "beam_mm" else in_front if condition in ("facing", "beam") else every
-        for i in rows[breaks(rows)].tolist():
-            touched.add((i, condition))
-            yield from _violation(conditions, plan, condition, i)
-    if clearance is None:
+    obstacles, touched = constraints.obstacles, set[tuple[int, Condition]]()
+    for part in _parts(turned):
+        clearance = None if obstacles is None else Clearance(part.problem, obstacles)
+        conditions = Conditions(part.problem, part.problem.nominal(), view, clearance, plan.header.targets)
+        every, hit = np.arange(part.problem.shots), np.flatnonzero(part.hit)
+        in_front = hit[conditions.length[hit] > 0] if part.problem.tool.beam else hit
+        for broken, breaks in conditions.in_order():
+            condition = broken.condition
+            if condition == "behind" or (condition == "limits" and constraints.margin_deg is None):
+                continue  # findings of `check`, stated or not
+            rows = {"beam_mm": hit, "unfit": hit, "facing": in_front, "beam": in_front, "sight": in_front}
+            chosen = rows.get(condition, every)
+            for i in chosen[breaks(chosen)].tolist():
+                touched.add((part.rows[i], condition))
+                yield from _violation(conditions, plan, broken, i, part.rows[i])
+    if obstacles is None:
         return
-    for i in range(problem.shots):
+    clearance = Clearance(turned.aimed.problem, obstacles)
+    for i in range(len(plan.postures)):
         for via, joints in [(None, plan.postures[i]), *enumerate(plan.via_of(i))]:
-            for condition, hits in (("itself", clearance.hits_itself), ("cell", clearance.hits_cell)):
-                if (via is None and (i, condition) in touched) or not hits(joints[None])[0]:
+            for condition, hits in _TOUCHES.items():
+                if (via is None and (i, condition) in touched) or not hits(clearance, joints[None])[0]:
                     continue
                 yield Violation(i, "obstacles", condition, via=via, planned=via is None)
 
 
-def _violation(conditions: Conditions, plan: Plan, condition: Condition, i: int) -> Iterator[Violation]:
-    constraints, row = plan.constraints, np.array([i])
+_TOUCHES: dict[Condition, Callable[[Clearance, Matrix], Mask]] = {
+    "itself": Clearance.hits_itself,
+    "cell": Clearance.hits_cell,
+}
+
+
+class _PartOfPlan(NamedTuple):
+    """Measurements of a plan by one instrument and variant: their `problem`, turned onto their targets,
+    `rows` which of the plan they are, `hit` (N,) whether they are turned onto them."""
+
+    problem: Problem
+    rows: list[int]
+    hit: Mask
+
+
+def _parts(turned: AimedPlan) -> Iterator[_PartOfPlan]:
+    plan, problem = turned.plan, turned.aimed.problem
+    by_means: dict[tuple[str, str], list[int]] = {}
+    for row, item in enumerate(plan.measurements):
+        by_means.setdefault((item.instrument, item.variant), []).append(row)
+    if len(by_means) == 1:
+        yield _PartOfPlan(problem, list(range(problem.shots)), turned.aimed.hit)
+        return
+    shot = {row: i for i, row in enumerate(problem.shot_numbers)}
+    first = {item.posture: row for row, item in reversed(list(enumerate(plan.measurements)))}
+    for rows in by_means.values():
+        at = np.array([shot[first[plan.measurements[row].posture]] for row in rows])
+        measured = [[plan.measurements[row]] for row in rows]
+        alone = Problem.of_measured(plan.header, plan.robot, problem.joints[at], measured, planned=True)
+        yield _PartOfPlan(alone, rows, turned.aimed.hit[at])
+
+
+def _violation(
+    conditions: Conditions, plan: Plan, broken: Broken, i: int, posture: int
+) -> Iterator[Violation]:
+    """Of row i of the conditions, which is that posture of the plan."""
+    constraints, row, condition = plan.constraints, np.array([i]), broken.condition
     match condition:
         case "limits":
             lower, upper = View.of(constraints).limits(plan.robot)
             for j in np.flatnonzero(conditions.beyond(row)[0]).tolist():
                 joint = plan.robot.joints[j]
                 at, low, high = (float(v[j] * joint.display) for v in (conditions.joints[i], lower, upper))
-                yield Violation(i, "margin_deg", condition, at, low, high, joint.unit, j + 1)
+                yield Violation(posture, "margin_deg", condition, at, low, high, joint.unit, j + 1)
         case "beam_mm":
             assert constraints.beam_mm is not None
-            yield Violation(i, "beam_mm", condition, float(conditions.length[i]), *constraints.beam_mm, "mm")
+            length = float(conditions.length[i])
+            yield Violation(posture, "beam_mm", condition, length, *constraints.beam_mm, "mm")
         case "facing":
             at = float(np.degrees(conditions.incidence[i]))
-            yield Violation(i, "acceptance_deg", condition, at, 0.0, constraints.acceptance, "deg")
+            yield Violation(posture, "acceptance_deg", condition, at, 0.0, constraints.acceptance, "deg")
+        case "unfit":
+            yield Violation(posture, "instrument", condition, why=broken.why)
         case _:
-            yield Violation(i, "obstacles", condition)
+            yield Violation(posture, "obstacles", condition)

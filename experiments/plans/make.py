@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,13 +15,14 @@ from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.arguments import checked
 from ...model.files.header import Header, StatedTarget
-from ...model.files.plan import Plan, read_plan, write_plan
+from ...model.files.plan import Means, Plan, read_plan, write_plan
 from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
+from ...model.kinematics.robot import Robot
 from ...words import numbers
 from ...words.observability import no_plan_sentence, power_sentences
-from .candidates import candidates
+from .candidates import CandidatePostures, Planned, candidates
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
 from .patterns import pattern
@@ -30,19 +32,28 @@ _LOOSE = 0.8  # a certified efficiency below this needs a word
 _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves
 
 
+class Portion(NamedTuple):
+    """How many measurements an instrument makes, and of which targets (none named: of all that it can)."""
+
+    number: int
+    targets: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class PlanRequest:
     """Request for a plan: degrees and millimetres, as people state them.
 
-    `shots` None: as many as usual. From `facing` on the constraints of an optimal plan, which are kept in it;
-    a pattern has none.
+    `target` None: where the header says. `shots` None: as many as usual; `measure` says by the label of each
+    of several instruments how many it makes, and of which targets. From `facing` on the constraints of an
+    optimal plan, which are kept in it; a pattern has none.
     """
 
     kind: Literal["x", "y", "optimal"]
     header: Header
     header_folder: Path
-    target: tuple[float, ...]
+    target: tuple[float, ...] | None
     shots: int | None
+    measure: Mapping[str, Portion]
     candidates: int
     criterion: Criterion
     tolerance: float | None
@@ -140,53 +151,156 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     """
     if file is not None:
         refuse_existing(file, force=force)
-    name = _target_name(request.header)
     robot = load_robot(request.header.robot, request.header_folder)
     header = _with_target(request, Path(".") if file is None else file.parent)
-    target = np.array(request.target)
     proposal, fewest, removed = None, None, None
     if request.kind == "optimal":
-        pool = candidates(
-            header,
-            robot,
-            target,
-            request.candidates,
-            view=View.of(_constraints(request)),
-            obstacles=request.obstacles,
-            seed=request.seed,
-            name=name,
-            progress=lambda share: tell("candidates", share),
-        )
-        removed = pool.in_words()
-        least = request.measurements if request.tolerance is None else 2
-        if len(pool.postures) < least:
-            raise BadInput(
-                f"there are too few postures to choose {least} measurements from",
-                found=pool.reasons(),
-                remedy="loosen the condition without which most would be left, or put the target elsewhere",
-            )
+        shares = _shares(request)
+        pools = _pools(request, header, robot, shares, lambda share: tell("candidates", share))
+        removed = _removed(pools)
         tell("choice", 0.0)
-        planner = Planner(header, robot, target, pool, name=name)
+        planner = Planner(header, robot, {}, pools)
         if request.tolerance is None:
-            proposal = planner.optimal(request.measurements, request.criterion, seed=request.seed)
+            counts = {label: share.number for label, share in shares.items()}
+            proposal = planner.optimal(counts, request.criterion, seed=request.seed)
         else:
-            most = min(request.max_shots, len(pool.postures))
+            most = min(request.max_shots, sum(len(pool.postures) for pool in pools))
             fewest = planner.fewest(request.tolerance, most, request.criterion, seed=request.seed)
             proposal = fewest.proposal
         if proposal is None:
             return MadePlan(request.kind, None, None, None, None, fewest, removed)
-        postures = proposal.postures
+        postures, planned = proposal.postures, proposal.planned
     else:
+        name = _target_name(header)
+        target = np.array(header.targets[name].guess_mm)
         postures = pattern(header, robot, target, request.kind, request.measurements, name=name)
-    rows, targets = np.round(postures * robot.display, _DECIMALS), [name] * len(postures)
+        planned = (Planned(header.labels[0], target=name),) * len(postures)
+    rows = np.round(postures * robot.display, _DECIMALS)
+    targets, means = [each.target for each in planned], _means(header, planned)
     kept = _constraints(request) if request.kind == "optimal" else UNCONSTRAINED
     if file is None:
-        plan = Plan.of_postures(header, robot, rows, targets, request.kind, kept)
+        plan = Plan.of_postures(header, robot, rows, targets, request.kind, kept, means)
     else:
-        write_plan(file, header, rows, targets, constraints=kept, force=force)
+        write_plan(file, header, rows, targets, means=means, constraints=kept, force=force)
         plan = read_plan(file)
     tell("check", 0.0)
     return MadePlan(request.kind, plan, file, check_plan(plan), proposal, fewest, removed)
+
+
+def _shares(request: PlanRequest) -> dict[str, Portion]:
+    """How many measurements each instrument makes; BadInput where that is not said of each of several."""
+    labels = request.header.labels
+    if not request.measure and len(labels) == 1:
+        return {labels[0]: Portion(request.measurements)}
+    if request.shots is not None or set(request.measure) != set(labels):
+        raise BadInput(
+            "it is not said how many measurements each instrument makes",
+            found=", ".join(f"{label}={share.number}" for label, share in request.measure.items())
+            or f"{request.shots or 'no number'} for {len(labels)} instruments",
+            allowed=f"a number for each of {', '.join(labels)}",
+            argument="measure",
+        )
+    if request.tolerance is not None and len(labels) > 1:
+        raise BadInput(
+            "the fewest measurements are found for a single instrument",
+            found=f"{len(labels)} instruments: {', '.join(labels)}",
+            remedy="leave the tolerance out, and say how many measurements each makes",
+            argument="tolerance",
+        )
+    return dict(request.measure)
+
+
+def _pools(
+    request: PlanRequest,
+    header: Header,
+    robot: Robot,
+    shares: Mapping[str, Portion],
+    tell: Callable[[float], None],
+) -> list[CandidatePostures]:
+    """The candidates of each instrument, target and reflector."""
+    each = {label: _planned(header, robot, label, share.targets) for label, share in shares.items()}
+    total, pools = sum(map(len, each.values())), list[CandidatePostures]()
+    for label, planned in each.items():
+        first = len(pools)
+        for one in planned:
+            pools.append(
+                candidates(
+                    header,
+                    robot,
+                    None,
+                    -(-request.candidates // total),
+                    view=View.of(_constraints(request)),
+                    obstacles=request.obstacles,
+                    seed=request.seed + len(pools),
+                    planned=one,
+                    progress=lambda share: tell((len(pools) + share) / total),
+                )
+            )
+        least = shares[label].number if request.tolerance is None else 2
+        if sum(len(pool.postures) for pool in pools[first:]) < least:
+            raise BadInput(
+                f"there are too few postures to choose {least} measurements from",
+                found="; ".join(pool.reasons() for pool in pools[first:]),
+                remedy="loosen the condition without which most would be left, or put the target elsewhere",
+            )
+    return [pool for pool in pools if len(pool.postures)]
+
+
+def _removed(pools: Sequence[CandidatePostures]) -> str:
+    """What became of the candidates, of each instrument, target and reflector if there are several."""
+    if len(pools) == 1:
+        return pools[0].in_words()
+    return "; ".join(f"{pool.planned.in_words()}: {pool.in_words()}" for pool in pools)
+
+
+def _planned(header: Header, robot: Robot, label: str, targets: tuple[str, ...]) -> list[Planned]:
+    """What an instrument measures: its variants, at each of the targets."""
+    instrument = header.made(label, robot.n)
+    kinds = instrument.target_kinds()
+    if not kinds:
+        if targets:
+            raise BadInput(
+                f"{label} measures no target",
+                found=", ".join(targets),
+                remedy="state its number alone",
+                argument="measure",
+            )
+        return [Planned(label, variant) for variant in instrument.variants]
+    suited = [name for name, target in header.targets.items() if target.kind in kinds]
+    others = [other for other, kind in header.kinds.items() if other != label]
+    alike = [other for other in others if set(kinds) & set(header.kinds[other].target_kinds())]
+    if not targets and alike and len(suited) > 1:
+        raise BadInput(
+            f"it is not said which targets {label} measures",
+            found=f"{', '.join(suited)}, which {', '.join(alike)} could measure too",
+            allowed=f"{label}@{suited[0]}=COUNT",
+            argument="measure",
+        )
+    for name in targets or suited:
+        if name not in suited or header.targets[name].guess_mm is None:
+            raise BadInput(
+                f"{label} cannot be planned to measure {name}",
+                found="no such target of its kind"
+                if name not in suited
+                else f"targets.{name} without guess_mm",
+                allowed=", ".join(suited) or "a target in the header",
+                remedy=f"state targets.{name}: {{guess_mm: [x, y, z], …}}",
+            )
+    if not suited:
+        raise BadInput(
+            "a plan needs to know about where its target is",
+            found=f"no target of {label}",
+            remedy=f"state targets.{instrument.target}: {{guess_mm: [x, y, z], …}} in the header",
+            argument="target",
+        )
+    return [Planned(label, variant, name) for name in targets or suited for variant in instrument.variants]
+
+
+def _means(header: Header, planned: Sequence[Planned]) -> tuple[Means, ...]:
+    """What each measurement is made with, where the header leaves a choice."""
+    several = len(header.labels) > 1
+    means = tuple(Means(each.instrument if several else None, each.variant or None) for each in planned)
+    return means if any(map(any, means)) else ()
 
 
 def _target_name(header: Header) -> str:
@@ -196,6 +310,25 @@ def _target_name(header: Header) -> str:
 
 def _with_target(request: PlanRequest, folder: Path) -> Header:
     """The header with the target's guess, its robot named as seen from the plan's folder."""
+    robot_ref = rebased(request.header.robot, request.header_folder, folder)
+    if request.target is None:
+        if request.kind != "optimal":
+            raise BadInput(
+                f"the {request.kind.upper()}-Pattern is made about a target",
+                found="no position of it",
+                remedy="state where it is: X,Y,Z in mm, base frame",
+                argument="target",
+            )
+        return request.header.model_copy(update={"robot": robot_ref})
+    kind = request.header.instrument
+    if "point" not in kind.target_kinds():
+        raise BadInput(
+            f"the position of a target is stated for a {kind.name}",
+            found=f"target: {', '.join(f'{value:g}' for value in request.target)}",
+            remedy="leave it out: "
+            + ("what it touches is stated in the header" if kind.target_kinds() else "it measures no target"),
+            argument="target",
+        )
     targets, name = dict(request.header.targets), _target_name(request.header)
     if targets and set(targets) != {name}:
         raise BadInput(
@@ -206,12 +339,11 @@ def _with_target(request: PlanRequest, folder: Path) -> Header:
         )
     guess = {"guess_mm": tuple(request.target)}
     targets[name] = targets[name].model_copy(update=guess) if targets else StatedTarget(**guess)  # type: ignore[arg-type]
-    robot_ref = rebased(request.header.robot, request.header_folder, folder)
     return request.header.model_copy(update={"targets": targets, "robot": robot_ref})
 
 
 def _constraints(request: PlanRequest) -> StatedConstraints:
-    """The constraints as the plan file states them; a probe has no beam."""
+    """The constraints as the plan file states them; those of the beam only where there is one."""
     if request.facing is not None and not any(request.facing):
         raise BadInput(
             "this direction has no length",
@@ -234,7 +366,7 @@ def _constraints(request: PlanRequest) -> StatedConstraints:
             argument="beam_mm",
         )
     constraints: dict[str, object] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
-    if request.header.instrument.beam:
+    if any(kind.beam for kind in request.header.kinds.values()):
         if request.facing is not None:
             constraints = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **constraints}
         constraints["beam_mm"] = request.beam_mm

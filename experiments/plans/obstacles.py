@@ -17,6 +17,7 @@ from ...model.parsing.validation import read_model
 
 _SAME_POINT = 1e-6
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm
+_AROUND = 3.0  # radii of the arm about what it carries
 _COLUMN = 3  # links that are the arm's own base: from the mounting face to the base frame, and on to joint 2
 
 
@@ -127,6 +128,22 @@ class Clearance:
         for box in self._obstacles.boxes:
             if not meets_box(target[None], target[None], box, 1e-6)[0]:
                 result |= meets_box(origins, ends, box, 0.0)
+        return result
+
+    def behind_arm(self, joints: Matrix, origins: Matrix, end: Matrix) -> Mask:
+        """(N,) True where the arm is between a point that it carries (N, 3) and an `end` (3,) in the cell.
+
+        What is near the point is not judged: it sits on the arm.
+        """
+        points = self._standing(joints)
+        way = end - origins
+        length = np.linalg.norm(way, axis=1)
+        share = np.minimum(_AROUND * self._radius / np.maximum(length, 1e-9), 1.0)
+        begin, ends = origins + share[:, None] * way, np.broadcast_to(end, origins.shape)
+        result = np.zeros(len(joints), dtype=bool)
+        for i in _links(_lengths(points)):
+            apart = segment_distance(points[:, i], points[:, i + 1], begin, ends)
+            result |= apart < self._radius
         return result
 
     def _points(self, joints: Matrix) -> Matrix:

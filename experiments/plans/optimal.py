@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,11 +16,12 @@ from ...analysis.observability.power import DetectionPower, WrongModel, halves, 
 from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
+from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ...words.observability import power_limit
 from ..processes import on_cluster
-from .candidates import CandidatePostures
+from .candidates import CandidatePostures, Planned
 
 _UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
 _EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
@@ -32,13 +33,15 @@ _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """An optimal plan. `postures` (k, n) rad or mm in travel order; `std` of each offset that is not
-    held, by name, in degrees (mm), the prior included: one that is near its prior is not determined by the
-    measurements; `travel_s` from the first posture to the last at full joint speed, None where the robot file
-    states no speeds; `candidates` how many there were to choose from; `power` that of a run against wrong
-    models, `unnoticed` those of them that no plan of these candidates notices, where they do harm."""
+    """An optimal plan. `postures` (k, n) rad or mm in travel order, in which `planned` (k,) are measured;
+    `std` of each offset that is not held, by name, in degrees (mm), the prior included: one that is near its
+    prior is not determined by the measurements; `travel_s` from the first posture to the last at full joint
+    speed, None where the robot file states no speeds; `candidates` how many there were to choose from;
+    `power` that of a run against wrong models, `unnoticed` those of them that no plan of these candidates
+    notices, where they do harm."""
 
     postures: Matrix
+    planned: tuple[Planned, ...]
     criterion: Criterion
     std: dict[str, float]
     value: float
@@ -81,17 +84,30 @@ class Fewest:
 
 
 class Planner:
-    """Chooses measurements for one header, robot and target from candidate postures."""
+    """Chooses measurements for one header and robot from candidate postures: of each instrument so many."""
 
     def __init__(
-        self, header: Header, robot: Robot, target: Matrix, pool: CandidatePostures, *, name: str = "psd"
+        self,
+        header: Header,
+        robot: Robot,
+        targets: Mapping[str, Matrix],
+        pools: Sequence[CandidatePostures],
     ) -> None:
-        if len(pool.postures) == 0:
-            raise BadInput("no posture is fit for a plan", found=pool.in_words(), remedy=_LOOSEN)
-        self._robot, self._postures, self._removed = robot, pool.postures, pool.in_words()
-        self._problem = Problem.build(header, robot, pool.postures, [name] * len(pool.postures))
-        self._x = self._problem.parameters.prior_mean.copy()
-        self._x[self._problem.parameters.group("target")] = target
+        """`targets` are the numbers (3,) of those of which the header does not say them."""
+        for pool in pools:
+            if len(pool.postures) == 0:
+                raise BadInput("no posture is fit for a plan", found=pool.in_words(), remedy=_LOOSEN)
+        self._robot, self._postures = robot, np.concatenate([pool.postures for pool in pools])
+        self._removed = "; ".join(pool.in_words() for pool in pools)
+        self._planned = [pool.planned for pool in pools for _ in pool.postures]
+        self._labels = tuple(dict.fromkeys(each.instrument for each in self._planned))
+        measured = [[Measurement(*each, {})] for each in self._planned]
+        self._problem = Problem.of_measured(header, robot, self._postures, measured, planned=True)
+        self._x = self._problem.nominal()
+        for name, numbers in targets.items():
+            block = self._problem.parameters.block("target", self._problem.targets.index(name))
+            self._x[block] = numbers
+        self._problem = self._problem.at_predicted(self._x)
         parameters = self._problem.parameters
         free = parameters.free
         whitened = self._problem.whiten(self._x)
@@ -108,33 +124,50 @@ class Planner:
         if not offsets.any():
             raise BadInput(
                 "no measurement at this target makes any offset identifiable",
-                found=f"all {len(pool.postures)} candidates together carry almost no information",
+                found=f"all {len(self._postures)} candidates together carry almost no information",
                 remedy="hold what is unidentifiable (`held`), or calibrate the tool",
             )
         self._all_determined = bool(determined[self._columns].all())
-        self.candidates = Candidates(roots, offsets)
-        several = self._problem.select(np.arange(min(len(pool.postures), _SEVERAL)))
+        groups = np.array([self._labels.index(each.instrument) for each in self._planned])
+        self.candidates = Candidates(roots, offsets, groups)
+        some = np.unique(np.linspace(0, len(self._postures) - 1, _SEVERAL).astype(int))
+        several = self._problem.select(some if len(self._labels) > 1 else np.arange(len(some)))
         self._unnoticed = tuple(
             each for each in powers(several, self._x, rank(several, self._x)) if each.harmful
         )
 
     def optimal(
-        self, shots: int, criterion: Criterion = "A", *, seed: int = 0, starts: int = STARTS
+        self,
+        shots: int | Mapping[str, int],
+        criterion: Criterion = "A",
+        *,
+        seed: int = 0,
+        starts: int = STARTS,
     ) -> Proposal:
-        """The best plan of that many measurements that was found, with its certified efficiency."""
+        """The best plan of that many measurements, or of so many by each instrument (by its label), that was
+        found, with its certified efficiency."""
         return self._proposal(self._design(shots, criterion, seed, starts))
 
-    def _design(self, shots: int, criterion: Criterion, seed: int, starts: int) -> Design:
-        if shots < 1:
-            raise BadInput("a plan has at least one measurement", found=shots)
-        if shots > len(self._postures):
+    def _design(self, shots: int | Mapping[str, int], criterion: Criterion, seed: int, starts: int) -> Design:
+        by_label = {self._labels[0]: shots} if isinstance(shots, int) else shots
+        if set(by_label) != set(self._labels):
             raise BadInput(
-                "there are fewer candidates than measurements",
-                found=f"{shots} measurements; {self._removed}",
-                remedy=_LOOSEN,
+                "it is not said how many measurements each instrument makes",
+                found=", ".join(by_label),
+                allowed=", ".join(self._labels),
             )
+        counts = [by_label[label] for label in self._labels]
+        for count, group in zip(counts, range(len(counts)), strict=True):
+            if count < 1:
+                raise BadInput("a plan has at least one measurement", found=count)
+            if count > (self.candidates.group == group).sum():
+                raise BadInput(
+                    "there are fewer candidates than measurements",
+                    found=f"{count} measurements; {self._removed}",
+                    remedy=_LOOSEN,
+                )
         with one_blas_thread():
-            return design(self.candidates, shots, criterion, seed, starts, on_cluster)
+            return design(self.candidates, counts, criterion, seed, starts, on_cluster)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
         """The fewest measurements, up to `most`, whose worst predicted std (deg; mm) is within `tolerance`,
@@ -217,6 +250,7 @@ class Planner:
         unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
         return Proposal(
             postures=self._postures[order],
+            planned=tuple(self._planned[i] for i in order.tolist()),
             criterion=chosen.criterion,
             std={
                 item.name: float(std) * item.prior_std * item.display

@@ -93,7 +93,7 @@ class Adaptive:
             raise BadInput("there is nothing to adapt to: every offset is held", remedy="free some in `held`")
         enough = ENOUGH_CALIBRATED if self._problem.tool.calibrated else ENOUGH_UNCALIBRATED
         candidates = Candidates(self._roots(self._problem.nominal()), self._offsets)
-        together = design(candidates, min(enough, self._problem.shots), "A", seed=0, starts=_STARTS)
+        together = design(candidates, (min(enough, self._problem.shots),), "A", seed=0, starts=_STARTS)
         self._first = [int(row) for row in together.rows]
 
     def following(

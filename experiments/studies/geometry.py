@@ -34,7 +34,7 @@ from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
-from ..plans.candidates import candidates
+from ..plans.candidates import Planned, candidates
 from ..plans.optimal import Planner, Proposal
 from .answer import (
     ErrorStatistics,
@@ -256,7 +256,8 @@ def _probe(seed: int) -> GeometryPlanStudied:
     postures, names = [], []
     for k, (name, target) in enumerate(targets.items()):
         at = np.array(target["guess_mm"])
-        random_postures = candidates(header, robot, at, _PER_SOCKET, seed=seed + k, name=name).postures
+        measured = Planned(header.labels[0], target=name)
+        random_postures = candidates(header, robot, at, _PER_SOCKET, seed=seed + k, planned=measured).postures
         postures.append(random_postures)
         names += [name] * len(random_postures)
     with_distances = Header.model_validate({**content, "distances": distances})

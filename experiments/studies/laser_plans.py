@@ -52,7 +52,7 @@ def candidate_postures(header: Header, count: int, seed: int) -> CandidatePostur
 def planner(header: Header, count: int, seed: int) -> Planner:
     """The planner that chooses the best of `count` random postures."""
     random_postures = candidate_postures(header, count, seed)
-    return Planner(header, robot_of(header), np.array(_TARGET), random_postures)
+    return Planner(header, robot_of(header), {"psd": np.array(_TARGET)}, [random_postures])
 
 
 def optimal_postures(header: Header, count: int, seed: int) -> Matrix:

@@ -179,7 +179,7 @@ def plan_of(robot: str, count: int, seed: int) -> Matrix:
     """(count, n) rad: the best of some random postures."""
     header, arm, target = header_of(robot), load_robot(robot, Path()), np.array(_TARGETS[robot])
     random_postures = candidates(header, arm, target, _CANDIDATES, seed=seed)
-    return Planner(header, arm, target, random_postures).optimal(count, seed=seed).postures
+    return Planner(header, arm, {"psd": target}, [random_postures]).optimal(count, seed=seed).postures
 
 
 def _model_of(piece: _ScenarioWithPlan) -> WrongModel:

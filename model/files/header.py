@@ -512,6 +512,10 @@ class StatedTarget(FileModel):
     sigma_deg: Positive = Field(
         default=30.0, description="standard deviation of a plane's tilt, each direction, degrees"
     )
+    radius_mm: Positive = Field(
+        default=50.0,
+        description="of a plane: how far from guess_mm a plan touches it, millimetres: the size of the face",
+    )
     diameter_mm: Positive | None = Field(
         default=None, description="diameter of a sphere, millimetres; required for one"
     )

@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ..arrays import Matrix
+from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, refusal
 from .frames import FREE_MM
-from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import StatedTip, TipStation, distance, sphere_through, tip_std
+from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .tips import StatedRange, StatedTip, TipStation, directions, distance, sphere_through, tip_std
 
 
 def _bias(value: object) -> object:
@@ -28,7 +28,7 @@ def _bias(value: object) -> object:
     return value
 
 
-class StatedBallbar(StatedTip):
+class StatedBallbar(StatedTip, StatedRange):
     """A bar or wire whose one end is a socket on the flange."""
 
     kind: Literal["ballbar"] = Field(description="this kind of instrument")
@@ -70,6 +70,7 @@ class Ballbar(TipStation):
     )
 
     bias: float | None
+    range: tuple[float, float] | None
 
     @classmethod
     def of(cls, label: str, header: StatedBallbar, *, exact: bool) -> Self:
@@ -80,6 +81,7 @@ class Ballbar(TipStation):
             tip_std=tip_std(header, exact=exact),
             sigma=header.sigma_mm,
             bias=bias,
+            range=header.range_mm,
         )
 
     @property
@@ -107,6 +109,24 @@ class Ballbar(TipStation):
     ) -> ca.SX:
         zero = unknowns[len(self.unknowns) - 1] if self.bias is None else self.bias
         return distance(flange.in_base(self.tip_at(unknowns)), target) + zero
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix | None:
+        if self.range is None:
+            return None
+        lengths = rng.uniform(*self.range, size=(count, 1)) - (self.bias or 0.0)
+        return np.asarray(target.numbers + lengths * directions(rng, count))
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        if self.range is None:
+            return {}
+        sockets = poses[:, :3, :3] @ self.tip + poses[:, :3, 3]
+        length = np.linalg.norm(sockets - target.numbers, axis=1) + (self.bias or 0.0)
+        return {
+            "the length is out of the range of the bar": (length < self.range[0]) | (length > self.range[1])
+        }
+
+    def in_sight(self, target: Target) -> Matrix:
+        return target.numbers
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         """With a free zero, from five measurements on that is solved for as well."""

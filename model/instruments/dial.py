@@ -10,13 +10,26 @@ import casadi as ca
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from ..arrays import Matrix
+from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal, without_length
-from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
+from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .tips import (
+    StatedRange,
+    StatedTip,
+    TipStation,
+    fitted_plane,
+    plane_at,
+    plane_coordinates,
+    plane_normal,
+    points_on,
+    tip_std,
+    unit_normal,
+)
 
 _LEAST_SLOPE = 1e-9  # of the direction against the plane
+_RANGE = (0.0, 10.0)  # mm
+_OBLIQUE = float(np.radians(30.0))  # between the plunger and the face's normal, in a plan
 
 
 def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -25,7 +38,7 @@ def _direction(value: tuple[float, float, float]) -> tuple[float, float, float]:
     return value
 
 
-class StatedDial(StatedTip):
+class StatedDial(StatedTip, StatedRange):
     """A dial gauge on the flange."""
 
     kind: Literal["dial"] = Field(description="this kind of instrument")
@@ -69,6 +82,7 @@ class Dial(TipStation):
     )
 
     direction: Matrix
+    range: tuple[float, float]
 
     @classmethod
     def of(cls, label: str, header: StatedDial, *, exact: bool) -> Self:
@@ -79,6 +93,7 @@ class Dial(TipStation):
             tip_std=tip_std(header, exact=exact),
             sigma=header.sigma_mm,
             direction=direction / np.linalg.norm(direction),
+            range=header.range_mm or _RANGE,
         )
 
     @property
@@ -110,6 +125,22 @@ class Dial(TipStation):
         self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
     ) -> ca.SX:
         return ca.vertcat(self._travel(flange, target, unknowns, reading[1:]), reading[1:])
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix:
+        """The tip before the face by a travel within the range."""
+        travel = rng.uniform(*self.range, size=(count, 1))
+        return points_on(target, rng, count) + travel * plane_normal(target)
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        normal, turn = plane_normal(target), poses[:, :3, :3]
+        slope = -(turn @ self.direction @ normal)
+        above = (turn @ self.tip + poses[:, :3, 3]) @ normal - target.numbers[0]
+        travel = above / np.maximum(slope, _LEAST_SLOPE)
+        outside = (travel < self.range[0]) | (travel > self.range[1])
+        return {
+            "the plunger is too oblique to the face": slope < np.cos(_OBLIQUE),
+            "the travel is out of the range of the gauge": outside,
+        }
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         touched = self.tips(poses, unknowns) + readings[:, :1] * (poses[:, :3, :3] @ self.direction)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal
-from .kind import Station, Unknown
+from .kind import Station, Target, Unknown
 from .rotations import (
     Quaternion,
     rotation,
@@ -69,15 +69,39 @@ def vector_unknowns(of: str, mean: Matrix, std: float, *, tolerated: bool) -> tu
     return tuple(Unknown(axis, "mm", value, std, of, tolerated=tolerated) for axis, value in axes)
 
 
+class StatedStand(FileModel):
+    """Where an instrument with a frame of its own stands."""
+
+    frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
+    guess_mm: Vector | None = Field(
+        default=None,
+        description="about where an instrument with a free frame stands, base frame, millimetres: for plans,"
+        " which keep the line of sight free",
+    )
+
+    @model_validator(mode="after")
+    def _free_or_known(self) -> Self:
+        if self.guess_mm is not None and self.frame != "free":
+            raise refusal(
+                "guess_mm is stated of an instrument whose frame is known",
+                key=("guess_mm",),
+                found=f"guess_mm: {shown(self.guess_mm)}",
+                remedy="remove it, or state frame: free",
+            )
+        return self
+
+
 @dataclass(frozen=True, eq=False)
 class FramedStation(Station):
-    """It reads positions in its own frame, wherever the arm stands: `frame` is where that is, or None."""
+    """It reads positions in its own frame, wherever the arm stands: `frame` is where that is, or None;
+    `stand` (3,) mm about where the origin of a free one is, or None."""
 
     target = "target"
     target_is = "nothing"
     met = False
 
     frame: tuple[Matrix, Matrix] | None
+    stand: Matrix | None
 
     @property
     def grounded(self) -> bool:
@@ -106,7 +130,12 @@ class FramedStation(Station):
     @property
     def stands_at(self) -> Matrix:
         """Upright, and turned as the base frame."""
-        return np.array([*_STANDS_MM, 0.0, 0.0, 0.0] if self.frame is None else [])
+        if self.frame is not None:
+            return np.zeros(0)
+        return np.array([*(_STANDS_MM if self.stand is None else self.stand), 0.0, 0.0, 0.0])
+
+    def in_sight(self, target: Target) -> Matrix | None:
+        return self.stand if self.frame is None else self.frame[1]
 
     def placed(self, rng: np.random.Generator) -> Matrix:
         """Turned anyhow about the vertical."""

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
 import casadi as ca
 import numpy as np
 
-from ..arrays import Index, Matrix
+from ..arrays import Index, Mask, Matrix
 from ..parsing.validation import FileModel
 
 TargetKind = Literal["point", "plane", "sphere"]
@@ -24,7 +24,7 @@ POINT: TargetKind = "point"
 # where it has a default.
 TARGET_KEYS: dict[TargetKind, dict[str, str]] = {
     "point": {},
-    "plane": {"normal": "normal", "sigma_deg": ""},
+    "plane": {"normal": "normal", "sigma_deg": "", "radius_mm": ""},
     "sphere": {"diameter_mm": "diameter"},
 }
 
@@ -42,6 +42,8 @@ class TargetEntry(Protocol):
     def normal(self) -> tuple[float, float, float] | None: ...
     @property
     def diameter_mm(self) -> float | None: ...
+    @property
+    def radius_mm(self) -> float: ...
 
 
 class StatedInstrument(Protocol):
@@ -129,6 +131,14 @@ class ResidualLayout(NamedTuple):
     relative: Index
     active: Index
     source: Index
+
+
+class Target(NamedTuple):
+    """A target as a plan has it: its three `numbers` (3,) among the unknowns, and what the header says of
+    it."""
+
+    numbers: Matrix
+    entry: TargetEntry | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,6 +299,23 @@ class Instrument(ABC):
     def placed(self, rng: np.random.Generator) -> Matrix:
         """(f,) the unknowns of its frame, drawn at random: for a simulation."""
         return self.stands_at
+
+    # Where it can be planned to measure
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix | None:
+        """(count, 3) mm in the base frame, to which its `point` is brought to measure a target; None for a
+        beam, and where it reads wherever the arm stands."""
+        return None
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        """(N,) where it cannot measure with the flange at `poses` (N, 4, 4), by the reason in words, a
+        clause."""
+        return {}
+
+    def in_sight(self, target: Target) -> Matrix | None:
+        """(3,) mm in the base frame: the way to it from the `point` must be free of arm and boxes; None where
+        there is no such way, or nobody says where it ends."""
+        return None
 
     def row(self, some: Sequence[Measurement], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""

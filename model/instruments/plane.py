@@ -10,10 +10,19 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from ..arrays import Matrix
+from ..arrays import Mask, Matrix
 from ..parsing.validation import FileModel
-from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import BallTipStation, StatedBallTip, fitted_plane, plane_at, plane_coordinates, unit_normal
+from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .tips import (
+    BallTipStation,
+    StatedBallTip,
+    fitted_plane,
+    plane_at,
+    plane_coordinates,
+    plane_normal,
+    points_on,
+    unit_normal,
+)
 
 
 class StatedPlaneProbe(StatedBallTip):
@@ -62,6 +71,12 @@ class PlaneProbe(BallTipStation):
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         normal, d = plane_at(target, reading[:3])
         return ca.dot(normal, flange.in_base(self.tip_at(unknowns))) - self.radius - d
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix:
+        return points_on(target, rng, count) + self.radius * plane_normal(target)
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        return {"the probe comes from the inside of the face": self.through(poses, plane_normal(target))}
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         return fitted_plane(self.tips(poses, unknowns), np.asarray(readings[0, :3]), self.radius)

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
-from .frames import FREE_MM, FREE_RAD, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
+from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
 from .kind import Flange, TargetEntry, Unknown, Words
 from .rotations import (
     Quaternion,
@@ -61,11 +61,10 @@ class StatedMount(FileModel):
         return self
 
 
-class StatedPose(FileModel):
+class StatedPose(StatedStand):
     """An instrument that measures poses, and where on the flange the measured body is."""
 
     kind: Literal["pose"] = Field(description="this kind of instrument")
-    frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
     sigma_mm: Positive = Field(description="standard deviation of a coordinate, millimetres")
     sigma_deg: Positive = Field(description="standard deviation of a rotation about each axis, degrees")
     mount: StatedMount = Field(default=StatedMount(), description="the measured body on the flange")
@@ -118,6 +117,7 @@ class PoseStation(FramedStation):
         return cls(
             label=label,
             frame=known_frame(header.frame),
+            stand=None if header.guess_mm is None else np.array(header.guess_mm, dtype=float),
             sigma_mm=header.sigma_mm,
             sigma_rad=float(np.radians(header.sigma_deg)),
             mount_point=np.array(mount.guess_mm, dtype=float),

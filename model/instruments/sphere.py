@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from ..arrays import Matrix
+from ..arrays import Mask, Matrix
 from ..errors import BadInput
 from ..parsing.validation import FileModel
-from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import BallTipStation, StatedBallTip, distance, sphere_through
+from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .tips import BallTipStation, StatedBallTip, directions, distance, sphere_through
 
 
 class StatedSphereProbe(StatedBallTip):
@@ -72,6 +72,19 @@ class SphereProbe(BallTipStation):
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return distance(flange.in_base(self.tip_at(unknowns)), target) - self.radius - reading[0]
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix:
+        return np.asarray(target.numbers + self._apart(target) * directions(rng, count))
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        tips = poses[:, :3, :3] @ self.tip + poses[:, :3, 3]
+        outward = tips - target.numbers
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        return {"the probe comes through the ball": self.through(poses, outward)}
+
+    def _apart(self, target: Target) -> float:
+        """Of the centres of tip and ball, mm."""
+        return self.radius + float(self.reading({}, None, target.entry)[0])
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         return sphere_through(self.tips(poses, unknowns), readings[:, 0] + self.radius, zero_free=False)

@@ -8,14 +8,22 @@ from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from ..arrays import Matrix
+from ..arrays import Mask, Matrix
 from ..errors import BadInput
 from ..parsing.reading import shown
-from ..parsing.validation import FileModel, NotNegative, Positive, Vector, without_length
+from ..parsing.validation import (
+    FileModel,
+    NotNegative,
+    NumberPair,
+    Positive,
+    Vector,
+    refusal,
+    without_length,
+)
 from .frames import vector_unknowns
-from .kind import Station, TargetEntry, Unknown
+from .kind import Station, Target, TargetEntry, Unknown
 from .rotations import across, basis_across
 
 TIP_MM = 0.1  # prior std of a stated tip, each direction
@@ -24,6 +32,26 @@ _STEEPEST = 0.2  # least cosine between a plane's normal and its stated one that
 _STRAIGHT = 1e-3  # width by length of points that are on a line
 _TINY = 1e-18  # mm²: keeps the derivative of a distance of zero finite
 _STEPS = 50
+_APPROACH = float(np.radians(75.0))  # between stylus and normal, at most
+
+
+class StatedRange(FileModel):
+    """What an instrument can read."""
+
+    range_mm: NumberPair | None = Field(
+        default=None, description="shortest and longest reading, millimetres: plans keep within it"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.range_mm is not None and not self.range_mm[0] < self.range_mm[1]:
+            raise refusal(
+                "range_mm: the readings are out of order",
+                key=("range_mm",),
+                found=shown(self.range_mm),
+                allowed="[shortest, longest]",
+            )
+        return self
 
 
 class StatedTip(FileModel):
@@ -88,6 +116,13 @@ class TipStation(Station):
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         return self.tip_at(unknowns), ca.SX.zeros(3)
 
+    def through(self, poses: Matrix, outward: Matrix) -> Mask:
+        """(N,) where the way from the flange to the tip would lead through what is touched: it must come from
+        within 75 degrees of the unit direction `outward` (3,) or (N, 3), base frame."""
+        stylus = -(poses[:, :3, :3] @ self.tip)
+        length = np.linalg.norm(stylus, axis=1)
+        return np.asarray((stylus * outward).sum(axis=1) < np.cos(_APPROACH) * length)
+
 
 class StatedBallTip(StatedTip):
     """A tip that is the centre of a ball, or a point."""
@@ -124,6 +159,12 @@ class BallTipStation(TipStation):
 def distance(point: ca.SX, other: ca.SX) -> ca.SX:
     """Between two points (3, 1), mm; its derivative is 0 where they are one."""
     return ca.sqrt(ca.sumsqr(point - other) + _TINY)
+
+
+def directions(rng: np.random.Generator, count: int) -> Matrix:
+    """(count, 3) unit vectors drawn evenly over the sphere."""
+    drawn = rng.normal(size=(count, 3))
+    return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
 
 
 # Planes
@@ -165,11 +206,28 @@ def plane_at(target: ca.SX, nominal: ca.SX) -> tuple[ca.SX, ca.SX]:
     return normal / ca.sqrt(ca.sumsqr(normal)), target[0]
 
 
+def plane_normal(target: Target) -> Matrix:
+    """(3,) the unit normal of a plane of which d, tilt1, tilt2 are known, as `plane_at`."""
+    normal, _ = plane_at(ca.SX(target.numbers), ca.SX(unit_normal(target.entry)))
+    return np.asarray(ca.DM(normal).full()[:, 0])
+
+
+def points_on(target: Target, rng: np.random.Generator, count: int) -> Matrix:
+    """(count, 3) points of a face, drawn evenly from the circle about its guess."""
+    normal, entry = plane_normal(target), target.entry
+    about = np.zeros(3) if entry is None or entry.guess_mm is None else np.array(entry.guess_mm, dtype=float)
+    centre = about + (target.numbers[0] - normal @ about) * normal
+    radius = (entry.radius_mm if entry is not None else 0.0) * np.sqrt(rng.uniform(size=count))
+    angle = rng.uniform(-np.pi, np.pi, size=count)
+    b1, b2 = basis_across(normal)
+    return np.asarray(centre + radius[:, None] * (np.outer(np.cos(angle), b1) + np.outer(np.sin(angle), b2)))
+
+
 def fitted_plane(points: Matrix, nominal: Matrix, offset: float) -> Matrix:
     """(3,) d, tilt1, tilt2 of the plane nearest to points (N, 3) that are `offset` above it, its normal near
     the stated one (3,); what points on a line leave open of it is as stated."""
     mean = points.mean(axis=0)
-    _, sizes, directions = np.linalg.svd(points - mean, full_matrices=True)
+    _, sizes, directions = np.linalg.svd(points - mean, full_matrices=len(points) < 3)
     sizes = np.append(sizes, np.zeros(3))[:3]
     normal = directions[2] * (np.sign(directions[2] @ nominal) or 1.0)
     if sizes[1] <= _STRAIGHT * sizes[0] or normal @ nominal < _STEEPEST:

@@ -127,7 +127,8 @@ class Together(Instrument):
         return self.instruments[0].point
 
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
-        first = self._parts[0]
+        """That of the beam, if there is one, else of the first."""
+        first = next((part for part in self._parts if part.instrument.beam), self._parts[0])
         return first.instrument.ray(unknowns[first.unknowns])
 
     @cached_property

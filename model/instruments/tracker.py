@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from ..arrays import Index, Matrix
+from ..arrays import Index, Mask, Matrix
 from ..errors import BadInput
 from ..parsing.reading import shown
 from ..parsing.validation import (
@@ -22,9 +22,10 @@ from ..parsing.validation import (
     Vector,
     refusal,
     tuple_of,
+    without_length,
 )
-from .frames import FREE_MM, FramedStation, StatedFrame, known_frame, spread, vector_unknowns
-from .kind import Flange, TargetEntry, Unknown, Words
+from .frames import FREE_MM, FramedStation, StatedStand, known_frame, spread, vector_unknowns
+from .kind import Flange, Target, TargetEntry, Unknown, Words
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
@@ -73,6 +74,13 @@ class StatedReflector(FileModel):
         default=None,
         description="standard deviation of that, each direction, millimetres; default: only a guess",
     )
+    direction: Vector | None = Field(
+        default=None,
+        description="from where it is seen, in the flange frame, any length; absent: it is turned by hand",
+    )
+    acceptance_deg: Annotated[float, Field(gt=0, le=90)] = Field(
+        default=30.0, description="largest angle between the line of sight and that, degrees"
+    )
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -82,14 +90,26 @@ class StatedReflector(FileModel):
                 found=f"sigma_mm: {shown(self.sigma_mm)}",
                 remedy="add guess_mm, or remove sigma_mm",
             )
+        if self.direction is None and "acceptance_deg" in self.model_fields_set:
+            raise refusal(
+                "acceptance_deg is stated of a reflector without its direction",
+                found=f"acceptance_deg: {self.acceptance_deg:g}",
+                remedy="add direction, or remove acceptance_deg",
+            )
+        if self.direction is not None and without_length(self.direction):
+            raise refusal(
+                "the direction of a reflector has no length",
+                key=("direction",),
+                found=shown(self.direction),
+                allowed="any vector but zero",
+            )
         return self
 
 
-class StatedTracker(FileModel):
+class StatedTracker(StatedStand):
     """A tracker in the world, and its reflectors on the flange."""
 
     kind: Literal["tracker"] = Field(description="this kind of instrument")
-    frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
     sigma_mm: StatedPositionSigma = Field(
         description="of a coordinate, millimetres: a number, [x, y, z], or constant and per_m"
     )
@@ -99,11 +119,25 @@ class StatedTracker(FileModel):
 
 
 class Reflector(NamedTuple):
-    """Where a reflector is on the flange, (3,) and std in mm; `tolerated` if that is knowledge."""
+    """Where a reflector is on the flange, (3,) and std in mm; `tolerated` if that is knowledge. It is seen
+    within the angle `acceptance` (rad) of the unit `direction` (3,), if it has one."""
 
     point: Matrix
     std: float
     tolerated: bool
+    direction: Matrix | None
+    acceptance: float
+
+    @classmethod
+    def of(cls, entry: StatedReflector) -> Self:
+        direction = None if entry.direction is None else np.array(entry.direction, dtype=float)
+        return cls(
+            np.array(entry.guess_mm, dtype=float),
+            entry.sigma_mm or FREE_MM,
+            entry.sigma_mm is not None,
+            None if direction is None else direction / np.linalg.norm(direction),
+            float(np.radians(entry.acceptance_deg)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +186,10 @@ class Tracker(FramedStation):
         return cls(
             label=label,
             frame=known_frame(header.frame),
+            stand=None if header.guess_mm is None else np.array(header.guess_mm, dtype=float),
             sigmas=np.broadcast_to(np.array(constant, dtype=float), 3),
             per_m=per_m,
-            reflectors={
-                name: Reflector(
-                    np.array(each.guess_mm, dtype=float), each.sigma_mm or FREE_MM, each.sigma_mm is not None
-                )
-                for name, each in header.reflectors.items()
-            },
+            reflectors={name: Reflector.of(each) for name, each in header.reflectors.items()},
         )
 
     @property
@@ -225,6 +255,15 @@ class Tracker(FramedStation):
 
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         return unknowns[:3], ca.SX.zeros(3)
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        reflector, stand = self.reflectors[self.variants[self._index(variant)]], self.in_sight(target)
+        if reflector.direction is None or stand is None:
+            return {}
+        turn = poses[:, :3, :3]
+        way = stand - (turn @ reflector.point + poses[:, :3, 3])
+        cosine = ((turn @ reflector.direction) * way).sum(axis=1) / np.linalg.norm(way, axis=1)
+        return {"the reflector is turned away from the tracker": cosine < np.cos(reflector.acceptance)}
 
     def _index(self, variant: str) -> int:
         """Of a reflector; where there is but one, it needs no name."""

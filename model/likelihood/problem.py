@@ -351,6 +351,12 @@ class Problem:
         return np.asarray(self.active * met[self.tool.layout.source])
 
     @cached_property
+    def by_beam(self) -> NDArray[np.bool_]:
+        """(N,) whether a beam reads there."""
+        beams = np.array([each.beam for each in self.tool.each], dtype=float)
+        return np.asarray((self.active * beams[self.tool.layout.source]).any(axis=1))
+
+    @cached_property
     def sizes(self) -> Matrix:
         """(N,) how many components of each residual were read."""
         return np.asarray(self.active.sum(axis=1))
@@ -556,13 +562,14 @@ class Problem:
     def _start_instruments(self, x: Matrix, joints: Matrix) -> None:
         variants = self.tool.variants[:1] * self.shots
         for row, point in enumerate(x):
-            parts, poses = self.split(point), self._poses(point, joints[row % len(joints)])
+            parts, poses = self.split(point), self.poses(point, joints[row % len(joints)])
             started = self.tool.start_unknowns(poses, self.readings, parts.tool, variants)
             free = self.parameters.free[self.parameters.instrument]
             x[row, self.parameters.instrument] = np.where(free, started, parts.tool)
 
-    def _poses(self, x: Matrix, joints: Matrix) -> Matrix:
-        """(N, 4, 4) the flange in the base frame at x (p,)."""
+    def poses(self, x: Matrix, joints: Matrix | None = None) -> Matrix:
+        """(N, 4, 4) the flange in the base frame at x (p,); `joints` (N, n), the problem's own by default."""
+        joints = self.joints if joints is None else joints
         (upper,) = self.functions.kernel("flange")(joints, self.split(x).arm)
         result = np.tile(np.eye(4), (len(joints), 1, 1))
         result[:, :3] = upper
@@ -583,7 +590,7 @@ class Problem:
             if self.planned and not self.met[mine].any():
                 continue
             for row, point in enumerate(x):
-                poses = self._poses(point, joints[row % len(joints)][mine])
+                poses = self.poses(point, joints[row % len(joints)][mine])
                 known = self.tool.start_target(poses, self.readings[mine], parts.tool[row])
                 if known is not None:
                     result[row, k] = known
@@ -616,7 +623,8 @@ class Problem:
             self._start_instruments(x, self.joints[None])
         block, real = self.parameters.block("target"), len(self.targets) - self.stations
         guessed = np.repeat(self.guessed[:real], 3)
-        x[0, block] = np.where(guessed, x[0, block], self.nearest_targets(x)[0])
+        if not guessed.all():
+            x[0, block] = np.where(guessed, x[0, block], self.nearest_targets(x)[0])
         return np.asarray(x[0])
 
     def at_predicted(self, x: Matrix) -> Problem:

@@ -18,6 +18,7 @@ def plan_request(**changes: Any) -> PlanRequest:
         "header_folder": Path("."),
         "target": (900.0, 0.0, 0.0),
         "shots": 7,
+        "measure": {},
         "candidates": 300,
         "criterion": "A",
         "tolerance": None,

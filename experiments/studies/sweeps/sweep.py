@@ -153,8 +153,8 @@ def _planned(case: Case, seed: int) -> Problem:
             beam=made.beam_mm,
             margin=float(np.radians(made.margin_deg)),
         )
-        postures = candidates(header, robot, target, made.candidates, view=view, seed=seed, name=TARGET)
-        planner = Planner(header, robot, target, postures, name=TARGET)
+        postures = candidates(header, robot, target, made.candidates, view=view, seed=seed)
+        planner = Planner(header, robot, {TARGET: target}, [postures])
         chosen = planner.optimal(made.shots, made.criterion, seed=seed).postures
     else:
         chosen = _patterned(case)

@@ -5,7 +5,13 @@ import pytest
 
 from zerobeam.analysis.design import continuous_design as shares
 from zerobeam.analysis.design import exact_design as module
-from zerobeam.analysis.design.continuous_design import Candidates, continuous, offset_covariance, variance
+from zerobeam.analysis.design.continuous_design import (
+    Candidates,
+    Shares,
+    continuous,
+    offset_covariance,
+    variance,
+)
 from zerobeam.analysis.design.exact_design import _best_pair, _cuts, design, exchange_pairs
 
 CRITERIA = ["A", "D", "E"]
@@ -52,9 +58,9 @@ def line(slope_matters, count=41):
 def test_shots_that_each_tell_one_offset_are_shared_out_evenly(criterion):
     roots = 50.0 * np.eye(4)[:, None, :]
     candidates = Candidates(np.concatenate([roots, 0.5 * roots]), np.ones(4, dtype=bool))
-    found = continuous(candidates, 4, criterion)
+    found = continuous(candidates, (4,), criterion)
     np.testing.assert_allclose(found.weights, [0.25] * 4 + [0] * 4, atol=2e-3)
-    best = design(candidates, 4, criterion, seed=0)
+    best = design(candidates, (4,), criterion, seed=0)
     np.testing.assert_array_equal(best.rows, [0, 1, 2, 3])
     assert best.value == pytest.approx(1 / 2501)
     assert best.efficiency > 0.99
@@ -64,7 +70,7 @@ def test_shots_that_each_tell_one_offset_are_shared_out_evenly(criterion):
 def test_the_slope_of_a_line_is_read_at_its_ends(criterion):
     """c-optimal: half of the readings at each end, variance sigma^2 / (k 1^2); the height is nuisance."""
     _, candidates = line(slope_matters=True)
-    found = continuous(candidates, 6, criterion)
+    found = continuous(candidates, (6,), criterion)
     np.testing.assert_allclose(found.weights[[0, -1]], 0.5, atol=2e-3)
     assert found.bound == pytest.approx(1e-6 / 6, rel=6e-3)
     assert found.bound <= 1e-6 / 6
@@ -74,14 +80,14 @@ def test_the_d_optimal_line_is_read_at_its_ends_too():
     """Both coefficients matter: D puts 1/2 at each end, generalised variance (sigma^2 / k)."""
     _, candidates = line(slope_matters=False)
     both = Candidates(candidates.roots, np.ones(2, dtype=bool))
-    found = continuous(both, 6, "D")
+    found = continuous(both, (6,), "D")
     np.testing.assert_allclose(found.weights[[0, -1]], 0.5, atol=2e-3)
     assert found.bound == pytest.approx(1e-6 / 6, rel=1e-3)
 
 
 def test_different_readings_of_the_slope_are_those_furthest_out():
     places, candidates = line(slope_matters=True)
-    chosen = design(candidates, 6, "A", seed=0)
+    chosen = design(candidates, (6,), "A", seed=0)
     assert sorted(np.abs(places[chosen.rows])) == pytest.approx([0.9, 0.9, 0.95, 0.95, 1, 1])
     assert 0.85 < chosen.efficiency < 1
 
@@ -91,7 +97,7 @@ def test_different_readings_of_the_slope_are_those_furthest_out():
 def test_all_choices_of_few(criterion, seed):
     candidates = random_candidates(seed)
     best, rows = brute_force(candidates, 3, criterion)
-    chosen = design(candidates, 3, criterion, seed=1)
+    chosen = design(candidates, (3,), criterion, seed=1)
     assert chosen.value == pytest.approx(best)
     assert tuple(chosen.rows) == rows
     assert chosen.bound <= best
@@ -102,7 +108,7 @@ def test_all_choices_of_few(criterion, seed):
 @pytest.mark.parametrize(("seed", "size"), [(0, 3.0), (1, 3.0), (2, 3.0), (3, 0.3)])
 def test_no_weights_are_below_the_bound(criterion, seed, size):
     candidates = random_candidates(seed, count=40, size=size)  # with 0.3 the prior is a good part of it
-    found = continuous(candidates, 5, criterion)
+    found = continuous(candidates, (5,), criterion)
     rng = np.random.default_rng(seed)
     values = [value_of_weights(candidates, found.weights, 5, criterion)]
     for share in (1.0, 0.3, 0.05):
@@ -123,25 +129,45 @@ def test_a_bound_for_different_shots_is_closer_and_holds(criterion, seed):
     candidates = random_candidates(seed)
     candidates.roots[3] *= 10
     best, _ = brute_force(candidates, 3, criterion)
-    free = continuous(candidates, 3, criterion)
-    capped = continuous(candidates, 3, criterion, most=1 / 3)
+    free = continuous(candidates, (3,), criterion)
+    capped = continuous(candidates, (3,), criterion, most=1 / 3)
     assert free.bound * (1 - shares._GAP) <= capped.bound <= best
     if criterion == "E":
         assert capped.bound > 1.004 * free.bound  # twice the gap
         assert capped.weights.max() <= 1 / 3 * (1 + 1e-6)
         # Negative control: shares that three shots cannot have.
-        assert continuous(candidates, 3, criterion, most=1 / 12).bound > best
+        assert continuous(candidates, (3,), criterion, most=1 / 12).bound > best
 
 
 @pytest.mark.parametrize("shots", [1, 5, 11, 12])
 def test_shares_are_capped(shots):
     weights = np.random.default_rng(shots).dirichlet(np.full(12, 0.2))
-    capped = shares._capped(weights, 1 / shots)
+    limit = Shares(np.zeros(12, dtype=int), np.ones(1), 1 / shots)
+    capped = limit.capped(weights)
     assert capped.sum() == pytest.approx(1)
     assert capped.max() <= 1 / shots * (1 + 1e-8)
     worth = np.random.default_rng(0).normal(size=12)
-    assert capped @ worth <= shares._most_of(worth, 1 / shots) + 1e-12
-    assert shares._most_of(worth, 1 / shots) == pytest.approx(np.sort(worth)[-shots:].mean())
+    assert capped @ worth <= limit.largest(worth) + 1e-12
+    assert limit.largest(worth) == pytest.approx(np.sort(worth)[-shots:].mean())
+
+
+@pytest.mark.parametrize("criterion", ["A", "D", "E"])
+def test_so_many_of_each_group_are_chosen(criterion):
+    """The best of all choices of two of one group and one of the other; without groups there is a better."""
+    roots = random_candidates(3).roots
+    roots[::2] *= 0.3  # the better ones are of one group
+    groups = np.arange(12) % 2
+    offsets = random_candidates(3).offsets
+    candidates = Candidates(roots, offsets, groups)
+    every = [rows for rows in combinations(range(12), 3) if (groups[list(rows)] == 0).sum() == 2]
+    best = min(value_of(candidates, rows, criterion) for rows in every)
+    chosen = design(candidates, (2, 1), criterion, seed=0)
+    assert sorted(groups[chosen.rows]) == [0, 0, 1]
+    assert chosen.value == pytest.approx(best, rel=1e-6)
+    assert chosen.bound <= best * (1 + 1e-9)
+    assert chosen.bound > 0.4 * best
+    free = design(Candidates(roots, offsets), (3,), criterion, seed=0)
+    assert free.value < 0.9 * best
 
 
 def test_a_slope_of_the_wrong_sign_is_caught():
@@ -191,16 +217,16 @@ def test_updates_equal_working_it_out_again(criterion, rows, nuisance):
 @pytest.mark.parametrize("criterion", ["A", "D", "E", "soft"])
 def test_none_that_would_improve_the_choice_is_passed_over(criterion, nuisance):
     candidates = random_candidates(9, count=200, rows=2, nuisance=nuisance)
-    others = np.array([3, 14, 15])
+    others, alike = np.array([3, 14, 15]), np.ones(200, dtype=bool)
     covariance = np.linalg.inv(candidates.information(others))
     after = np.array([value_of(candidates, [*others, i], criterion) for i in range(200)])
     for value in np.quantile(after, [0.05, 0.3, 0.9]):
-        some = module._promising(candidates, others, covariance, value, criterion)
+        some = module._promising(candidates, others, alike, covariance, value, criterion)
         better = np.setdiff1d(np.flatnonzero(after < value), others)
         assert set(better) <= set(some)
         assert not np.isin(others, some).any()
     # What is to be reached beyond the best is out of reach for most.
-    far = module._promising(candidates, others, covariance, 0.9 * after.min(), criterion)
+    far = module._promising(candidates, others, alike, covariance, 0.9 * after.min(), criterion)
     assert len(far) < 160
 
 
@@ -243,7 +269,7 @@ def test_nuisance_is_eliminated_as_by_schur():
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_the_seed_fixes_the_choice(criterion):
     candidates = random_candidates(10, count=200)
-    one, two = (design(candidates, 6, criterion, seed=5) for _ in range(2))
+    one, two = (design(candidates, (6,), criterion, seed=5) for _ in range(2))
     np.testing.assert_array_equal(one.rows, two.rows)
     assert one.value == two.value
     assert len(set(one.rows)) == 6
@@ -253,7 +279,7 @@ def test_the_seed_fixes_the_choice(criterion):
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_no_exchange_improves_the_choice(criterion):
     candidates = random_candidates(11, count=900)  # more than the starts look at
-    chosen = design(candidates, 5, criterion, seed=0, starts=4)
+    chosen = design(candidates, (5,), criterion, seed=0, starts=4)
     for place in range(5):
         others = np.delete(chosen.rows, place)
         values = values_with(candidates, others, criterion)
@@ -264,7 +290,7 @@ def test_no_exchange_improves_the_choice(criterion):
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_all_of_the_candidates_can_be_asked_for(criterion):
     candidates = random_candidates(12, count=5)
-    chosen = design(candidates, 5, criterion, seed=0)
+    chosen = design(candidates, (5,), criterion, seed=0)
     np.testing.assert_array_equal(chosen.rows, np.arange(5))
 
 
@@ -272,7 +298,7 @@ def test_a_gauge_is_no_singular_case():
     """What no shot tells keeps its prior variance."""
     candidates = random_candidates(13)
     candidates.roots[:, :, 0] = 0.0
-    chosen = design(candidates, 4, "E", seed=0)
+    chosen = design(candidates, (4,), "E", seed=0)
     assert chosen.value == pytest.approx(1.0)
     assert chosen.efficiency == pytest.approx(1.0, rel=1e-2)
 

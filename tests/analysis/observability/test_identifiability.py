@@ -135,7 +135,7 @@ def optimal_plan():
     """The A-optimal seven of a few hundred postures."""
     own, robot, target = header(), irb1600(), np.array([900.0, 0.0, 0.0])
     found = candidates(own, robot, target, 300)
-    return plan_of(own, Planner(own, robot, target, found).optimal(7).postures)
+    return plan_of(own, Planner(own, robot, {"psd": target}, [found]).optimal(7).postures)
 
 
 MONTE_CARLO = {

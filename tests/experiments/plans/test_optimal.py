@@ -1,5 +1,6 @@
 import functools
 import math
+from dataclasses import replace
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -8,7 +9,7 @@ from cells import LASER, OPEN_PROBE, PROBE, header, irb1600, plan_of
 
 from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans import patterns
-from zerobeam.experiments.plans.candidates import CandidatePostures, candidates
+from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.experiments.plans.optimal import Planner, _length, _shortest, _two_opt, travel_order
 from zerobeam.model.files.header import Header
@@ -36,8 +37,8 @@ def planner(tool=LASER, count=2000, target=TARGET, **changes):
     place = target if kind == "laser" else target + np.array([0, 0, 500.0])
     own = header(tool, target=tuple(place), **changes)
     found = some(kind)
-    few = CandidatePostures(found.postures[:count], found.drawn, found.removed)
-    return Planner(own, irb1600(), place, few), own
+    few = replace(found, postures=found.postures[:count])
+    return Planner(own, irb1600(), {"psd": place}, [few]), own
 
 
 @functools.cache
@@ -232,20 +233,22 @@ def test_without_stated_speeds_there_is_no_time():
     robot = irb1600()
     joints = tuple(Joint(j.name, j.kind, j.fixed, j.axis, j.lower, j.upper) for j in robot.joints)
     slow = Robot("unknown", joints, robot.flange)
-    found = CandidatePostures(some().postures[:50], 50, {})
-    proposal = Planner(header(target=tuple(TARGET)), slow, TARGET, found).optimal(5, starts=2)
+    found = replace(some(), postures=some().postures[:50], drawn=50, removed={})
+    proposal = Planner(header(target=tuple(TARGET)), slow, {"psd": TARGET}, [found]).optimal(5, starts=2)
     assert proposal.travel_s is None
     assert len(proposal.postures) == 5
 
 
 def test_too_few_candidates_say_what_removed_the_others(refused):
     own = header(target=tuple(TARGET))
-    few = CandidatePostures(some().postures[:5], 100, {"come too near to a joint limit": 95})
-    error = refused(Planner(own, irb1600(), TARGET, few).optimal, 7)
+    few = replace(
+        some(), postures=some().postures[:5], drawn=100, removed={"come too near to a joint limit": 95}
+    )
+    error = refused(Planner(own, irb1600(), {"psd": TARGET}, [few]).optimal, 7)
     assert "fewer candidates than measurements" in str(error)
     assert "7 measurements; 5 of 100 postures are left; 95 come too near to a joint limit" in str(error)
-    none = CandidatePostures(np.empty((0, 6)), 100, {"make the arm hit itself": 100})
-    assert "100 make the arm hit itself" in str(refused(Planner, own, irb1600(), TARGET, none))
+    none = replace(some(), postures=np.empty((0, 6)), drawn=100, removed={"make the arm hit itself": 100})
+    assert "100 make the arm hit itself" in str(refused(Planner, own, irb1600(), {"psd": TARGET}, [none]))
 
 
 def test_questions_without_an_answer(refused):
@@ -257,4 +260,4 @@ def test_questions_without_an_answer(refused):
     held = Header.model_validate(
         {**own.model_dump(exclude_unset=True), "held": [f"delta{i}" for i in range(1, 7)]}
     )
-    assert "every offset is held" in str(refused(Planner, held, irb1600(), TARGET, some()))
+    assert "every offset is held" in str(refused(Planner, held, irb1600(), {"psd": TARGET}, [some()]))

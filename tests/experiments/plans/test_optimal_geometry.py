@@ -31,7 +31,7 @@ def stated(free: bool) -> Header:
 @functools.cache
 def planner(free: bool, count: int) -> Planner:
     own, place = stated(free), np.array(TARGET)
-    return Planner(own, irb1600(), place, candidates(own, irb1600(), place, count, seed=0))
+    return Planner(own, irb1600(), {"psd": place}, [candidates(own, irb1600(), place, count, seed=0)])
 
 
 @functools.cache
@@ -112,7 +112,10 @@ def typical() -> Planner:
     """Of a typical arm with a tool within its sigma."""
     typical_header, place = header(LASER, target=TARGET, geometry={}), np.array(TARGET)
     return Planner(
-        typical_header, irb1600(), place, candidates(typical_header, irb1600(), place, 400, seed=0)
+        typical_header,
+        irb1600(),
+        {"psd": place},
+        [candidates(typical_header, irb1600(), place, 400, seed=0)],
     )
 
 

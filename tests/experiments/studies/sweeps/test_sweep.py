@@ -149,7 +149,7 @@ def test_an_optimal_plan_is_that_of_the_planner(tmp_path: Path) -> None:
     planned_case, target = study.cases[0], np.array([900.0, 0.0, 0.0])
     view = View(facing=(0, 1, 1), margin=float(np.radians(9)))
     random_postures = candidates(planned_case.header, planned_case.robot, target, 100, view=view, seed=3)
-    proposal = Planner(planned_case.header, planned_case.robot, target, random_postures).optimal(
+    proposal = Planner(planned_case.header, planned_case.robot, {"psd": target}, [random_postures]).optimal(
         5, "D", seed=3
     )
     rows = {row["name"]: row["std"] for row in case["parameters"]}
