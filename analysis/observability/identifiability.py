@@ -162,9 +162,9 @@ def too_few_measurements(problem: Problem) -> Mechanism | None:
     by_group: dict[Group, int] = {}
     for item in (parameters.items[i] for i in np.flatnonzero(parameters.untolerated)):
         by_group[item.group] = by_group.get(item.group, 0) + 1
-    distances = len(problem.distances)
-    needed = -(-(count - distances) // round(float(problem.sizes.max())))
-    cause = TooFewMeasurements(problem.shots, distances, measured, by_group, needed)
+    distances, angles = len(problem.distances), len(problem.angles)
+    needed = -(-(count - distances - angles) // round(float(problem.sizes.max())))
+    cause = TooFewMeasurements(problem.shots, distances, measured, by_group, needed, angles)
     return Mechanism(np.ones(len(parameters), dtype=bool), cause)
 
 

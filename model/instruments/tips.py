@@ -165,6 +165,19 @@ def plane_at(target: ca.SX, nominal: ca.SX) -> tuple[ca.SX, ca.SX]:
     return normal / ca.sqrt(ca.sumsqr(normal)), target[0]
 
 
+def normals_at(planes: Matrix, nominal: Matrix) -> tuple[Matrix, Matrix]:
+    """In numbers the unit normals (W, 3) of `plane_at`, of planes (W, 3) about one stated normal (3,), and
+    their derivatives (W, 3, 3) by d, tilt1, tilt2."""
+    basis = np.stack(basis_across(nominal))
+    tangents = np.tan(planes[:, 1:])
+    normals = nominal + tangents @ basis
+    length = np.linalg.norm(normals, axis=1)
+    normals /= length[:, None]
+    turned = basis.T * (1 + tangents**2)[:, None] / length[:, None, None]
+    turned -= normals[:, :, None] * (normals[:, None] @ turned)
+    return normals, np.concatenate([np.zeros((len(planes), 3, 1)), turned], axis=2)
+
+
 def fitted_plane(points: Matrix, nominal: Matrix, offset: float) -> Matrix:
     """(3,) d, tilt1, tilt2 of the plane nearest to points (N, 3) that are `offset` above it, its normal near
     the stated one (3,); what points on a line leave open of it is as stated."""
