@@ -23,6 +23,8 @@ from exact_judge import (
     Kind,
     at_nominal,
     exact,
+    faint_at,
+    gauges_of,
     joints_of,
     near_by,
     null_space,
@@ -38,13 +40,11 @@ from mpmath import mpf
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.aim import aim
-from zerobeam.analysis.observability.gauges import ROUNDING, information_root
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
 _POINTS = 100  # near a special measurement: one in twenty that tells as little as the package says is found
-_RESOLVED = mpf(10) ** -8  # of a pivot: what breaks a gauge by less, double precision need not tell from none
 
 
 def problem_of(arm: Cell) -> Problem:
@@ -183,25 +183,6 @@ def freed(kind: Kind) -> tuple[Cell, Problem] | None:
     return arm, problem_of(arm)
 
 
-def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
-    """The dimension of the null space without what has a tolerance, and which free parameters are gauges.
-
-    For two bounds of what is none: that of fifty digits, and that of double precision. With links that
-    deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.
-    """
-    parameters = problem.parameters
-    known, free = parameters.tolerated, parameters.free
-    plain, tolerated = jacobian[:, free & ~known], np.flatnonzero(known)
-    answers = {}
-    for zero in (ZERO, _RESOLVED):
-        dimension, part = null_space(plain, zero=zero)
-        result = np.zeros(len(parameters), dtype=bool)
-        result[free & ~known] = part
-        result[tolerated] = spanned(plain, jacobian[:, tolerated], zero)
-        answers[zero] = (dimension, result[free].tolist())
-    return answers
-
-
 def compare_with_geometry(kind: Kind) -> bool:
     """Assert that the package says what the judge says; False where there is no such cell."""
     made = freed(kind)
@@ -261,14 +242,6 @@ def test_what_more_is_null_here_than_near_by_does_not_make_known() -> None:
     finite = np.isfinite(near) & (near < 1)
     assert finite.sum() >= 6
     np.testing.assert_allclose(known[finite], near[finite], rtol=0.5)
-
-
-def faint_at(problem: Problem, x: Matrix) -> Matrix:
-    """(f,) to what tolerance the data add too little at x to be stated: 1e-8 of its own information."""
-    _, root, _ = information_root(problem, x, 1.0)
-    length = np.maximum(np.linalg.norm(root, axis=0), 1e-300)
-    std = np.linalg.norm(np.linalg.pinv(root / length, rcond=ROUNDING), axis=1) / length
-    return problem.parameters.tolerated[problem.parameters.free] & (std > 1 - 0.5e-8)
 
 
 QUICK_WITH_GEOMETRY = KINDS.filter(lambda kind: kind.shots < 10 and kind.joints < 6)
