@@ -13,8 +13,9 @@ from ..model.errors import BadInput, located
 from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
 from ..model.likelihood.problem import Problem, rms_length
+from ..model.likelihood.ties import Tie
 from .answer.findings import findings
-from .answer.result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
+from .answer.result import AngleResult, DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
 from .diagnostics.diagnosis import diagnose
@@ -171,6 +172,7 @@ def _analyse(
         posterior=posterior,
         shots=shots,
         distances=_distances(solution),
+        angles=_angles(solution),
         intervals=intervals(solution, posterior) if between is None or draws is not None else between,
         accuracy=accuracy(solution, values=None if to_enter is None else to_enter.values),
         budget=budget(solution, posterior, None if draws is None else draws.ends),
@@ -248,28 +250,43 @@ def _midpoint(fit: MidpointFit) -> MidpointSummary:
 
 def _distances(solution: Solution) -> tuple[DistanceResult, ...]:
     """Each stated distance next to what the fit makes of it, with the std of that."""
-    problem, fit, rows = solution.problem, solution.fit, []
-    undecided = undecided_names(solution.null_space)
-    parameters, targets = problem.parameters, problem.split(fit.x).targets
-    for distance in problem.distances:
-        between = targets[distance.second] - targets[distance.first]
-        length = float(np.linalg.norm(between))
-        along = np.zeros(len(parameters))
-        along[parameters.block("target", distance.second)] = between / length
-        along[parameters.block("target", distance.first)] = -between / length
-        ends = [parameters.names[i] for i in np.flatnonzero(along)]
-        determined = solution.converged and not set(ends) & set(undecided)
-        by_free = (along * parameters.prior_std)[parameters.free]
-        rows.append(
-            DistanceResult(
-                between=(problem.targets[distance.first], problem.targets[distance.second]),
-                mm=distance.mm,
-                sigma_mm=distance.sigma,
-                estimate=length if determined else None,
-                std=float(np.sqrt(by_free @ fit.covariance @ by_free)) if determined else None,
-            )
+    problem = solution.problem
+    return tuple(
+        DistanceResult(_ends(problem, tie), tie.mm, tie.sigma, *_fitted(solution, tie, tie.mm))
+        for tie in problem.distances
+    )
+
+
+def _angles(solution: Solution) -> tuple[AngleResult, ...]:
+    """The same of each stated angle, degrees."""
+    problem, rows = solution.problem, []
+    for tie in problem.angles:
+        estimate, std = (
+            None if number is None else float(np.degrees(number))
+            for number in _fitted(solution, tie, tie.rad)
         )
+        deg, sigma_deg = float(np.degrees(tie.rad)), float(np.degrees(tie.sigma))
+        rows.append(AngleResult(_ends(problem, tie), deg, sigma_deg, estimate, std))
     return tuple(rows)
+
+
+def _ends(problem: Problem, tie: Tie) -> tuple[str, str]:
+    return problem.targets[tie.first], problem.targets[tie.second]
+
+
+def _fitted(solution: Solution, tie: Tie, value: float) -> tuple[float | None, float | None]:
+    """What the fit makes of a tie, and its std; None where the data do not determine it."""
+    problem, fit = solution.problem, solution.fit
+    parameters, targets = problem.parameters, problem.split(fit.x[None]).targets
+    residual, by_first, by_second = tie.missed(targets[:, tie.first], targets[:, tie.second])
+    along = np.zeros(len(parameters))
+    along[parameters.block("target", tie.first)] = by_first[0] * tie.sigma
+    along[parameters.block("target", tie.second)] = by_second[0] * tie.sigma
+    ends = {parameters.names[i] for i in np.flatnonzero(along)}
+    if not solution.converged or ends & set(undecided_names(solution.null_space)):
+        return None, None
+    by_free = (along * parameters.prior_std)[parameters.free]
+    return value + float(residual[0]) * tie.sigma, float(np.sqrt(by_free @ fit.covariance @ by_free))
 
 
 def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:

@@ -1,6 +1,7 @@
 """Placements: the targets that stay together while the measurements of one setup are taken.
 
-A placement is a set of targets tied by stated distances (the sockets of one plate), or one target alone.
+A placement is a set of targets tied by stated distances or angles (the sockets of one plate, the faces of one
+cube), or one target alone.
 What is wrong with a model shows between placements: an arm that is not its drawing hits each place
 consistently, and each a little differently.
 """
@@ -35,8 +36,8 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
     if problem.stations:
         return ()
     label = np.arange(len(problem.targets))
-    for distance in problem.distances:
-        label[label == label[distance.second]] = label[distance.first]
+    for tie in problem.ties:
+        label[label == label[tie.second]] = label[tie.first]
     groups = [np.flatnonzero(label == k) for k in dict.fromkeys(label.tolist())]
     members = [tuple(problem.targets[i] for i in group) for group in groups]
     # names, not paths

@@ -59,7 +59,7 @@ def write_verification(
         )
     with one_blas_thread():
         solution, entered = _determined(run)
-        header = run.header.model_copy(update={"distances": ()})
+        header = run.header.model_copy(update={"distances": (), "angles": ()})
         plan = choose(solution, header, entered, _tolerances(run.header, tolerance), shots)
     _write(run, solution, plan, entered, file, force)
     return PlannedVerification(plan, path.name, run.sha256)
@@ -87,7 +87,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
         targets = tuple(shot.met_target for shot in verified.shots)
         declared = {**run.header.targets, **verified.header.targets}
         kept = {name: declared[name] for name in targets if name in declared}
-        header = run.header.model_copy(update={"distances": (), "targets": kept})
+        header = run.header.model_copy(update={"distances": (), "angles": (), "targets": kept})
         spots = verified.spots if run.header.instrument.columns else None
         prediction = AcceptancePrediction(solution, header, verified.joints, targets, spots, entered)
         answer = accept(prediction, solution, _tolerances(run.header, tolerance))
@@ -171,6 +171,7 @@ def _write(
             "robot": rebased(run.header.robot, run.path.parent, file.parent),
             "targets": targets,
             "distances": (),
+            "angles": (),
             "provenance": {**kept, **about},
         }
     )

@@ -141,8 +141,8 @@ def sentence_of(finding: RunFinding) -> str:
             return "other offsets fit nearly as well"
         case SharedDistances():
             return (
-                "distances between targets are stated: where runs share one, its error is the same in all"
-                " of them and they scatter less than predicted"
+                "distances or angles between targets are stated: where runs share one, its error is the same"
+                " in all of them and they scatter less than predicted"
             )
         case SharedTolerances():
             return (

@@ -195,9 +195,9 @@ def remedy(cause: Cause, name: Namer = str) -> str:
 def _counts(cause: TooFewMeasurements) -> str:
     """What measurements give and what they must determine."""
     measured = counted(cause.measurements, "measurement")
-    if cause.distances:
-        measured += f" and {counted(cause.distances, 'stated distance')}"
-    gives = "gives" if cause.measurements + cause.distances == 1 else "give"
+    ties = ((cause.distances, "stated distance"), (cause.angles, "stated angle"))
+    measured = listed([measured, *(counted(count, what) for count, what in ties if count)])
+    gives = "gives" if cause.measurements + cause.distances + cause.angles == 1 else "give"
     parts = [counted(count, _UNKNOWN[group]) for group, count in cause.unknowns.items()]
     total = sum(cause.unknowns.values())
     unknowns = f"{listed(parts)}, {total} in all," if len(parts) > 1 else parts[0]

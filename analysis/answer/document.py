@@ -37,7 +37,7 @@ from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
 from ..status import Status, UnsoundResult, Verdict, known
 from .message import Message
-from .result import RESULT_SCHEMA, DistanceResult, Inputs, NextSteps
+from .result import RESULT_SCHEMA, AngleResult, DistanceResult, Inputs, NextSteps
 
 Interval = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]
@@ -541,6 +541,7 @@ class ResultDocument(DocumentPart):
     posterior: PosteriorDocument
     shots: tuple[ShotResult, ...]
     distances: tuple[DistanceResult, ...]
+    angles: tuple[AngleResult, ...]
     intervals: tuple[IntervalsDocument, ...]
     accuracy: AccuracyDocument
     budget: tuple[BudgetDocument, ...]

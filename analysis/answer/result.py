@@ -86,6 +86,17 @@ class DistanceResult:
 
 
 @dataclass(frozen=True)
+class AngleResult:
+    """A stated angle between two planes, degrees, next to what the fit makes of it."""
+
+    between: tuple[str, str]
+    deg: float
+    sigma_deg: float
+    estimate: float | None
+    std: float | None
+
+
+@dataclass(frozen=True)
 class Inputs:
     """What the result was made from: enough to make it again."""
 
@@ -145,9 +156,9 @@ class Result:
         Tolerances, the model ladder, and what the offsets are worth with nominal geometry.
     posterior : PosteriorSummary
         Diagnostics and summaries of the draws.
-    shots, distances, intervals, accuracy, budget, scene
-        Residuals and influence of each measurement, stated distances, 95 % intervals by several methods,
-        accuracy at the TCP, uncertainty budget, what a picture needs.
+    shots, distances, angles, intervals, accuracy, budget, scene
+        Residuals and influence of each measurement, stated distances and angles, 95 % intervals by several
+        methods, accuracy at the TCP, uncertainty budget, what a picture needs.
     misfit : Misfit or None
         Why the model does not describe the measurements; None where nothing speaks against it.
     findings : tuple
@@ -191,6 +202,7 @@ class Result:
     posterior: PosteriorSummary
     shots: tuple[ShotResult, ...]
     distances: tuple[DistanceResult, ...]
+    angles: tuple[AngleResult, ...]
     intervals: tuple[Intervals, ...]
     accuracy: TcpAccuracy
     budget: tuple[Budget, ...]

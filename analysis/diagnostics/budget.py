@@ -1,12 +1,12 @@
 """The uncertainty budget of each offset and tool parameter, by the GUM (JCGM 100:2008, clauses 4 to 7, G.4).
 
 Near the mode the estimate moves in proportion to what it was made from: the recorded joints and spots, what
-was stated of targets, tool and distances, and the priors. With C the inverse of Fisher's information (of the
-residuals and distances, and the priors) its derivative by the residual of measurement i is -C A_i' S_i^-1,
-and S_i is the sum of the joints' and the spot's parts. So C is exactly the sum of its parts by source. The
-result's own covariance is the inverse of the Hessian, and with separate noise factors contains what these
-leave open: both differences are rows of their own, so that a budget adds up to the variance that the result
-reports.
+was stated of targets, tool, distances and angles, and the priors. With C the inverse of Fisher's information
+(of the residuals, distances and angles, and the priors) its derivative by the residual of measurement i is
+-C A_i' S_i^-1, and S_i is the sum of the joints' and the spot's parts. So C is exactly the sum of its parts
+by source. The result's own covariance is the inverse of the Hessian, and with separate noise factors contains
+what these leave open: both differences are rows of their own, so that a budget adds up to the variance that
+the result reports.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Matrix
+from ...model.likelihood.ties import Distance
 from ..estimation.effective_dof import effective_dof, gains, log_scales, noise_dof
 from ..posterior.ends import Ends
 from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than
 
-Kind = Literal["joint", "spot", "prior", "target", "distance", "noise factors", "curvature"]
+Kind = Literal["joint", "spot", "prior", "target", "distance", "angle", "noise factors", "curvature"]
 
 _SURE = 2.0  # standard errors: what the draws determine no better is not stated (JCGM 101, 7.9.4)
 
@@ -34,10 +35,10 @@ _SURE = 2.0  # standard errors: what the draws determine no better is not stated
 class BudgetRow:
     """What one source contributes to the uncertainty of one parameter.
 
-    `of` names it: a joint by its number, a parameter, a target, the two targets of a distance. `type` is A
-    (from this run's residuals) or B (stated), `std` and `unit` are of one reading or one stated number, `dof`
-    its degrees of freedom (None: infinite). `sensitivity` is contribution over std (the root of the sum of
-    squares over all readings), in the parameter's unit per `unit`. `contribution` is a std in the
+    `of` names it: a joint by its number, a parameter, a target, the two targets of a distance or an angle.
+    `type` is A (from this run's residuals) or B (stated), `std` and `unit` are of one reading or one stated
+    number, `dof` its degrees of freedom (None: infinite). `sensitivity` is contribution over std (the root of
+    the sum of squares over all readings), in the parameter's unit per `unit`. `contribution` is a std in the
     parameter's unit, negative where it lowers the variance (curvature alone can); `share` of the variance.
     `noise factors` is how they weigh the residuals, `curvature` that of the log-posterior beyond Fisher's
     information: no input quantities, so without type, std and sensitivity.
@@ -172,7 +173,7 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
     problem, fit = solution.problem, solution.fit
     parameters, whitened = problem.parameters, fit.whitened
     noise = parameters.group("noise")[parameters.free]
-    by_distance = whitened.jacobian[problem.shots * problem.tool.residual_size :, parameters.free][:, ~noise]
+    by_tie = whitened.jacobian[problem.shots * problem.tool.residual_size :, parameters.free][:, ~noise]
     # Of every reading: the residual's derivative by a joint is that by its offset, by the spot -1.
     every = gains(fit)
     kept, gain = (np.cumsum(~noise) - 1)[at], every.covariance[at][:, ~noise]
@@ -195,10 +196,13 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
         first = items[rows_of[0]]
         sources.append(BudgetRow(kind, (name,), "B", first.shown_prior[1], first.unit))
         parts.append(squares[rows_of].sum(axis=0)[None])
-    for distance in problem.distances:
-        between = (problem.targets[distance.first], problem.targets[distance.second])
-        sources.append(BudgetRow("distance", between, "B", distance.sigma, "mm"))
-    parts.append((by_distance @ gain.T) ** 2)
+    for tie in problem.ties:
+        between = (problem.targets[tie.first], problem.targets[tie.second])
+        if isinstance(tie, Distance):
+            sources.append(BudgetRow("distance", between, "B", tie.sigma, "mm"))
+        else:
+            sources.append(BudgetRow("angle", between, "B", float(np.degrees(tie.sigma)), "deg"))
+    parts.append((by_tie @ gain.T) ** 2)
 
     left = np.diag(fit.covariance)[at] - np.diag(gain[:, kept])
     if noise.any():

@@ -233,7 +233,7 @@ def fits_at(density: Density, x: Matrix, of: Index | None = None) -> list[Hypoth
     parameters = density.problem.parameters
     slopes = density.slopes(x, of)
     z = density.scaled(x)
-    numbers = np.broadcast_to(density.numbers(of), len(x)) + len(density.problem.distances)
+    numbers = np.broadcast_to(density.numbers(of), len(x)) + len(density.problem.ties)
     finite: Mask = np.asarray(np.isfinite(slopes.information).all(axis=(1, 2)))
     information = np.where(finite[:, None, None], slopes.information, np.eye(density.size))
     wide = np.asarray(~parameters.tolerated[parameters.free])

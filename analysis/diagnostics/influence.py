@@ -111,7 +111,7 @@ def _stepped(problem: Problem, fit: LikelihoodFit, decides: Mask) -> Matrix:
         every = np.flatnonzero(problem.target_index == k)
         for mine in np.array_split(every, -(-len(every) // _ROWS)):
             # Data sets of one measurement each.
-            one = replace(known.select(mine[:1]), distances=())
+            one = replace(known.select(mine[:1]), ties=())
             singles = Density(
                 one, *(part[mine][:, None] for part in (known.joints, known.spots, known.weights))
             )

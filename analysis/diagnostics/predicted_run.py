@@ -27,7 +27,8 @@ _TAKEN_UP = 1e-6  # of the noise: what is left of it at a target that its measur
 _SAME = 1e-12
 # What may differ: which targets there are, what is made of the answer, and who measured.
 _FREE_TO_DIFFER = frozenset(
-    {"schema", "robot", "prior", "targets", "distances", "limits", "tolerance", "required", "provenance"}
+    {"schema", "robot", "prior", "targets", "distances", "angles"}
+    | {"limits", "tolerance", "required", "provenance"}
 )
 
 
@@ -252,7 +253,7 @@ def _with_statistics(
 
 
 def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
-    """`recorded` with the noise, weights, priors and functions of the problem that was fitted; distances
+    """`recorded` with the noise, weights, priors and functions of the problem that was fitted; ties
     between targets that the fit has are already in it."""
     silent = replace(recorded, noise=known.noise, parameters=recorded.parameters.without("noise"))
     problem = silent.with_geometry(known.geometry)
@@ -260,10 +261,10 @@ def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
     problem = replace(
         problem,
         parameters=Parameters(tuple(ours.get(item.name, item) for item in problem.parameters.items)),
-        distances=tuple(
-            distance
-            for distance in recorded.distances
-            if {recorded.targets[distance.first], recorded.targets[distance.second]} & placed
+        ties=tuple(
+            tie
+            for tie in recorded.ties
+            if {recorded.targets[tie.first], recorded.targets[tie.second]} & placed
         ),
     )
     return problem.weighted(np.full(problem.shots, float(known.weights.mean())))

@@ -129,4 +129,4 @@ def _placed(problem: Problem, fitted: Parameters) -> Mask:
 def _row_scale(problem: Problem, weight: float) -> Matrix:
     """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
     rows = problem.shots * problem.tool.residual_size
-    return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
+    return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.ties)))

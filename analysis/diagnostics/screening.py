@@ -94,7 +94,7 @@ class _Screen:
             np.repeat(problem.columns, d, axis=0), (len(z), shots * d, stacked.shape[-1] - 1)
         )
         np.put_along_axis(whole, where, stacked[..., 1:].reshape(where.shape), axis=2)
-        distance, by_distance = problem.distance_rows(x)
+        distance, by_distance = problem.tie_rows(x)
         by_distance = by_distance * parameters.prior_std
         every = np.concatenate([whole, by_distance], axis=1)[:, :, self.free]
         values = np.concatenate([stacked[..., 0].reshape(len(z), -1), distance, z], axis=1)

@@ -38,7 +38,8 @@ _SOURCE = Path(__file__).parent / "climb.c"
 class CompiledClimb:
     """The climb of one density's rows, all steps in one call of C (climb.c).
 
-    For what most runs are: known noise, no stated distances. From Python a step of a few measurements takes
+    For what most runs are: known noise, no stated distances or angles. From Python a step of a few
+    measurements takes
     ten times as long as what it computes. Everything else climbs in Python, by the same formulas; up to
     rounding the numbers are the same.
     """
@@ -155,7 +156,7 @@ def compiled_climb(
     """That of a density; None where Python is to climb. It serves as soon as the kernel of the slopes is
     compiled, `compile` being as for that."""
     problem = density.problem
-    plain = problem.noise.known and not problem.distances and problem.functions.log_det == "none"
+    plain = problem.noise.known and not problem.ties and problem.functions.log_det == "none"
     if not (plain and density.size and problem.functions.kernel("slopes", compile=compile).compiled):
         return None
     return _made(density, coordinates)

@@ -51,7 +51,7 @@ def noise_dof(fit: LikelihoodFit) -> float:
     """
     each = gains(fit)
     taken = np.eye(len(each.besides)) - each.besides @ each.covariance
-    numbers = fit.problem.measured_size - len(fit.problem.distances)
+    numbers = fit.problem.measured_size - len(fit.problem.ties)
     return max(float(numbers - 2 * np.trace(taken) + (taken * taken.T).sum()), 1e-3)
 
 

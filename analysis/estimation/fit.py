@@ -35,9 +35,10 @@ def eliminated(problem: Problem, start: Matrix) -> Matrix:
     tool are a linear least-squares solution (variable projection: Golub & Pereyra 1973, with Kaufman's
     Jacobian). The weights are refreshed until they settle.
 
-    Raises ValueError where the elimination is not exact: stated distances, or noise that is a parameter.
+    Raises ValueError where the elimination is not exact: stated distances or angles, or noise that is a
+    parameter.
     """
-    if problem.distances or problem.noise.separate:
+    if problem.ties or problem.noise.separate:
         raise ValueError("targets are not eliminated from stated distances or noise factors")
     parameters = problem.parameters
     targets = parameters.group("target") & parameters.free
@@ -499,7 +500,7 @@ def _apart_from_readings(problem: Problem) -> Hashable:
         id(problem.functions),  # the same for arms and tools that are the same
         problem.parameters.items,
         problem.targets,
-        problem.distances,
+        problem.ties,
         noise.estimated,
         noise.separate,
         *(part.tobytes() for part in arrays),

@@ -128,14 +128,15 @@ class ToolAgainstTarget:
 
 @dataclass(frozen=True)
 class TooFewMeasurements:
-    """`measurements` and stated `distances` give `numbers`, fewer than the unknowns that they must determine:
-    so many of each group. `needed` measurements at the least."""
+    """`measurements` and stated `distances` and `angles` give `numbers`, fewer than the unknowns that they
+    must determine: so many of each group. `needed` measurements at the least."""
 
     measurements: int
     distances: int
     numbers: int
     unknowns: dict[Group, int]
     needed: int
+    angles: int = 0
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ by."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -34,7 +34,9 @@ class Gauge:
     `aimed` has the shots there, `jacobian` is A (M, f). A tolerance is a row of A, so only the m parameters
     without one can have a part in the null space: `basis` (m, g) spans it and `part` (m,) says which have.
     `dimension` of it are confirmed near by: an exact gauge, in which those of `exact_part` (m,) have a part.
-    `spanned` (t,) says which parameters with a tolerance do nothing that the others cannot do.
+    `spanned` (t,) says which parameters with a tolerance do nothing that the others cannot do. Where more is
+    null here than near by, `near_by` has A and its null space there: what is null here takes up there, by a
+    little, what others do to the data.
     """
 
     aimed: Problem
@@ -44,6 +46,7 @@ class Gauge:
     dimension: int
     exact_part: Mask
     spanned: Mask
+    near_by: tuple[tuple[Matrix, Matrix], ...] = ()
 
 
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
@@ -65,7 +68,20 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     dimension, exact_part = _confirm(null, near_by, followed)
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
     every = np.any(taken_up, axis=0)
-    return Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
+    gauge = Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
+    return replace(gauge, near_by=tuple(_less_null(problem, null.size, near_by, weight)))
+
+
+def _less_null(
+    problem: Problem, size: int, near_by: list[_NearBy], weight: float
+) -> Iterator[tuple[Matrix, Matrix]]:
+    """A (M, f), its measurements with the `weight`, and a basis of its null space where that has a lower
+    dimension than `size` for the same shots."""
+    points = [point for point in near_by if point.same and point.null.size < size]
+    if points:
+        roots = information_roots(problem, np.array([point.x for point in points]), weight)
+        for point, (_, jacobian, _) in zip(points, roots, strict=True):
+            yield jacobian, point.null.basis
 
 
 def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, Mask]:

@@ -162,9 +162,9 @@ def too_few_measurements(problem: Problem) -> Mechanism | None:
     by_group: dict[Group, int] = {}
     for item in (parameters.items[i] for i in np.flatnonzero(parameters.untolerated)):
         by_group[item.group] = by_group.get(item.group, 0) + 1
-    distances = len(problem.distances)
-    needed = -(-(count - distances) // round(float(problem.sizes.max())))
-    cause = TooFewMeasurements(problem.shots, distances, measured, by_group, needed)
+    distances, angles = len(problem.distances), len(problem.angles)
+    needed = -(-(count - distances - angles) // round(float(problem.sizes.max())))
+    cause = TooFewMeasurements(problem.shots, distances, measured, by_group, needed, angles)
     return Mechanism(np.ones(len(parameters), dtype=bool), cause)
 
 
@@ -203,11 +203,13 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     tolerated = parameters.tolerated[parameters.free]
     marginal = Marginal.of(gauge.jacobian, tolerated)
     spectrum = _Spectrum.of(marginal.root, gauge.basis)
-    scaled_std = np.empty(len(tolerated))
-    scaled_std[~tolerated] = spectrum.std_of(np.eye(len(gauge.basis)))
+    scaled_std = _stds(marginal, spectrum, tolerated)
+    for jacobian, basis in gauge.near_by:
+        # The true values are near by, not where directions happen to be null that are not null there.
+        there = Marginal.of(jacobian, tolerated)
+        scaled_std = np.maximum(scaled_std, _stds(there, _Spectrum.of(there.root, basis), tolerated))
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
-    within = np.hypot(marginal.std, spectrum.std_of(marginal.response))
-    scaled_std[tolerated] = _without_own_tolerance(within, gauge.spanned)
+    scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge.spanned)
     status, data_std = _statuses(parameters, scaled_std)
     judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
     singular = spectrum.of_all
@@ -261,6 +263,14 @@ class _Spectrum:
     def share(self) -> Matrix:
         """(m, k) the variance that each direction gives each parameter."""
         return np.asarray((self.directions / self.singular) ** 2)
+
+
+def _stds(marginal: Marginal, spectrum: _Spectrum, tolerated: Mask) -> Matrix:
+    """(f,) the std of each scaled free parameter outside the gauge, its own tolerance among what is known."""
+    std = np.empty(len(tolerated))
+    std[~tolerated] = spectrum.std_of(np.eye(marginal.root.shape[1]))
+    std[tolerated] = np.hypot(marginal.std, spectrum.std_of(marginal.response))
+    return std
 
 
 def _of_gauge(std: Matrix, gauge: Gauge, floor: float) -> Matrix:

@@ -21,7 +21,7 @@ RepeatStatus = Status | Literal["prior", "stated", "not stated"]
 
 @dataclass(frozen=True)
 class SharedDistances:
-    """The run states distances between targets, whose errors other runs may share."""
+    """The run states distances or angles between targets, whose errors other runs may share."""
 
 
 @dataclass(frozen=True)

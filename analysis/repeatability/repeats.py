@@ -184,7 +184,7 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     if solution.fit.other_basins:
         undecided = undecided_names(solution.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
-    if solution.problem.distances:
+    if solution.problem.ties:
         yield SharedDistances()
     if len(solution.problem.tolerated):
         yield SharedTolerances()

@@ -20,7 +20,7 @@ from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.shot import Shot, ShotRules, check_distances, shot_model, target_names, unknown_targets
+from ...model.files.shot import Shot, ShotRules, check_ties, shot_model, target_names, unknown_targets
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
@@ -141,7 +141,7 @@ class ImportJob:
         if self.plan is not None:
             parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
         names = target_names(target for part in parts for target in part.targets)
-        check_distances(self.header, names, file=self.header_path, line=None)
+        check_ties(self.header, names, file=self.header_path, line=None)
         shots: list[Shot] = []
         sentences: list[str] = []
         for part in parts:

@@ -36,7 +36,7 @@ from .header_file import completed
 from .limits import check_limits, require_joint_count
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .robot_file import load_robot
-from .shot import Shot, ShotRules, check_distances, target_names, unknown_targets
+from .shot import Shot, ShotRules, check_ties, target_names, unknown_targets
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
 
 
@@ -208,7 +208,7 @@ class Plan:
             raise BadInput("the plan has no postures", remedy="state one at least")
         nowhere = (None,) * len(postures_deg)
         warnings = _check_postures(header, robot, postures_deg.tolist(), targets, means, nowhere, None)
-        check_distances(header, target_names(targets), file=None, line=None)
+        check_ties(header, target_names(targets), file=None, line=None)
         text = _plan_text(header, postures_deg.tolist(), targets, constraints=constraints, means=means)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
         postures = postures_deg / robot.display
@@ -318,7 +318,8 @@ def plan_of(document: Document) -> Plan:
             means.append(Means())
             via.append(np.zeros((0, robot.n)))
     warnings = _check_postures(header, robot, rows, targets, means, lines, file)
-    check_distances(header, target_names(targets), file=file, line=document.line(("distances",)))
+    line = document.line(("distances",) if header.distances else ("angles",))
+    check_ties(header, target_names(targets), file=file, line=line)
     postures = np.array(rows) / robot.display
     passing = tuple(via) if any(len(between) for between in via) else ()
     return Plan(
@@ -443,7 +444,7 @@ def write_plan(
     robot = load_robot(header.robot, path.parent)
     check_header(header, robot, file=None, line=lambda _: None)
     _check_postures(header, robot, rows, targets, means, [0] * len(rows), None)
-    check_distances(header, target_names(targets), file=None, line=None)
+    check_ties(header, target_names(targets), file=None, line=None)
     text = _plan_text(header, rows, targets, via_deg, constraints, means)
     write_whole(path, schema_line(path, "plan") + text, force=force)
 

@@ -47,7 +47,7 @@ from .arguments import (
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .robot_file import load_robot
-from .shot import Shot, ShotRules, check_distances, check_shots, shot_model, target_names
+from .shot import Shot, ShotRules, check_shots, check_ties, shot_model, target_names
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
@@ -250,7 +250,7 @@ class Run:
                 line=self.lines[0],
             )
         self._require_enough_of_each_target(rules)
-        check_distances(self.header, self.target_names, file=self.path, line=self.header_line)
+        check_ties(self.header, self.target_names, file=self.path, line=self.header_line)
 
     def _require_enough_of_each_target(self, rules: ShotRules) -> None:
         """BadInput for a target of which no more numbers are measured than its three unknowns."""

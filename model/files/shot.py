@@ -392,7 +392,7 @@ def _measured(column: str, value: float | tuple[float, ...]) -> tuple[float, ...
     return tuple(number / length for number in numbers)
 
 
-def check_distances(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:
+def check_ties(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:
     """BadInput for a distance or an angle to a target that no measurement has."""
     pairs = [("a distance", distance.between) for distance in header.distances]
     for what, between in [*pairs, *(("an angle", angle.between) for angle in header.angles)]:

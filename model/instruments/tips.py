@@ -208,8 +208,8 @@ def plane_at(target: ca.SX, nominal: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def plane_normal(target: Target) -> Matrix:
     """(3,) the unit normal of a plane of which d, tilt1, tilt2 are known, as `plane_at`."""
-    normal, _ = plane_at(ca.SX(target.numbers), ca.SX(unit_normal(target.entry)))
-    return np.asarray(ca.DM(normal).full()[:, 0])
+    normals, _ = normals_at(target.numbers[None], unit_normal(target.entry))
+    return np.asarray(normals[0])
 
 
 def points_on(target: Target, rng: np.random.Generator, count: int) -> Matrix:
@@ -221,6 +221,19 @@ def points_on(target: Target, rng: np.random.Generator, count: int) -> Matrix:
     angle = rng.uniform(-np.pi, np.pi, size=count)
     b1, b2 = basis_across(normal)
     return np.asarray(centre + radius[:, None] * (np.outer(np.cos(angle), b1) + np.outer(np.sin(angle), b2)))
+
+
+def normals_at(planes: Matrix, nominal: Matrix) -> tuple[Matrix, Matrix]:
+    """In numbers the unit normals (W, 3) of `plane_at`, of planes (W, 3) about one stated normal (3,), and
+    their derivatives (W, 3, 3) by d, tilt1, tilt2."""
+    basis = np.stack(basis_across(nominal))
+    tangents = np.tan(planes[:, 1:])
+    normals = nominal + tangents @ basis
+    length = np.linalg.norm(normals, axis=1)
+    normals /= length[:, None]
+    turned = basis.T * (1 + tangents**2)[:, None] / length[:, None, None]
+    turned -= normals[:, :, None] * (normals[:, None] @ turned)
+    return normals, np.concatenate([np.zeros((len(planes), 3, 1)), turned], axis=2)
 
 
 def fitted_plane(points: Matrix, nominal: Matrix, offset: float) -> Matrix:

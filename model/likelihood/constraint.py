@@ -184,7 +184,9 @@ def residual(
     by_motion = ca.horzcat(ca.jacobian(left, flange.translation), by_turn)
     parts = [left, by_motion, ca.jacobian(left, target)]
     symbols = [flange.rotation, flange.translation]
-    left, by_motion, by_target = ca.substitute(parts, symbols, [rotation, translation])
+    # Where all axes are parallel some of their entries are no numbers, but empty.
+    motion = [ca.densify(rotation), ca.densify(translation)]
+    left, by_motion, by_target = ca.substitute(parts, symbols, motion)
     return left, by_motion @ columns, by_target
 
 

@@ -20,7 +20,7 @@ from .problem import Problem
 class Slopes(NamedTuple):
     """`value` (W,) log-posterior, `gradient` (W, f) and `information` (W, f, f), by the scaled free
     parameters z. The gradient is exact; the information is Fisher's of the residuals (J' S^-1 J), with the
-    priors' and the distances' (of no rows where it was not asked for)."""
+    priors' and the ties' (of no rows where it was not asked for)."""
 
     value: Matrix
     gradient: Matrix
@@ -92,7 +92,7 @@ class Density:
         # What overflows or is no number is -inf, not by numpy's warnings.
         with np.errstate(all="ignore"):
             quad, logdet = self._shot_sums(x, of)
-            value = self._value(quad, logdet, self._distance_quad(x), of)
+            value = self._value(quad, logdet, self._tie_quad(x), of)
         return np.where(np.isfinite(value), value, -np.inf)
 
     def log_prior(self, x: Matrix) -> Matrix:
@@ -167,14 +167,14 @@ class Density:
             by_quad *= weight[:, None]
             information *= weight[: len(information), None, None]
         gradient += by_quad
-        distance: Matrix | float = 0.0
-        if problem.distances:
-            distance, by_distance, own_information = self._distance_slopes(x)
-            gradient += by_distance[:, self._free]
+        tied: Matrix | float = 0.0
+        if problem.ties:
+            tied, by_tie, own_information = self._tie_slopes(x)
+            gradient += by_tie[:, self._free]
             if with_information:
                 information += own_information[:, self._free[:, None], self._free]
         z = self.scaled(x)
-        value = self._value(quad, logdet, distance, of) - (z**2).sum(axis=1) / 2
+        value = self._value(quad, logdet, tied, of) - (z**2).sum(axis=1) / 2
         information *= self._scale_squared
         flat[:, :: size + 1] += 1.0
         value[~np.isfinite(value)] = -np.inf
@@ -182,31 +182,31 @@ class Density:
 
     def prior_information(self, x: Matrix) -> Matrix:
         """(W, f, f) the part of the information that does not come from the shots."""
-        _, _, information = self._distance_slopes(x)
+        _, _, information = self._tie_slopes(x)
         return information[:, self._free[:, None], self._free] * self._scale_squared + np.eye(self.size)
 
     # How it is made up
 
-    def _value(self, quad: Matrix, logdet: Matrix, distance: Matrix | float, of: Index | None) -> Matrix:
+    def _value(self, quad: Matrix, logdet: Matrix, tied: Matrix | float, of: Index | None) -> Matrix:
         if self.problem.noise.estimated:
             quad = self.numbers(of) * np.log(quad)
-        return -(quad + logdet + distance) / 2
+        return -(quad + logdet + tied) / 2
 
     def _shot_sums(self, x: Matrix, of: Index | None) -> tuple[Matrix, Matrix]:
         """(W,) sums over the shots of m' S^-1 m and log det S."""
         quad, logdet = self._kernel("terms").sums(self._grid(x, of), len(x), self.problem.shots)
         return quad, logdet
 
-    def _distance_slopes(self, x: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """Of the sum of squares of the whitened distances: (W,), gradient (W, p), information (W, p, p)."""
-        residual, jacobian = self.problem.distance_rows(x)
+    def _tie_slopes(self, x: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """Of the sum of squares of the whitened ties: (W,), gradient (W, p), information (W, p, p)."""
+        residual, jacobian = self.problem.tie_rows(x)
         gradient = 2 * (residual[:, None, :] @ jacobian)[:, 0]
         return (residual**2).sum(axis=1), gradient, jacobian.transpose(0, 2, 1) @ jacobian
 
-    def _distance_quad(self, x: Matrix) -> Matrix:
-        if not self.problem.distances:
+    def _tie_quad(self, x: Matrix) -> Matrix:
+        if not self.problem.ties:
             return np.zeros(len(x))
-        residual, _ = self.problem.distance_rows(x)
+        residual, _ = self.problem.tie_rows(x)
         return np.asarray((residual**2).sum(axis=1))
 
     def _kernel(self, name: str) -> Kernel:

@@ -51,7 +51,7 @@ _WHOLE: dict[JointKind, tuple[LinkAxis, ...]] = {
 }
 _NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))
 _POSTURES = 4096  # for the largest torque over the joints' ranges
-_NO_TORQUE = 1e-6  # of the largest of any joint
+_NO_TORQUE = 1e-6  # of the largest of any joint, and of the weight behind a joint at the arm's whole length
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,9 +319,20 @@ def _bending(robot: Robot, masses_kg: tuple[float, ...], upwards: tuple[float, .
     masses, up = np.array(masses_kg), np.array(upwards)
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
     largest = np.abs(_torques(robot, masses, up, rows)).max(axis=0)
-    largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding
+    # Where no joint carries any torque the largest is rounding itself.
+    weight = np.cumsum(masses[::-1])[::-1] * _length(robot)
+    largest[largest <= _NO_TORQUE * np.maximum(weight, largest.max(initial=0.0))] = 0.0
     bending = np.flatnonzero(largest)
     return Gravity(tuple(int(i) for i in bending), masses, up, largest) if len(bending) else None
+
+
+def _length(robot: Robot) -> float:
+    """The sum, mm, of all the shifts between the joints, the farthest slides and the flange's included."""
+    fixed = [*(joint.fixed for joint in robot.joints), robot.flange]
+    shifts = sum(float(np.linalg.norm(each[:3, 3])) for each in fixed)
+    farthest = np.maximum(np.abs(robot.lower), np.abs(robot.upper))
+    slides = np.array([joint.kind == "prismatic" for joint in robot.joints])
+    return shifts + float(farthest[slides].sum())
 
 
 @lru_cache(maxsize=16)  # every judgement of a run asks for it several times

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ..arrays import Index, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
-from ..files.shot import check_distances
 from ..instruments.kind import Instrument, Measurement
 from ..instruments.together import Part, Together
 from ..kinematics.robot import Robot
@@ -26,34 +25,11 @@ from .constraint import ShotFunctions, shot_functions
 from .geometry import Geometry
 from .noise import NoiseModel
 from .parameters import Parameters
+from .ties import Angle, Distance, Tie, ties
 
 if TYPE_CHECKING:
     from ..files.header import Header
     from ..files.plan import Plan
-
-
-@dataclass(frozen=True)
-class Distance:
-    """A stated distance between two targets (by their index), mm."""
-
-    first: int
-    second: int
-    mm: float
-    sigma: float
-
-
-def distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
-    """Those of a header between the `targets` of some measurements; BadInput for one to another target."""
-    check_distances(header, targets, file=None, line=None)
-    return tuple(
-        Distance(
-            targets.index(distance.between[0]),
-            targets.index(distance.between[1]),
-            distance.mm,
-            distance.sigma_mm,
-        )
-        for distance in header.distances
-    )
 
 
 @dataclass(frozen=True)
@@ -67,10 +43,10 @@ class ParameterParts:
 
 
 class Whitened(NamedTuple):
-    """Residuals and distances in their own standard deviations at one x, by the roots of the shots' weights.
+    """Residuals and ties in their own standard deviations at one x, by the roots of the shots' weights.
 
     `residual` (M,) and `jacobian` (M, p) by scaled parameters, the shots first (d rows each), then the
-    distances; `residual_mm` (N, d); `factor` (N, d, d) the lower Cholesky factors of the S_i.
+    ties; `residual_mm` (N, d); `factor` (N, d, d) the lower Cholesky factors of the S_i.
     """
 
     residual: Matrix
@@ -101,7 +77,7 @@ class Problem:
     targets: tuple[str, ...]
     target_index: Index
     guessed: NDArray[np.bool_]
-    distances: tuple[Distance, ...]
+    ties: tuple[Tie, ...]
     weights: Matrix
     planned: bool = False
 
@@ -171,12 +147,6 @@ class Problem:
         shot_numbers: Sequence[int] | None,
     ) -> Problem:
         """Of shots that each belong to a target, measured by an instrument, or to a station."""
-        if header.angles:
-            raise BadInput(
-                "known angles between planes are not used by the calculation yet",
-                found=f"{len(header.angles)} under `angles`",
-                remedy="take `angles` out: then each plane is estimated by itself",
-            )
         noise = NoiseModel.from_header(header, robot, tool)
         geometry = Geometry.from_header(header, robot)
         index = {name: k for k, name in enumerate(dict.fromkeys([*of_target, *belongs]))}
@@ -193,7 +163,7 @@ class Problem:
             targets=tuple(index),
             target_index=np.array([index[name] for name in belongs], dtype=np.int64),
             guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in index]),
-            distances=distances(header, tuple(index)),
+            ties=ties(header, tuple(index)),
             weights=np.ones(len(joints)),
         )
 
@@ -286,7 +256,7 @@ class Problem:
         return replace(self, weights=self.weights * weights)
 
     def without_targets(self, names: Collection[str]) -> Problem:
-        """The same problem without some of its targets: their shots, coordinates and distances are gone."""
+        """The same problem without some of its targets: their shots, coordinates and ties are gone."""
         kept = [k for k, name in enumerate(self.targets) if name not in names]
         new_index = {k: i for i, k in enumerate(kept)}
         rest = self.select(np.flatnonzero(np.isin(self.target_index, kept)))
@@ -300,10 +270,10 @@ class Problem:
             targets=tuple(self.targets[k] for k in kept),
             target_index=np.array([new_index[k] for k in rest.target_index.tolist()], dtype=np.int64),
             guessed=self.guessed[kept],
-            distances=tuple(
-                replace(d, first=new_index[d.first], second=new_index[d.second])
-                for d in self.distances
-                if d.first in new_index and d.second in new_index
+            ties=tuple(
+                replace(tie, first=new_index[tie.first], second=new_index[tie.second])
+                for tie in self.ties
+                if tie.first in new_index and tie.second in new_index
             ),
         )
 
@@ -332,6 +302,16 @@ class Problem:
     def geometry(self) -> Geometry:
         """What of the arm's geometry is uncertain."""
         return self.functions.geometry
+
+    @property
+    def distances(self) -> tuple[Distance, ...]:
+        """The ties between points."""
+        return tuple(tie for tie in self.ties if isinstance(tie, Distance))
+
+    @property
+    def angles(self) -> tuple[Angle, ...]:
+        """The ties between planes."""
+        return tuple(tie for tie in self.ties if isinstance(tie, Angle))
 
     # Shapes
 
@@ -363,8 +343,8 @@ class Problem:
 
     @property
     def measured_size(self) -> int:
-        """Number of residuals: those of each shot (as often as it counts), one for each distance."""
-        return round(float(self.weights @ self.sizes)) + len(self.distances)
+        """Number of residuals: those of each shot (as often as it counts), one for each tie."""
+        return round(float(self.weights @ self.sizes)) + len(self.ties)
 
     @property
     def data_size(self) -> int:
@@ -522,25 +502,22 @@ class Problem:
         stacked = np.linalg.solve(factor, np.concatenate([residual[:, :, None], scaled], axis=2))
         stacked *= np.sqrt(self.weights)[:, None, None]
         rows = self.shots * d
-        jacobian = np.zeros((rows + len(self.distances), p))
+        jacobian = np.zeros((rows + len(self.ties), p))
         where = np.repeat(self.columns, d, axis=0)
         np.put_along_axis(jacobian[:rows], where, stacked[:, :, 1:].reshape(rows, where.shape[1]), axis=1)
-        distance, by_targets = self.distance_rows(x[None])
+        tied, by_targets = self.tie_rows(x[None])
         jacobian[rows:] = by_targets[0] * self.parameters.prior_std
-        return Whitened(np.append(stacked[:, :, 0].reshape(-1), distance[0]), jacobian, residual, factor)
+        return Whitened(np.append(stacked[:, :, 0].reshape(-1), tied[0]), jacobian, residual, factor)
 
-    def distance_rows(self, x: Matrix) -> tuple[Matrix, Matrix]:
-        """Whitened distance residuals (W, D) of parameter vectors (W, p), their Jacobian (W, D, p) by x."""
-        residual = np.zeros((len(x), len(self.distances)))
+    def tie_rows(self, x: Matrix) -> tuple[Matrix, Matrix]:
+        """Whitened residuals of ties (W, T) at parameter vectors (W, p), their Jacobian (W, T, p) by x."""
+        residual = np.zeros((len(x), len(self.ties)))
         jacobian = np.zeros((*residual.shape, len(self.parameters)))
         targets, block = self.split(x).targets, self.parameters.block
-        for row, distance in enumerate(self.distances):
-            between = targets[:, distance.second] - targets[:, distance.first]
-            length = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
-            residual[:, row] = (length - distance.mm) / distance.sigma
-            along = between / length[:, None] / distance.sigma
-            jacobian[:, row, block("target", distance.second)] = along
-            jacobian[:, row, block("target", distance.first)] = -along
+        for row, tie in enumerate(self.ties):
+            residual[:, row], by_first, by_second = tie.missed(targets[:, tie.first], targets[:, tie.second])
+            jacobian[:, row, block("target", tie.first)] = by_first
+            jacobian[:, row, block("target", tie.second)] = by_second
         return residual, jacobian
 
     def roots(self, whitened: Whitened) -> Matrix:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...analysis.answer.result import LikelihoodSummary, MidpointSummary, Result
+from ...analysis.answer.result import AngleResult, DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
 from ...analysis.observability.power import LIMIT_U, DetectionPower
@@ -19,7 +19,7 @@ from ...words.misfit_causes import CAUSES, changed
 from ...words.numbers import times, unit_of
 from ...words.observability import wrong_words
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
-from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Cell, Facts, Head, Paragraph, Row, Section, Table, row_of, section_of, table_of
 from .parameters import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
@@ -48,6 +48,7 @@ def fit_section(result: Result) -> Section:
         _both_estimates(result) if result.misfit is None else None,
         _power(result.power),
         _distances(result),
+        _angles(result),
         *(other_tables(result.parameters, result.coverage_factor) if result.misfit is None else ()),
     )
 
@@ -123,17 +124,25 @@ def _power(rows: Sequence[DetectionPower]) -> Table | None:
 
 
 def _distances(result: Result) -> Table | None:
-    columns = ["between", "stated", "its U", "after the fit", "its U"]
-    k, shown_rows = result.coverage_factor, []
-    for row in result.distances:
-        names = f"{clipped(row.between[0], 24)} and {clipped(row.between[1], 24)}"
-        as_stated = (numbers.exact(row.mm, "mm"), numbers.exact(k * row.sigma_mm, "mm"))
-        if row.estimate is None or row.std is None:
-            shown_rows.append(row_of(names, *as_stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
-        else:
-            estimate = numbers.estimate(row.estimate, k * row.std, "mm")
-            shown_rows.append(row_of(names, *as_stated, estimate, numbers.spread(k * row.std, "mm")))
-    return table_of("Distances between targets", columns, shown_rows) if shown_rows else None
+    rows = [_tie(result, row, row.mm, row.sigma_mm, "mm") for row in result.distances]
+    return table_of("Distances between targets", _OF_TIES, rows) if rows else None
+
+
+def _angles(result: Result) -> Table | None:
+    rows = [_tie(result, row, row.deg, row.sigma_deg, "deg") for row in result.angles]
+    return table_of("Angles between planes", _OF_TIES, rows) if rows else None
+
+
+_OF_TIES = ["between", "stated", "its U", "after the fit", "its U"]
+
+
+def _tie(result: Result, row: DistanceResult | AngleResult, value: float, sigma: float, unit: str) -> Row:
+    names, k = f"{clipped(row.between[0], 24)} and {clipped(row.between[1], 24)}", result.coverage_factor
+    as_stated = (numbers.exact(value, unit), numbers.exact(k * sigma, unit))
+    if row.estimate is None or row.std is None:
+        return row_of(names, *as_stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable")
+    estimate = numbers.estimate(row.estimate, k * row.std, unit)
+    return row_of(names, *as_stated, estimate, numbers.spread(k * row.std, unit))
 
 
 def diagnosis_section(result: Result) -> Section | None:

@@ -76,6 +76,8 @@ def source_words(row: BudgetRow, instruments: Mapping[str, type[Instrument]]) ->
             return f"prior of {names[0]}"
         case "distance":
             return f"distance {names[0]} to {names[1]}"
+        case "angle":
+            return f"angle {names[0]} to {names[1]}"
         case "noise factors":
             return "how well the noise is known"
         case _:

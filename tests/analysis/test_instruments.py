@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from cells import irb1600
-from measured_arms import CELLS, recorded
+from measured_arms import CELLS, Recorded, recorded
 from scipy import stats
 
 from zerobeam.analysis.estimation.threads import one_blas_thread
 from zerobeam.analysis.ladder import solve_run
+from zerobeam.analysis.placements import placements
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import known
 from zerobeam.model.likelihood.problem import Problem
@@ -88,3 +89,37 @@ def test_a_reflector_off_its_tight_sigma_is_noticed() -> None:
     known_frame = "tracker, frame known"
     assert outcome(known_frame, 3, off_mm=2.0).misfit.all()
     assert not outcome(known_frame, 3).misfit.any()
+
+
+def test_right_angles_of_a_cube_make_offsets_better_known_and_a_wrong_one_is_noticed() -> None:
+    """The same touches with three angles, with one, with none: u falls with each. A cube that is 0.1° off,
+    taken for a right one, is a misfit; as the planes that it is made of it is none."""
+    cell, rng = CELLS["cube"], np.random.default_rng(6)
+    count, smallest = 18, []
+    for _ in range(3):
+        arm = recorded(cell, count, rng, exact=True, joint_deg=JOINT_DEG)
+
+        def solved(angles: list[dict[str, object]], arm: Recorded = arm) -> Solution:
+            header = cell.header(geometry="exact", joint_deg=JOINT_DEG, angles=angles)
+            return solve_run(Problem.of_measured(header, irb1600(), arm.joints, arm.measured), header)
+
+        u = []
+        for angles in (0, 1, 3):
+            solution = solved(cell.angles[:angles])
+            assert solution.misfit is None
+            assert solution.problem.measured_size == count + angles
+            u.append(solution.problem.parameters.unscaled(solution.fit.std)[1:6])
+        assert (u[1] < 1.001 * u[0]).all()
+        assert (u[2] < 1.001 * u[1]).all()
+        smallest.append((u[2] / u[0]).min())
+        assert solved([{**cell.angles[0], "deg": 90.1}, *cell.angles[1:]]).misfit is not None
+    assert max(smallest) < 0.75
+
+
+def test_a_cube_of_which_angles_are_stated_is_one_placement() -> None:
+    cell = CELLS["cube"]
+    arm = recorded(cell, 12, np.random.default_rng(6), exact=True, joint_deg=JOINT_DEG)
+    for angles, expected in ((cell.angles, [3]), (cell.angles[:1], [2, 1]), ([], [1, 1, 1])):
+        header = cell.header(geometry="exact", joint_deg=JOINT_DEG, angles=angles)
+        problem = Problem.of_measured(header, irb1600(), arm.joints, arm.measured)
+        assert [len(each.targets) for each in placements(problem)] == expected

@@ -8,6 +8,7 @@ digits: mpmath.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ from mpmath import mpf
 from numpy.typing import NDArray
 
 from zerobeam.analysis.observability.aim import aim
+from zerobeam.analysis.observability.gauges import ROUNDING, information_root
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
 from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
@@ -32,6 +34,7 @@ ZERO = mpf(10) ** -25  # of a pivot, columns of unit length: far from what is sm
 UNRESOLVED = 1e-8  # of a singular value on columns of unit length, at most: see `unresolved`
 EYE = np.array([[mpf(int(i == j)) for j in range(3)] for i in range(3)])
 _HIT = mpf(10) ** -40  # metres
+_RESOLVED = mpf(10) ** -8  # of a pivot: what breaks a gauge by less, double precision need not tell from none
 _SPOT_MM = 0.05  # of a residual: the joints' noise comes on top
 _STEP = 0.2  # mm, and hundredths of a degree: so small that measurements stay those they are, if they can
 
@@ -86,6 +89,18 @@ def dh_row(rng: np.random.Generator) -> DHRow:
     return DHRow(a, alpha, d, float(rng.choice([0.0, -np.pi / 2, rng.uniform(-np.pi, np.pi)])))
 
 
+def robot_of(rows: Sequence[DHRow], kinds: str) -> Robot:
+    """Of standard rows, its joints "r" or "p"."""
+    fixed, flange = dh_chain(tuple(rows), "standard")
+    joints = tuple(
+        Joint(f"joint{i + 1}", "revolute", fixed[i], np.array([0.0, 0.0, 1.0]), -np.pi, np.pi)
+        if kinds[i] == "r"
+        else Joint(f"joint{i + 1}", "prismatic", fixed[i], np.array([0.0, 0.0, 1.0]), -500.0, 500.0)
+        for i in range(len(kinds))
+    )
+    return Robot("random", joints, flange)
+
+
 def random_cell(kind: Kind) -> Cell | None:
     """None where this arm cannot hit a target in so many ways."""
     rng = np.random.default_rng(kind.seed)
@@ -97,14 +112,8 @@ def random_cell(kind: Kind) -> Cell | None:
             dataclasses.replace(rows[-1], alpha=float(rng.choice([0.0, np.pi / 2, -np.pi / 2]))),
         )
     kinds = "".join("p" if kind.prismatic and rng.random() < 0.3 else "r" for _ in range(n))
-    fixed, flange = dh_chain(rows, "standard")
-    joints = tuple(
-        Joint(f"joint{i + 1}", "revolute", fixed[i], np.array([0.0, 0.0, 1.0]), -np.pi, np.pi)
-        if kinds[i] == "r"
-        else Joint(f"joint{i + 1}", "prismatic", fixed[i], np.array([0.0, 0.0, 1.0]), -500.0, 500.0)
-        for i in range(n)
-    )
-    robot = Robot("random", joints, flange)
+    robot = robot_of(rows, kinds)
+    flange = robot.flange
     direction = [[1, 0, 0], [0, 0, 1], rng.normal(size=3).round(3).tolist()][rng.integers(3)]
     point = rng.uniform(-80, 80, 3).round(2).tolist()
     if kind.on_axis:
@@ -198,22 +207,13 @@ def joints_of(cell: Cell, joints: Matrix) -> Exact:
     return exact(joints) * np.array([mpf(1) if kind == "r" else mpf(1) / 1000 for kind in cell.kinds])
 
 
-class Judge:
-    """Residuals and Jacobians of one cell in fifty digits: by offsets, geometry, target, tool."""
+class Chain:
+    """The arm of Denavit-Hartenberg `rows` and `kinds` of joints, with what of its geometry is uncertain."""
 
-    def __init__(self, arm: Cell, geometry: Any = NOMINAL) -> None:
-        tool = arm.own.tool
-        self.arm, self.laser, self.open = arm, tool.kind == "laser", not arm.own.exact_tool
+    def __init__(self, rows: Sequence[DHRow], kinds: str, geometry: Any = NOMINAL) -> None:
+        self.rows, self.kinds = rows, kinds
         self.names = geometry.names if geometry else ()
         self.gravity = geometry.gravity if geometry else None
-        self.point = exact(tool.point_mm) / 1000
-        if self.laser:
-            self.nominal = unit(exact(tool.direction))
-            axis = int(np.argmax(np.abs(self.nominal.astype(float))))
-            e1, e2 = EYE[(axis + 1) % 3], EYE[(axis + 2) % 3]
-            b1 = unit(e1 - (e1 @ self.nominal) * self.nominal)
-            b2 = e2 - (e2 @ self.nominal) * self.nominal
-            self.b1, self.b2 = b1, unit(b2 - (b2 @ b1) * b1)
 
     def chain(
         self, theta: Exact, links: dict[Any, mpf]
@@ -222,10 +222,10 @@ class Judge:
         a shift); the ends of the links."""
         rotation, place, screws, by_link, ends = EYE, EYE[0] * 0, [], {}, []
         zero, one = mpf(0), mpf(1)
-        for i, row in enumerate(self.arm.rows):
+        for i, row in enumerate(self.rows):
             link = f"link{i + 1}"
             screws.append((rotation[:, 2], place))
-            revolute = self.arm.kinds[i] == "r"
+            revolute = self.kinds[i] == "r"
             c, s = cos_sin(row.theta)
             ct, st_ = (mpmath.cos(theta[i]), mpmath.sin(theta[i])) if revolute else (one, zero)
             c, s = c * ct - s * st_, s * ct + c * st_
@@ -257,6 +257,19 @@ class Judge:
             rates[f"joint{i + 1}", "cos"] = mpmath.cos(q[i])
             rates[f"joint{i + 1}", "sin"] = mpmath.sin(q[i])
         return rates
+
+
+class Judge(Chain):
+    """Residuals and Jacobians of one cell in fifty digits: by offsets, geometry, target, tool."""
+
+    def __init__(self, arm: Cell, geometry: Any = NOMINAL) -> None:
+        super().__init__(arm.rows, arm.kinds, geometry)
+        tool = arm.own.tool
+        self.arm, self.laser, self.open = arm, tool.kind == "laser", not arm.own.exact_tool
+        self.point = exact(tool.point_mm) / 1000
+        if self.laser:
+            self.nominal = unit(exact(tool.direction))
+            self.b1, self.b2 = beam_axes(self.nominal)
 
     def shot(self, values: Values, q: Exact) -> tuple[Exact, Exact]:
         """Residual (d) and Jacobian (d, n + g + 3 + k); base frame, across the beam."""
@@ -326,6 +339,15 @@ class Judge:
             q = q.copy()
             q[moving] -= by_joints.T @ np.array(list(part))
         return None
+
+
+def beam_axes(nominal: Exact) -> tuple[Exact, Exact]:
+    """b1, b2 of the conventions across a nominal beam (3,) of length 1."""
+    axis = int(np.argmax(np.abs(nominal.astype(float))))
+    e1, e2 = EYE[(axis + 1) % 3], EYE[(axis + 2) % 3]
+    b1 = unit(e1 - (e1 @ nominal) * nominal)
+    b2 = e2 - (e2 @ nominal) * nominal
+    return b1, unit(b2 - (b2 @ b1) * b1)
 
 
 def turn(k: int, angle: mpf) -> Exact:
@@ -452,3 +474,30 @@ def spanned(matrix: Exact, others: Exact, zero: mpf) -> list[bool]:
         below = np.arange(len(rows)) > done
         rows[below] -= np.outer(rows[below, left[k]] / rows[done, left[k]], rows[done])
     return [all(abs(value) < ZERO for value in column) for column in rows[len(used) :, size:].T]
+
+
+def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
+    """The dimension of the null space without what has a tolerance, and which free parameters are gauges.
+
+    For two bounds of what is none: that of fifty digits, and that of double precision. With links that
+    deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.
+    """
+    parameters = problem.parameters
+    known, free = parameters.tolerated, parameters.free
+    plain, tolerated = jacobian[:, free & ~known], np.flatnonzero(known)
+    answers = {}
+    for zero in (ZERO, _RESOLVED):
+        dimension, part = null_space(plain, zero=zero)
+        result = np.zeros(len(parameters), dtype=bool)
+        result[free & ~known] = part
+        result[tolerated] = spanned(plain, jacobian[:, tolerated], zero)
+        answers[zero] = (dimension, result[free].tolist())
+    return answers
+
+
+def faint_at(problem: Problem, x: Matrix) -> Matrix:
+    """(f,) to what tolerance the data add too little at x to be stated: 1e-8 of its own information."""
+    _, root, _ = information_root(problem, x, 1.0)
+    length = np.maximum(np.linalg.norm(root, axis=0), 1e-300)
+    std = np.linalg.norm(np.linalg.pinv(root / length, rcond=ROUNDING), axis=1) / length
+    return problem.parameters.tolerated[problem.parameters.free] & (std > 1 - 0.5e-8)

@@ -7,13 +7,16 @@ is measured in turn, posture by posture; the world is drawn for each arm. Angles
 from __future__ import annotations
 
 import copy
+import itertools
+import json
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from deviating_arms import Arms, N, Sizes
 
-from zerobeam.model.files.header import Header
+from zerobeam.model.files.header import Header, header_content
 from zerobeam.model.instruments.kind import Measurement
 
 SIGMA_MM, SIGMA_DEG = 0.05, 0.01
@@ -56,12 +59,22 @@ Read = tuple[str, str, str | None]  # label of an instrument, variant, target
 
 @dataclass(frozen=True)
 class Cell:
-    """What a header states of instruments and targets, and what is read at each posture in turn."""
+    """What a header states of instruments and targets, and what is read at each posture in turn. With
+    `square_deg` its three planes are the faces of a cube whose right angles are true to that."""
 
     instruments: dict[str, Any]
     targets: dict[str, Any]
     turns: tuple[tuple[Read, ...], ...]
     tool: dict[str, Any] | None = None
+    square_deg: float | None = None
+
+    @property
+    def angles(self) -> list[dict[str, Any]]:
+        """The right angles of a cube, as a header states them."""
+        if self.square_deg is None:
+            return []
+        pairs = itertools.combinations(self.targets, 2)
+        return [{"between": list(pair), "deg": 90, "sigma_deg": self.square_deg} for pair in pairs]
 
     def header(
         self, *, geometry: str | None, joint_deg: float, understated: float = 1.0, **more: Any
@@ -75,6 +88,7 @@ class Cell:
             "robot": "irb1600",
             "instruments": instruments,
             "targets": self.targets,
+            "angles": self.angles,
             "noise": {"joint_deg": joint_deg} | ({"spot_mm": SIGMA_MM / understated} if self.tool else {}),
             **({"tool": self.tool} if self.tool else {}),
             **({"geometry": geometry} if geometry else {}),
@@ -101,6 +115,7 @@ CELLS = {
     "tracker, frame known": Cell({"leica": tracker(KNOWN_FRAME, 0.05)}, {}, _TRACKED),
     "pose": Cell({"tmac": POSE}, {}, (_reads("tmac", ""),)),
     "plane": Cell({"tip": tip("plane")}, PLANES, _touches("tip", PLANES)),
+    "cube": Cell({"tip": tip("plane")}, PLANES, _touches("tip", PLANES), square_deg=0.003),
     "sphere": Cell({"tip": tip("sphere")}, BALL, _touches("tip", BALL)),
     "ballbar": Cell({"bar": BAR}, SOCKETS, _touches("bar", SOCKETS)),
     "dial": Cell({"dial": DIAL}, PLANES, _touches("dial", PLANES)),
@@ -191,6 +206,12 @@ class World:
                 self.targets[name] = at, normal / np.linalg.norm(normal)
             else:
                 self.targets[name] = at, target.get("diameter_mm", 0.0) / 2
+        if cell.square_deg is not None:
+            normals = np.array([normal for _, normal in self.targets.values()])
+            left, _, right = np.linalg.svd(normals)
+            normals = left @ right + np.radians(cell.square_deg) / np.sqrt(2) * rng.normal(size=(3, 3))
+            for (name, (at, _)), normal in zip(list(self.targets.items()), normals, strict=True):
+                self.targets[name] = at, normal / np.linalg.norm(normal)
 
     def met(self, label: str) -> bool:
         return self.entries[label]["kind"] in ("laser", "probe", "plane", "sphere")
@@ -300,6 +321,17 @@ def recorded(
         joints.append(q + noise)
         measured.append([Measurement(*read, world.reading(read, flange)) for read in turn])
     return Recorded(np.array(joints), measured, arm.offsets[0])
+
+
+def cube_run(path: Path, touches: int = 30) -> Path:
+    """A run file of an exact arm that touched the faces of a cube."""
+    cell = CELLS["cube"]
+    arm = recorded(cell, touches, np.random.default_rng(5), exact=True, joint_deg=0.002)
+    lines = [header_content(cell.header(geometry="exact", joint_deg=0.002), "zerobeam/run/1")]
+    for joints, (item,) in zip(arm.joints, arm.measured, strict=True):
+        lines.append({"shot": len(lines), "target": item.target, "joints_deg": np.degrees(joints).tolist()})
+    path.write_text("\n".join(map(json.dumps, lines)) + "\n", encoding="utf-8")
+    return path
 
 
 def _flange(arm: Arms, q: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ import pytest
 import typer.main
 from command_line import zerobeam as command_line
 from documents import DOCS, PAGES, ROOT, blocks, prepare, prose, read, told_commands
+from measured_arms import cube_run
 from scripts import load_script
 
 import zerobeam
@@ -216,8 +217,10 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     crossed = [{**shot, "joints_deg": [shot["joints_deg"][i] for i in (0, 1, 2, 5, 4, 3)]} for shot in shots]
     swapped = folder / "swapped.jsonl"
     swapped.write_text("\n".join(json.dumps(row) for row in (ties, *crossed, *far)), encoding="utf-8")
+    cube = cube_run(folder / "cube.jsonl")
     alone = [
-        command_line("analyse", run, *asked[:3]).json for run in (x_pattern, exchanged, swapped, uncertain)
+        command_line("analyse", run, *asked[:3]).json
+        for run in (x_pattern, exchanged, swapped, uncertain, cube)
     ]
     return [command_line("analyse", three, *asked).json, *alone]
 

@@ -12,9 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import zerobeam
+from measured_arms import cube_run
 
+from zerobeam.analysis.analyse import analyse
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.robot import rotation_about
+from zerobeam.reports.run.fit import fit_section
+from zerobeam.reports.run.uncertainty_budget import source_words
 
 OFFSETS = np.radians([0.0, 0.4, -0.3, 0.5, -0.2, 0.3])
 JOINT = np.radians(0.005)
@@ -161,23 +166,20 @@ def test_the_page_of_a_run_without_a_target_says_so(tmp_path: Path) -> None:
     assert "base frame (x, y, z): ." not in page
 
 
-def test_known_angles_are_refused_and_not_ignored(tmp_path: Path) -> None:
-    planes = {
-        name: {"kind": "plane", "normal": normal, "guess_mm": [900, 0, 300]}
-        for name, normal in (("top", [0, 0, 1]), ("side", [1, 0, 0]))
-    }
-    angles = [{"between": ["top", "side"], "deg": 90, "sigma_deg": 0.01}]
-    tip = {"kind": "plane", "tip_mm": [20, 0, 100], "sigma_mm": 0.01}
-    header = {"robot": "irb1600", "instruments": {"tip": tip}, "noise": {"joint_deg": 0.005}}
-    lines: list[dict[str, object]] = [
-        {"schema": "zerobeam/run/1", "targets": planes, "angles": angles, **header}
-    ]
-    rng = np.random.default_rng(1)
-    for i in range(12):
-        joints = rng.uniform(-30, 30, size=6).tolist()
-        lines.append({"shot": i, "target": ("top", "side")[i % 2], "joints_deg": joints})
-    (tmp_path / "run.jsonl").write_text("\n".join(map(json.dumps, lines)) + "\n", encoding="utf-8")
-    assert "angles" in zerobeam("analyse", tmp_path / "run.jsonl").refused()
+def test_stated_angles_of_a_cube_are_in_the_answer(tmp_path: Path) -> None:
+    run = cube_run(tmp_path / "run.jsonl")
+    answer = zerobeam("analyse", run, "--ess", 100, "--json").json
+    assert answer["verdict"] != "misfit"
+    pairs = [["top", "side"], ["top", "front"], ["side", "front"]]
+    assert [row["between"] for row in answer["angles"]] == pairs
+    for row in answer["angles"]:
+        assert (row["deg"], row["sigma_deg"]) == (90, pytest.approx(0.003))
+        assert abs(row["estimate"] - 90) < 4.5 * 0.003
+        assert 0 < row["std"] <= 0.003
+    result = analyse(read_run(run), ess=100).result
+    assert "Angles between planes" in repr(fit_section(result))
+    sources = {source_words(row, result.inputs.instruments) for row in result.budget[0].rows}
+    assert {"angle top to side", "angle top to front", "angle side to front"} <= sources
 
 
 def test_what_moves_a_robot_refuses_what_is_no_laser(tmp_path: Path) -> None:

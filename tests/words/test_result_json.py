@@ -54,7 +54,8 @@ def test_the_keys_are_those_of_the_design() -> None:
     assert list(answer) == [
         *("schema", "verdict", "message", "coverage_factor", "headline", "parameters", "without_prior"),
         *("identifiability", "fits"),
-        *("geometry", "posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust"),
+        *("geometry", "posterior", "shots", "distances", "angles", "intervals", "accuracy", "budget"),
+        "robust",
         "hold_out",
         *("placements", "scene", "misfit", "diagnosis", "enter", "enter_geometry", "conformity"),
         *("power", "notes", "next_steps", "inputs"),

@@ -178,7 +178,7 @@ def test_what_was_stated_moves_the_estimate_by_its_sensitivity(tool):
         key = ("target", item.name[:-2]) if item.group == "target" else ("prior", item.name)
         by.setdefault(key, []).append(slope)
     stated = problem.distances[0]
-    ends = [moved(fit, distances=(dataclasses.replace(stated, mm=stated.mm + s),)) for s in (0.05, -0.05)]
+    ends = [moved(fit, ties=(dataclasses.replace(stated, mm=stated.mm + s),)) for s in (0.05, -0.05)]
     by["distance", "psd", "b"] = [parameters.display * (ends[0] - ends[1]) / 0.1]
     told, measured = [], []
     for name, own in found.items():

@@ -23,6 +23,8 @@ from exact_judge import (
     Kind,
     at_nominal,
     exact,
+    faint_at,
+    gauges_of,
     joints_of,
     near_by,
     null_space,
@@ -38,13 +40,11 @@ from mpmath import mpf
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.aim import aim
-from zerobeam.analysis.observability.gauges import ROUNDING, information_root
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
 _POINTS = 100  # near a special measurement: one in twenty that tells as little as the package says is found
-_RESOLVED = mpf(10) ** -8  # of a pivot: what breaks a gauge by less, double precision need not tell from none
 
 
 def problem_of(arm: Cell) -> Problem:
@@ -183,25 +183,6 @@ def freed(kind: Kind) -> tuple[Cell, Problem] | None:
     return arm, problem_of(arm)
 
 
-def gauges_of(jacobian: Exact, problem: Problem) -> dict[mpf, tuple[int, list[bool]]]:
-    """The dimension of the null space without what has a tolerance, and which free parameters are gauges.
-
-    For two bounds of what is none: that of fifty digits, and that of double precision. With links that
-    deviate, and joints that bend, a gauge of the nominal arm is often broken by some 1e-12.
-    """
-    parameters = problem.parameters
-    known, free = parameters.tolerated, parameters.free
-    plain, tolerated = jacobian[:, free & ~known], np.flatnonzero(known)
-    answers = {}
-    for zero in (ZERO, _RESOLVED):
-        dimension, part = null_space(plain, zero=zero)
-        result = np.zeros(len(parameters), dtype=bool)
-        result[free & ~known] = part
-        result[tolerated] = spanned(plain, jacobian[:, tolerated], zero)
-        answers[zero] = (dimension, result[free].tolist())
-    return answers
-
-
 def compare_with_geometry(kind: Kind) -> bool:
     """Assert that the package says what the judge says; False where there is no such cell."""
     made = freed(kind)
@@ -235,12 +216,32 @@ def compare_with_geometry(kind: Kind) -> bool:
     return True
 
 
-def faint_at(problem: Problem, x: Matrix) -> Matrix:
-    """(f,) to what tolerance the data add too little at x to be stated: 1e-8 of its own information."""
-    _, root, _ = information_root(problem, x, 1.0)
-    length = np.maximum(np.linalg.norm(root, axis=0), 1e-300)
-    std = np.linalg.norm(np.linalg.pinv(root / length, rcond=ROUNDING), axis=1) / length
-    return problem.parameters.tolerated[problem.parameters.free] & (std > 1 - 0.5e-8)
+def test_what_more_is_null_here_than_near_by_does_not_make_known() -> None:
+    """Axes 1 and 2 of this arm cross in the base, and its nominal measurements leave open four directions
+    more than those anywhere near by. There these directions take up what the tilt of link 1 does, which would
+    be known to 0.4 tolerances here. Negative control: an arm whose measurements leave nothing open."""
+    arm, problem = freed(Kind(3, 3, False, True, False, False, 0, 5, True))
+    x, names = problem.nominal(), problem.parameters.names
+    tilt, scale = names.index("link1.beta"), problem.parameters.prior_std
+    told = identify(problem, x)
+    there = []
+    for seed in range(1, 5):
+        values = values_near_by(problem, seed)
+        near = aim(problem, values, arm.moving)
+        assert near.hit.all()
+        there.append(identify(near.problem, values).data_std / scale)
+    assert min(std[tilt] for std in there) > 10
+    assert told.data_std[tilt] / scale[tilt] > 10
+    assert told.status[tilt] == "unidentifiable"
+
+    arm, problem = freed(Kind(4, 6, False, True, True, False, 0, 8, False))
+    names = problem.parameters.names
+    known = identify(problem, problem.nominal()).data_std / problem.parameters.prior_std
+    values = values_near_by(problem, 1)
+    near = identify(aim(problem, values, arm.moving).problem, values).data_std / problem.parameters.prior_std
+    finite = np.isfinite(near) & (near < 1)
+    assert finite.sum() >= 6
+    np.testing.assert_allclose(known[finite], near[finite], rtol=0.5)
 
 
 QUICK_WITH_GEOMETRY = KINDS.filter(lambda kind: kind.shots < 10 and kind.joints < 6)
@@ -262,6 +263,9 @@ QUICK_WITH_GEOMETRY = KINDS.filter(lambda kind: kind.shots < 10 and kind.joints 
 )
 @example(  # what tells of a shift of the nominal arm is taken up by others at every other point
     kind=Kind(3, 3, False, True, False, False, 0, 5, True)
+)
+@example(  # no joint carries any torque: rounding is none
+    kind=Kind(1000, 3, True, False, True, False, 0, 12, True)
 )
 @example(  # axes 1 and 2 coincide: near by few targets are within reach, and all shots are in few postures
     kind=Kind(3, 3, False, False, False, False, 0, 5, True)

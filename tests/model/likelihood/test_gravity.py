@@ -7,6 +7,7 @@ from plain_model import arm
 
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.geometry import Geometry
 
 
@@ -77,6 +78,29 @@ def test_without_weight_nothing_bends(irb1600):
     geometry = geometry_of(irb1600, masses_kg=[0.0] * 6)
     assert geometry.gravity is None
     assert not [axis for _, axis in geometry.names if axis == "gravity"]
+
+
+def test_rounding_is_no_torque():
+    """Joint 1 of this arm is vertical, joint 2 slides, and all behind joint 3 is on its axis. Negative
+    control: 1 mm beside that axis joint 3 carries a torque, and it alone."""
+
+    def bending(beside_mm):
+        rows = (
+            DHRow(360.693, -np.pi / 2, 335.471, -np.pi / 2),
+            DHRow(0.0, np.pi / 2, 0.0, -1.9486833515399191),
+            DHRow(beside_mm, -np.pi / 2, 240.191, -np.pi / 2),
+        )
+        fixed, flange = dh_chain(rows, "standard")
+        along = np.array([0.0, 0.0, 1.0])
+        joints = (
+            Joint("joint1", "revolute", fixed[0], along, -np.pi, np.pi),
+            Joint("joint2", "prismatic", fixed[1], along, -500.0, 500.0),
+            Joint("joint3", "revolute", fixed[2], along, -np.pi, np.pi),
+        )
+        return geometry_of(Robot("axes without torque", joints, flange), harmonics=False).gravity
+
+    assert bending(0.0) is None
+    assert bending(1.0).joints == (2,)
 
 
 def test_harmonics_are_of_revolute_joints(tmp_path):

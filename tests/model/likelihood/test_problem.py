@@ -248,13 +248,13 @@ def test_two_targets_in_one_place_have_no_direction_but_no_nan_either(made):
 def test_distances_of_many_parameter_vectors(made):
     """Each row by itself, and the Jacobian by complex steps of the plain model."""
     walkers = made.walkers(3)
-    residual, jacobian = made.problem.distance_rows(walkers)
+    residual, jacobian = made.problem.tie_rows(walkers)
     assert residual.shape == (3, 1)
     for x, other, by_x in zip(walkers, residual, jacobian, strict=True):
         np.testing.assert_allclose(other, made.distances(x), rtol=1e-12)
         np.testing.assert_allclose(by_x, by_complex_steps(made.distances, x), rtol=0, atol=1e-12)
     none = Made(made.arm, header(tool_of(made.problem))).problem
-    assert [part.shape for part in none.distance_rows(walkers)] == [(3, 0), (3, 0, len(made.x))]
+    assert [part.shape for part in none.tie_rows(walkers)] == [(3, 0), (3, 0, len(made.x))]
 
 
 MAST = """schema: zerobeam/robot/1
