@@ -112,9 +112,8 @@ def _stepped(problem: Problem, fit: LikelihoodFit, decides: Mask) -> Matrix:
         for mine in np.array_split(every, -(-len(every) // _ROWS)):
             # Data sets of one measurement each.
             one = replace(known.select(mine[:1]), distances=())
-            singles = Density(
-                one, *(part[mine][:, None] for part in (known.joints, known.spots, known.weights))
-            )
+            parts = (known.joints, known.spots, known.weights, known.readings)
+            singles = Density(one, *(part[mine][:, None] for part in parts))
             slopes = singles.slopes(np.tile(fit.x, (len(mine), 1)))
             gradient = (slopes.gradient + fit.z) * fit.weight
             information = (slopes.information - np.eye(singles.size)) * fit.weight

@@ -75,10 +75,16 @@ def readings(kind, reflectors, i, pose, rng):
 
 
 def written(
-    path: Path, instruments: dict[str, dict[str, object]], of: dict[str, str], **changes: object
+    path: Path,
+    instruments: dict[str, dict[str, object]],
+    of: dict[str, str],
+    offsets: np.ndarray = OFFSETS,
+    seed: int = 5,
+    count: int = COUNT,
+    **changes: object,
 ) -> Path:
     """A run of postures in turn by each instrument: `of` says the kind by its label."""
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     header = {
         "schema": "zerobeam/run/1",
         "robot": "irb1600",
@@ -89,10 +95,10 @@ def written(
         **changes,
     }
     lines: list[dict[str, object]] = [header]
-    for i in range(COUNT):
+    for i in range(count):
         low, high = ([-60, -20, -40, -120, -90, -150], [60, 50, 30, 120, 90, 150])
         q = np.radians(rng.uniform(low, high))
-        true = ROBOT.fk(q + OFFSETS + rng.normal(size=6) * JOINT, unit="rad")
+        true = ROBOT.fk(q + offsets + rng.normal(size=6) * JOINT, unit="rad")
         label = list(of)[i % len(of)]
         reflectors = instruments[label].get("reflectors", ())
         for reading in readings(of[label], reflectors, i, true, rng):
