@@ -27,7 +27,7 @@ from scipy.linalg import block_diag, solve_triangular
 
 from ...model.arrays import Matrix
 from ...model.files.header import Header
-from ...model.likelihood.problem import Problem, Whitened, rms_length
+from ...model.likelihood.problem import Problem, Whitened
 from ..solution import Solution
 
 FALSE_ALARM = 0.01
@@ -160,7 +160,7 @@ class AcceptancePrediction:
         in_mm = block_diag(*whitened.factor) / self._scale
         predicted = float(np.sqrt(np.trace(in_mm @ covariance[: shots * d, : shots * d] @ in_mm.T) / shots))
         return PredictedResiduals(
-            free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted
+            free.T @ residual, free.T @ jacobian, self.problem.rms_mm(whitened.residual_mm), predicted
         )
 
     def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:

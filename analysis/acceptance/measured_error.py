@@ -14,7 +14,7 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.header import Header
-from ...model.likelihood.problem import Problem, rms_length
+from ...model.likelihood.problem import Problem
 from ..solution import Solution
 
 _STEPS = 5  # Gauss and Newton's, for the targets
@@ -95,7 +95,9 @@ def measured_error(
 
 
 def _size(residual: Matrix) -> ErrorSize:
-    return ErrorSize(rms_length(residual), float(np.linalg.norm(residual, axis=1).max()))
+    return ErrorSize(
+        float(np.sqrt((residual**2).sum(axis=1).mean())), float(np.linalg.norm(residual, axis=1).max())
+    )
 
 
 def _calibrated_rows(

@@ -195,7 +195,7 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
         rest = problem.select(kept)
         after = by_fit(rest)
         left = after.expected > _TAKEN_UP**2 * after.noise
-        errors = np.linalg.norm(after.residual_mm, axis=1)
+        errors = rest.length_mm(after.residual_mm)
         before = None if nominal is None else _errors(rest, *nominal, weight)
         for i, row in enumerate(kept.tolist()):
             if left[i]:
@@ -284,4 +284,4 @@ def _nominal(known: Problem) -> tuple[Problem, Matrix] | None:
 def _errors(problem: Problem, fitted: Problem, x: Matrix, weight: float) -> Matrix:
     """(N,) mm the lengths of the residuals of `problem` by the values `x` of the parameters of `fitted`."""
     at = carried_over(problem, fitted.parameters, x, weight)
-    return np.asarray(np.linalg.norm(problem.linearise(at)[0], axis=1))
+    return problem.length_mm(problem.linearise(at)[0])

@@ -340,6 +340,42 @@ class Problem:
         """(N,) how many components of each residual were read."""
         return np.asarray(self.active.sum(axis=1))
 
+    @cached_property
+    def _length_parts(self) -> tuple[Matrix, Matrix]:
+        """(d,) 1 for each component of a residual that is a length, else 0; (N,) lengths that were read."""
+        parts = self.tool.lengths
+        of_length = np.zeros(self.tool.residual_size)
+        of_length[[k for part in parts for k in part]] = 1.0
+        return of_length, np.asarray(self.active[:, [part[0] for part in parts]].sum(axis=1))
+
+    def length_squares(self, squares: Matrix) -> Matrix:
+        """(N,) mm² the squared length of a residual, by `squares` (N, d) of its components: of several
+        readings at one posture their mean, without what is an angle."""
+        of_length, count = self._length_parts
+        return np.asarray((squares * (self.active * of_length)).sum(axis=1) / count)
+
+    def length_mm(self, residual: Matrix) -> Matrix:
+        """(N,) the length of residuals (N, d), as `length_squares` takes it."""
+        return np.asarray(np.sqrt(self.length_squares(residual**2)))
+
+    def rms_mm(self, residual: Matrix) -> float:
+        """Root mean square length of residuals (N, d)."""
+        return float(np.sqrt(self.length_squares(residual**2).mean()))
+
+    def rms_deg(self, residual: Matrix) -> float | None:
+        """Root mean square angle of the rotations among residuals (N, d); None where no angle is read."""
+        angles = self.active * (1 - self._length_parts[0])
+        read = angles.any(axis=1)
+        if not read.any():
+            return None
+        return float(np.degrees(np.sqrt((residual[read] ** 2 * angles[read]).sum(axis=1).mean())))
+
+    def read_components(self, row: int, residual: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Of the residual (d,) of a measurement what was read of it: lengths, mm, and angles, deg."""
+        read, of_length = self.active[row] > 0, self._length_parts[0] > 0
+        angles = np.degrees(residual[read & ~of_length])
+        return tuple(residual[read & of_length].tolist()), tuple(angles.tolist())
+
     @property
     def measured_size(self) -> int:
         """Number of residuals: those of each shot (as often as it counts), one for each distance."""
@@ -389,6 +425,10 @@ class Problem:
     def stations(self) -> int:
         """How many of the targets are none."""
         return len(self.targets) - int(self.parameters.group("target").sum()) // 3
+
+    def is_station(self, target: str) -> bool:
+        """Whether it is no target, but an instrument that has none."""
+        return target in self.targets[len(self.targets) - self.stations :]
 
     def variances(self, x: Matrix) -> Matrix:
         """(..., n + I) of joints and instruments at parameter vectors (..., p), or (n + I,) as stated."""
@@ -640,8 +680,3 @@ def _by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[li
     for i, item in enumerate(measurements):
         rows.setdefault(item.posture, []).append(i)
     return [some[0] for some in rows.values()], [[measurements[i] for i in some] for some in rows.values()]
-
-
-def rms_length(residual: Matrix) -> float:
-    """Root mean square length of residuals (N, d), mm."""
-    return float(np.sqrt((residual**2).sum(axis=1).mean()))

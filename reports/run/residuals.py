@@ -29,15 +29,17 @@ WORST_SHOTS = 20
 
 def residuals_section(result: Result) -> Section:
     """The section of a report; of many measurements the table has the worst."""
+    shots, robust = result.shots, result.robust
+    rotations = any(shot.miss_deg for shot in shots)
     columns: list[Head] = [
         ("measurement", "right"),
-        ("target", "left"),
+        (_measured_at(result), "left"),
         "residual",
+        *(["rotation"] if rotations else []),
         "normalised",
         "leave-one-out",
         "Cook’s distance",
     ]
-    shots, robust = result.shots, result.robust
     weights = robust.weights if robust is not None and robust.converged else None
     outliers = set(robust.outliers) if robust is not None and weights is not None else set()
     chosen, caption = list(range(len(shots))), "Residual of every measurement"
@@ -68,7 +70,8 @@ def residuals_section(result: Result) -> Section:
         cells: list[str | Cell] = [
             str(shot.shot),
             clipped(shot.target, 24),
-            numbers.significant(math.hypot(*shot.miss_mm), unit="mm"),
+            numbers.significant(shot.length_mm, unit="mm"),
+            *([_rotation(shot)] if rotations else []),
             numbers.significant(shot.whitened, 2),
             numbers.or_words(shot.leave_one_out, "not predictable", "mm"),
             numbers.or_words(shot.cooks, "not defined"),
@@ -85,6 +88,18 @@ def residuals_section(result: Result) -> Section:
         FigureBlock("residual_map"),
         table_of(caption, columns, rows),
     )
+
+
+def _measured_at(result: Result) -> str:
+    """What a measurement belongs to: a target, or the instrument that reads without one."""
+    names, instruments = {shot.target for shot in result.shots}, set(result.inputs.instruments)
+    words = ("target" if names - instruments else "", "instrument" if names & instruments else "")
+    return " or ".join(filter(None, words))
+
+
+def _rotation(shot: ShotResult) -> str:
+    angle = math.hypot(*shot.miss_deg) if shot.miss_deg else None
+    return numbers.or_words(angle, "—", "deg")
 
 
 # ── the figure ────────────────────────────────────────────────────────────────────────────────
@@ -153,13 +168,13 @@ def drawn_of(shots: Sequence[ShotResult]) -> dict[int, ShotResult]:
 
 def noise_limits(shots: Sequence[ShotResult]) -> list[float]:
     """Of the normalised residuals, below which noise leaves 95 % of them."""
-    by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
-    return [by_size[len(shot.miss_mm)] for shot in shots]
+    by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {shot.size for shot in shots}}
+    return [by_size[shot.size] for shot in shots]
 
 
 def _millimetres(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
     """The upper panel: the residual as a dot, the leave-one-out residual as a ring."""
-    length = [math.hypot(*shot.miss_mm) for shot in drawn.values()]
+    length = [shot.length_mm for shot in drawn.values()]
     left_out = {i: shot.leave_one_out for i, shot in drawn.items() if shot.leave_one_out is not None}
     if few:
         axes.vlines(list(drawn), 0, length, color=light("line"), linewidth=1)

@@ -192,3 +192,25 @@ def test_what_moves_a_robot_refuses_what_is_no_laser(tmp_path: Path) -> None:
         told = zerobeam(*command, "-o", tmp_path / "plan.yaml").refused()
         assert "laser or probe" in told or "tool on the flange" in told
         assert not (tmp_path / "plan.yaml").exists()
+
+
+def test_residuals_of_a_pose_are_a_length_and_an_angle(tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES["pose"])
+    answer = zerobeam("analyse", run, "--ess", 100, "--json").json
+    fit = answer["fits"]["likelihood"]
+    for row in answer["shots"]:
+        assert (len(row["miss_mm"]), len(row["miss_deg"])) == (3, 3)
+        assert row["length_mm"] == pytest.approx(np.linalg.norm(row["miss_mm"]), rel=1e-12)
+    for rms, key in ((fit["rms_mm"], "miss_mm"), (fit["rms_deg"], "miss_deg")):
+        squares = [np.sum(np.square(row[key])) for row in answer["shots"]]
+        assert rms == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
+    # Control: radians for degrees, or the joints' 0.005° of six joints left out, would be far off.
+    assert 0.005 < fit["rms_deg"] < 0.03
+
+
+def test_of_a_mix_only_what_was_read_is_a_residual(tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES["mix"])
+    answer = zerobeam("analyse", run, "--ess", 100, "--json").json
+    sizes = {row["target"]: len(row["miss_mm"]) for row in answer["shots"]}
+    assert sizes == {"leica": 6, "b": 1}
+    assert answer["fits"]["likelihood"]["rms_deg"] is None
