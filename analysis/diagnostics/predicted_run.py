@@ -179,7 +179,8 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
     if not solution.converged:
         return replace(facts, failure=solution.fit.reason)
     weight = solution.fit.weight if known.noise.estimated else 1.0
-    problem = _carrying(known, recorded, set(placed))
+    carried = carrying(known, recorded, set(placed))
+    problem = carried.weighted(np.full(carried.shots, float(known.weights.mean())))
     nominal = _nominal(known)
 
     def by_fit(one: Problem) -> HeldOutResiduals:
@@ -251,13 +252,17 @@ def _with_statistics(
     )
 
 
-def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
-    """`recorded` with the noise, weights, priors and functions of the problem that was fitted; distances
-    between targets that the fit has are already in it."""
-    silent = replace(recorded, noise=known.noise, parameters=recorded.parameters.without("noise"))
+def carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
+    """`recorded` with the noise, priors and functions of the problem that was fitted; of the distances those
+    to the targets `placed`: others are already in the fit."""
+    stds = {each.label: std for each, std in zip(known.tool.each, known.noise.readings, strict=True)}
+    others = zip(recorded.tool.each, recorded.noise.readings, strict=True)
+    readings = np.array([stds.get(each.label, std) for each, std in others])
+    noise = replace(known.noise, readings=readings)
+    silent = replace(recorded, noise=noise, parameters=recorded.parameters.without("noise"))
     problem = silent.with_geometry(known.geometry)
     ours = dict(zip(known.parameters.names, known.parameters.items, strict=True))
-    problem = replace(
+    return replace(
         problem,
         parameters=Parameters(tuple(ours.get(item.name, item) for item in problem.parameters.items)),
         distances=tuple(
@@ -266,7 +271,6 @@ def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
             if {recorded.targets[distance.first], recorded.targets[distance.second]} & placed
         ),
     )
-    return problem.weighted(np.full(problem.shots, float(known.weights.mean())))
 
 
 def _nominal(known: Problem) -> tuple[Problem, Matrix] | None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Index, Matrix
+from ..arrays import Index, Mask, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
 from ..files.shot import check_distances
@@ -217,14 +217,14 @@ class Problem:
             spots = run.spots if run.header.instrument.columns else None
             numbers, targets = [shot.shot for shot in run.shots], [shot.met_target for shot in run.shots]
             return cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
-        rows, measured = _by_posture(run.measurements)
+        rows, measured = by_posture(run.measurements)
         numbers = [run.shots[i].shot for i in rows]
         return cls.of_measured(run.header, run.robot, run.joints[rows], measured, numbers)
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         with located(plan.path):
-            rows, measured = _by_posture(plan.measurements)
+            rows, measured = by_posture(plan.measurements)
             problem = cls.of_measured(
                 plan.header, plan.robot, plan.postures[rows], measured, rows, planned=True
             )
@@ -347,6 +347,11 @@ class Problem:
         of_length = np.zeros(self.tool.residual_size)
         of_length[[k for part in parts for k in part]] = 1.0
         return of_length, np.asarray(self.active[:, [part[0] for part in parts]].sum(axis=1))
+
+    @property
+    def length_components(self) -> Mask:
+        """(N, d) True for each component of a residual that is a length and was read."""
+        return np.asarray(self.active * self._length_parts[0] > 0)
 
     def length_squares(self, squares: Matrix) -> Matrix:
         """(N,) mm² the squared length of a residual, by `squares` (N, d) of its components: of several
@@ -605,7 +610,7 @@ class Problem:
         result = self._nearest_to_rays(parts, joints)
         for k in range(real if self.tool.reading_size else 0):
             mine = self.target_index == k
-            if self.planned and not self.met[mine].any():
+            if not mine.any() or (self.planned and not self.met[mine].any()):
                 continue
             for row, point in enumerate(x):
                 poses = self._poses(point, joints[row % len(joints)][mine])
@@ -674,7 +679,7 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
-def _by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measurement]]]:
+def by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[list[Measurement]]]:
     """The first measurement of each posture, by its index, and what is measured there."""
     rows: dict[int, list[int]] = {}
     for i, item in enumerate(measurements):

@@ -142,7 +142,7 @@ def _found_and_left(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]
     on = f" on {shown(left['measured_on'])}" if left["measured_on"] else ""
     yield (
         "As left",
-        f"{ACCEPTANCE_WORDS[left['verdict']]}: error at the target {_size(error['after'])}{before}, measured"
+        f"{ACCEPTANCE_WORDS[left['verdict']]}: error {_size(error['after'])}{before}, measured"
         f"{on} with {counted(left['measurements'], 'measurement')} of the corrected robot; the noise of a"
         f" measurement is {numbers.significant(error['noise_mm'], 2, 'mm')}.",
     )

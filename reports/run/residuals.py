@@ -13,7 +13,7 @@ from scipy.special import chdtri
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.influence import ShotResult
 from ...words import numbers
-from ...words.wording import clipped, shown
+from ...words.wording import clipped, measured_at, places_counted, shown
 from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
 from ..style.canvas import DASHES, Picture, new_figure, style, to_svg
 from ..style.palette import light
@@ -33,7 +33,7 @@ def residuals_section(result: Result) -> Section:
     rotations = any(shot.miss_deg for shot in shots)
     columns: list[Head] = [
         ("measurement", "right"),
-        (_measured_at(result), "left"),
+        (measured_at([shot.target for shot in shots], result.inputs.instruments), "left"),
         "residual",
         *(["rotation"] if rotations else []),
         "normalised",
@@ -90,13 +90,6 @@ def residuals_section(result: Result) -> Section:
     )
 
 
-def _measured_at(result: Result) -> str:
-    """What a measurement belongs to: a target, or the instrument that reads without one."""
-    names, instruments = {shot.target for shot in result.shots}, set(result.inputs.instruments)
-    words = ("target" if names - instruments else "", "instrument" if names & instruments else "")
-    return " or ".join(filter(None, words))
-
-
 def _rotation(shot: ShotResult) -> str:
     angle = math.hypot(*shot.miss_deg) if shot.miss_deg else None
     return numbers.or_words(angle, "—", "deg")
@@ -120,6 +113,7 @@ def residuals_picture(result: Result) -> Picture:
     targets = list(dict.fromkeys(shot.target for shot in shots))
     order = sorted(shots, key=lambda shot: targets.index(shot.target))
     few = len(order) <= FEW_SHOTS
+    group = measured_at(targets, result.inputs.instruments).replace(" or ", "/")
     drawn = drawn_of(order)
     with style():
         figure = new_figure(3.7)
@@ -133,7 +127,7 @@ def residuals_picture(result: Result) -> Picture:
         else:
             below.tick_params(axis="x", labelbottom=False, length=0)
         below.set_xlabel(
-            "measurement" if few else f"{len(order)} measurements, target by target", labelpad=room
+            "measurement" if few else f"{len(order)} measurements, {group} by {group}", labelpad=room
         )
         below.set_xlim(-0.7, len(order) - 0.3)
         for axes in (above, below):
@@ -148,7 +142,7 @@ def residuals_picture(result: Result) -> Picture:
             f": {len(drawn)} of {len(order)} are drawn, the {LARGEST_DRAWN} largest and others evenly; all"
             " are in result.json"
         )
-    where = "one target" if len(targets) == 1 else f"{len(targets)} targets"
+    where = places_counted(targets, result.inputs.instruments)
     alt = (
         f"Residuals of {len(order)} measurements at {where}. {over} lie beyond "
         f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
