@@ -16,6 +16,8 @@ from ruamel.yaml import YAML
 
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.instruments.ballbar import Ballbar
+from zerobeam.model.instruments.tracker import Tracker
 from zerobeam.model.kinematics.robot import rotation_about
 
 OFFSETS = np.radians([0.0, 0.4, -0.3, 0.5, -0.2, 0.3])
@@ -260,3 +262,28 @@ def test_a_corrected_robot_is_verified_by_every_kind(case: str, tmp_path: Path) 
     failed = zerobeam("verify", run, wrong, "--json").json
     assert failed["verdict"] == "fail"
     assert failed["rms_mm"] > 3 * passed["rms_mm"]
+
+
+def plain(page: Path) -> str:
+    """The words of a page."""
+    text = page.read_text(encoding="utf-8")
+    return re.sub(r"<[^>]+>", " ", re.sub(r"<(style|script|svg).*?</\1>", " ", text, flags=re.DOTALL))
+
+
+def test_a_certificate_names_the_instruments_of_its_run(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography")
+    about = {"robot serial": "A-1", "when": "2026-03-01", "tracker serial": "T 7", "ball bar": "B 9"}
+    run = written(tmp_path / "run.jsonl", *CASES["mix"], provenance=about)
+    history, key = tmp_path / "history.sqlite", tmp_path / "key"
+    for command in (("add", run, "--db", history), ("key", key)):
+        assert zerobeam("history", *command).status == 0
+    how = ("--key", key, "-o", tmp_path / "certificate", "--db", history)
+    assert zerobeam("history", "certify", "A-1", *how).status == 0
+    text = plain(tmp_path / "certificate" / "certificate.html")
+    for words in (Tracker.words, Ballbar.words):
+        assert words.method in text
+        assert all(name in text for name, _ in words.traced)
+    assert "T 7" in text
+    assert "B 9" in text
+    for word in ("laser", "beam", "PSD", "spot", "probe"):
+        assert not re.search(rf"\b{word}\b", text, re.IGNORECASE), word
