@@ -108,6 +108,9 @@ class Ballbar(TipStation):
         zero = unknowns[len(self.unknowns) - 1] if self.bias is None else self.bias
         return distance(flange.in_base(self.tip_at(unknowns)), target) + zero
 
+    def sight(self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str) -> Matrix:
+        return np.array([self.on_flange(pose, unknowns, variant), target])
+
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         """With a free zero, from five measurements on that is solved for as well."""
         free = self.bias is None and len(poses) > 4

@@ -14,7 +14,16 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal, without_length
 from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import StatedTip, TipStation, fitted_plane, plane_at, plane_coordinates, tip_std, unit_normal
+from .tips import (
+    StatedTip,
+    TipStation,
+    fitted_plane,
+    patch,
+    plane_at,
+    plane_coordinates,
+    tip_std,
+    unit_normal,
+)
 
 _LEAST_SLOPE = 1e-9  # of the direction against the plane
 
@@ -110,6 +119,13 @@ class Dial(TipStation):
         self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str
     ) -> ca.SX:
         return ca.vertcat(self._travel(flange, target, unknowns, reading[1:]), reading[1:])
+
+    def sight(self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str) -> Matrix:
+        tip = self.on_flange(pose, unknowns, variant)
+        return np.array([tip, tip + reading[0] * (pose[:3, :3] @ self.direction)])
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        return (patch(target, reading[1:], touched),)
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         touched = self.tips(poses, unknowns) + readings[:, :1] * (poses[:, :3, :3] @ self.direction)

@@ -94,6 +94,11 @@ class FramedStation(Station):
         last = unknowns[len(self.unknowns) - 6 :]
         return turned(last[3:]), last[:3]
 
+    def sight(self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str) -> Matrix:
+        """To where the instrument is."""
+        origin = unknowns[-6:-3] if self.frame is None else self.frame[1]
+        return np.array([self.on_flange(pose, unknowns, variant), origin])
+
     @property
     def frame_key(self) -> bytes:
         return b"free" if self.frame is None else self.frame[0].tobytes() + self.frame[1].tobytes()

@@ -13,7 +13,15 @@ from pydantic import Field
 from ..arrays import Matrix
 from ..parsing.validation import FileModel
 from .kind import Flange, TargetEntry, Unknown, Words
-from .tips import BallTipStation, StatedBallTip, fitted_plane, plane_at, plane_coordinates, unit_normal
+from .tips import (
+    BallTipStation,
+    StatedBallTip,
+    fitted_plane,
+    patch,
+    plane_at,
+    plane_coordinates,
+    unit_normal,
+)
 
 
 class StatedPlaneProbe(StatedBallTip):
@@ -62,6 +70,9 @@ class PlaneProbe(BallTipStation):
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         normal, d = plane_at(target, reading[:3])
         return ca.dot(normal, flange.in_base(self.tip_at(unknowns))) - self.radius - d
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        return (patch(target, reading[:3], touched),)
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         return fitted_plane(self.tips(poses, unknowns), np.asarray(readings[0, :3]), self.radius)

@@ -73,5 +73,11 @@ class SphereProbe(BallTipStation):
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return distance(flange.in_base(self.tip_at(unknowns)), target) - self.radius - reading[0]
 
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        """Three great circles."""
+        angle = np.linspace(0, 2 * np.pi, 25)
+        circle = reading[0] * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+        return tuple(target + np.roll(circle, k, axis=1) for k in range(3))
+
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         return sphere_through(self.tips(poses, unknowns), readings[:, 0] + self.radius, zero_free=False)

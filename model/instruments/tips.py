@@ -24,6 +24,7 @@ _STEEPEST = 0.2  # least cosine between a plane's normal and its stated one that
 _STRAIGHT = 1e-3  # width by length of points that are on a line
 _TINY = 1e-18  # mm²: keeps the derivative of a distance of zero finite
 _STEPS = 50
+_ROOM_MM = 40.0  # of a drawn part of a plane, about where it was touched
 
 
 class StatedTip(FileModel):
@@ -163,6 +164,20 @@ def plane_at(target: ca.SX, nominal: ca.SX) -> tuple[ca.SX, ca.SX]:
     b1, b2 = across(nominal)
     normal = nominal + ca.tan(target[1]) * b1 + ca.tan(target[2]) * b2
     return normal / ca.sqrt(ca.sumsqr(normal)), target[0]
+
+
+def patch(target: Matrix, nominal: Matrix, touched: Matrix) -> Matrix:
+    """(5, 3) mm the outline of a part of a plane, of d, tilt1, tilt2 (3,) about a stated normal (3,):
+    round the feet of points (N, 3) `touched`."""
+    b1, b2 = basis_across(nominal)
+    normal = nominal + np.tan(target[1]) * b1 + np.tan(target[2]) * b2
+    normal = normal / np.linalg.norm(normal)
+    b1, b2 = basis_across(normal)
+    feet = touched + (target[0] - touched @ normal)[:, None] * normal
+    along = np.array([feet @ b1, feet @ b2])
+    (low1, low2), (high1, high2) = along.min(axis=1) - _ROOM_MM, along.max(axis=1) + _ROOM_MM
+    corners = np.array([[low1, low2], [high1, low2], [high1, high2], [low1, high2], [low1, low2]])
+    return np.asarray(corners @ np.array([b1, b2]) + target[0] * normal)
 
 
 def fitted_plane(points: Matrix, nominal: Matrix, offset: float) -> Matrix:

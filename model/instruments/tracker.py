@@ -226,6 +226,10 @@ class Tracker(FramedStation):
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         return unknowns[:3], ca.SX.zeros(3)
 
+    def on_flange(self, pose: Matrix, unknowns: Matrix, variant: str) -> Matrix:
+        at = 3 * self._index(variant)
+        return np.asarray(pose[:3, :3] @ unknowns[at : at + 3] + pose[:3, 3])
+
     def _index(self, variant: str) -> int:
         """Of a reflector; where there is but one, it needs no name."""
         if not variant and len(self.reflectors) == 1:

@@ -586,12 +586,12 @@ class Problem:
     def _start_instruments(self, x: Matrix, joints: Matrix) -> None:
         variants = self.tool.variants[:1] * self.shots
         for row, point in enumerate(x):
-            parts, poses = self.split(point), self._poses(point, joints[row % len(joints)])
+            parts, poses = self.split(point), self.poses(point, joints[row % len(joints)])
             started = self.tool.start_unknowns(poses, self.readings, parts.tool, variants)
             free = self.parameters.free[self.parameters.instrument]
             x[row, self.parameters.instrument] = np.where(free, started, parts.tool)
 
-    def _poses(self, x: Matrix, joints: Matrix) -> Matrix:
+    def poses(self, x: Matrix, joints: Matrix) -> Matrix:
         """(N, 4, 4) the flange in the base frame at x (p,)."""
         (upper,) = self.functions.kernel("flange")(joints, self.split(x).arm)
         result = np.tile(np.eye(4), (len(joints), 1, 1))
@@ -613,7 +613,7 @@ class Problem:
             if not mine.any() or (self.planned and not self.met[mine].any()):
                 continue
             for row, point in enumerate(x):
-                poses = self._poses(point, joints[row % len(joints)][mine])
+                poses = self.poses(point, joints[row % len(joints)][mine])
                 known = self.tool.start_target(poses, self.readings[mine], parts.tool[row])
                 if known is not None:
                     result[row, k] = known
