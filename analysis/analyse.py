@@ -12,7 +12,7 @@ from ..model.arrays import Progress
 from ..model.errors import BadInput, located
 from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
-from ..model.likelihood.problem import Problem, rms_length
+from ..model.likelihood.problem import Problem
 from ..model.likelihood.ties import Tie
 from .answer.findings import findings
 from .answer.result import AngleResult, DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
@@ -225,8 +225,10 @@ def _likelihood(solution: Solution) -> LikelihoodSummary:
         reason=fit.reason,
         iterations=fit.iterations,
         cost=chi2 / 2,
-        rms_mm=rms_length(fit.whitened.residual_mm),
-        rms_before_mm=rms_length(before),
+        rms_mm=problem.rms_mm(fit.whitened.residual_mm),
+        rms_before_mm=problem.rms_mm(before),
+        rms_deg=problem.rms_deg(fit.whitened.residual_mm),
+        rms_before_deg=problem.rms_deg(before),
         chi2=chi2,
         dof=dof,
         p_value=p_value,

@@ -45,7 +45,8 @@ class Displacement:
     `size_std_mm` are None while one is. `elsewhere` are the change points that explain the residuals nearly
     as well (likelihood ratio within 20), `alone` is the measurement that does so if it alone is off, and
     `better_alone` says that it does so better. `rest_agrees` says that with the displacement the residuals
-    agree with the stated noise (True where its scale is estimated).
+    agree with the stated noise (True where its scale is estimated); `station` that an instrument without a
+    target takes the target's place.
     """
 
     kind: ClassVar[str] = "moved_target"
@@ -60,6 +61,7 @@ class Displacement:
     alone: int | None
     better_alone: bool
     rest_agrees: bool
+    station: bool = False
 
     @property
     def significant(self) -> bool:
@@ -104,6 +106,7 @@ def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacemen
         # One shot before or after it is the same as that shot off alone: equal, but for rounding.
         better_alone=bool(single.score[off] > moved.score[best] + 1e-6 * left.chi2),
         rest_agrees=left.agrees(moved, best),
+        station=fit.problem.is_station(points[best].target),
     )
 
 
@@ -125,12 +128,14 @@ class _Explained(NamedTuple):
 class _Residuals(NamedTuple):
     """What is left of the residuals once all that offsets, targets and tool can do is taken out.
 
-    `basis` (N, d, r) of what they can do, by shots; `residual` (N, d) what is left, in stds; `chi2` its sum
+    `basis` (N, d, r) of what they can do, by shots; `residual` (N, d) what is left, in stds; `active` (N, d)
+    1 for each of its components that was read, else 0; `chi2` its sum
     of squares (with that of the stated distances) and `numbers` its degrees of freedom; `known` the scale is.
     """
 
     basis: Matrix
     residual: Matrix
+    active: Matrix
     chi2: float
     numbers: int
     known: bool
@@ -158,6 +163,7 @@ class _Residuals(NamedTuple):
         return cls(
             basis[: shots * d].reshape(shots, d, -1),
             rest[: shots * d].reshape(shots, d),
+            problem.active,
             float(rest @ rest),
             problem.measured_size + len(residual) - len(whitened.residual) - basis.shape[1],
             problem.noise.known,
@@ -182,7 +188,8 @@ class _Residuals(NamedTuple):
     @property
     def open_part(self) -> Matrix:
         """(N, d, d) information on a measurement that alone is off: the residual's share that is left."""
-        return np.eye(self.residual.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
+        read = np.eye(self.residual.shape[1]) * self.active[:, :, None]
+        return read - self.basis @ self.basis.transpose(0, 2, 1)
 
     def agrees(self, explained: _Explained, i: int) -> bool:
         """Whether what an explanation leaves of the residuals is no more than the noise (if it is known)."""

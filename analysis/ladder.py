@@ -156,5 +156,5 @@ def held_out_rms(fit: LikelihoodFit) -> float | None:
         columns = theirs[:, its_targets]
         left = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
         residual_mm = whitened.factor[group.rows] @ left.reshape(-1, d, 1) / np.sqrt(fit.weight)
-        squares += float((residual_mm**2).sum())
+        squares += float(problem.select(group.rows).length_squares(residual_mm[:, :, 0] ** 2).sum())
     return float(np.sqrt(squares / problem.shots))

@@ -28,7 +28,7 @@ import numpy as np
 import scipy
 
 from ..model.arrays import Matrix
-from ..model.likelihood.problem import Problem, rms_length
+from ..model.likelihood.problem import Problem
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
@@ -158,10 +158,10 @@ def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
     chi2, dof, p_value = fit.against_noise(rank)
     if p_value is not None and p_value < LACK_OF_FIT:
         yield LackOfFit(
-            chi2, dof, p_value, rms_length(fit.whitened.residual_mm), geometry=_geometry(fit.problem)
+            chi2, dof, p_value, fit.problem.rms_mm(fit.whitened.residual_mm), geometry=_geometry(fit.problem)
         )
     elif fit.p_value is not None and fit.p_value < CONTRADICTED:
-        residual, rms_mm = fit.whitened.residual, rms_length(fit.whitened.residual_mm)
+        residual, rms_mm = fit.whitened.residual, fit.problem.rms_mm(fit.whitened.residual_mm)
         whole = float(residual @ residual + fit.z @ fit.z)
         yield LackOfFit(whole, len(residual), fit.p_value, rms_mm, with_priors=True)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +18,17 @@ from ..analysis.acceptance.acceptance_test import (
 )
 from ..analysis.acceptance.measured_error import MeasuredError, measured_error
 from ..analysis.diagnostics.enter import values_to_enter
+from ..analysis.diagnostics.predicted_run import recorded_problem
 from ..analysis.estimation.threads import one_blas_thread
 from ..analysis.solution import Solution
 from ..model.errors import BadInput, located
 from ..model.files.header import Header, StatedTarget
-from ..model.files.plan import write_plan
+from ..model.files.plan import Means, write_plan
 from ..model.files.robot_file import rebased, robot_path
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
+from ..model.instruments.kind import POINT, Instrument
+from ..model.likelihood.problem import Problem, by_posture
 from .makers.calibration import converged_solution, require_validated
 
 _RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
@@ -59,8 +62,7 @@ def write_verification(
         )
     with one_blas_thread():
         solution, entered = _determined(run)
-        header = run.header.model_copy(update={"distances": (), "angles": ()})
-        plan = choose(solution, header, entered, _tolerances(run.header, tolerance), shots)
+        plan = choose(solution, entered, _tolerances(run.header, tolerance), shots)
     _write(run, solution, plan, entered, file, force)
     return PlannedVerification(plan, path.name, run.sha256)
 
@@ -84,21 +86,25 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> Verified:
     verified.require_analysable()
     with one_blas_thread():
         solution, entered = _determined(run)
-        targets = tuple(shot.met_target for shot in verified.shots)
-        declared = {**run.header.targets, **verified.header.targets}
-        kept = {name: declared[name] for name in targets if name in declared}
-        header = run.header.model_copy(update={"distances": (), "angles": (), "targets": kept})
-        spots = verified.spots if run.header.instrument.columns else None
-        prediction = AcceptancePrediction(solution, header, verified.joints, targets, spots, entered)
+        recorded = _recorded(run, verified)
+        prediction = AcceptancePrediction(solution, recorded, entered)
         answer = accept(prediction, solution, _tolerances(run.header, tolerance))
-        measured = measured_error(solution, header, verified.joints, targets, spots, entered)
+        measured = measured_error(solution, recorded, entered)
     return Verified(answer, measured, run, verified)
+
+
+def _recorded(run: Run, verified: Run) -> Problem:
+    """The new measurements by the header of the calibration, with the targets of both."""
+    measured = {item.target for item in verified.measurements}
+    declared = {**run.header.targets, **verified.header.targets}
+    targets = {name: target for name, target in declared.items() if name in measured}
+    header = run.header.model_copy(update={"distances": (), "angles": (), "targets": targets})
+    return recorded_problem(replace(verified, header=header))
 
 
 def _determined(run: Run) -> tuple[Solution, dict[str, float]]:
     """The solution of a run, and the values to enter, deg (mm) by offset: of all that are not held, each
     identified."""
-    run.header.require_tool()
     solution = converged_solution(run, "nothing was to be entered")
     free = [row for row in solution.offsets if not row.held]
     with located(run.path, run.header_line):
@@ -140,6 +146,15 @@ def _require_of(run: Run, verified: Run) -> None:
             remedy="make the plan with zerobeam plan verify RUN -o PLAN and record it; for measurements that"
             " are imported its head is the header",
         )
+    kinds = (run.header.kinds, verified.header.kinds)
+    others = {label for label, kind in kinds[1].items() if kinds[0].get(label) is not kind}
+    if others:
+        raise BadInput(
+            "the verification has an instrument that the calibration has not",
+            found=_called({label: kinds[1][label] for label in sorted(others)}),
+            allowed=_called(kinds[0]),
+            remedy="record the plan with the instruments of the calibration: its head is the header",
+        )
     if verified.robot.n != run.robot.n or not np.allclose(
         [joint.fixed for joint in verified.robot.joints], [joint.fixed for joint in run.robot.joints]
     ):
@@ -150,16 +165,14 @@ def _require_of(run: Run, verified: Run) -> None:
         )
 
 
+def _called(kinds: Mapping[str, type[Instrument]]) -> str:
+    return ", ".join(f"{label}: {kind.name}" for label, kind in kinds.items())
+
+
 def _write(
     run: Run, solution: Solution, plan: VerificationPlan, entered: Collection[str], file: Path, force: bool
 ) -> None:
     problem = solution.problem
-    points = problem.split(solution.fit.x).targets
-    targets = {}
-    for name, point in zip(problem.targets, points.tolist(), strict=True):
-        if name in plan.targets:
-            x, y, z = (round(value, 3) for value in point)
-            targets[name] = StatedTarget(guess_mm=(x, y, z))
     about: dict[str, str | bool | int | float] = {
         _RUN: run.path.name,
         _SHA: run.sha256,
@@ -169,14 +182,42 @@ def _write(
     header = run.header.model_copy(
         update={
             "robot": rebased(run.header.robot, run.path.parent, file.parent),
-            "targets": targets,
+            "targets": _targets(run.header, solution, plan),
             "distances": (),
             "angles": (),
             "provenance": {**kept, **about},
         }
     )
     rows = np.round(plan.joints * problem.robot.display, _DECIMALS)
-    write_plan(file, header, rows, plan.targets, force=force)
+    _, measured = by_posture(run.measurements)
+    planned = [(i, item) for i, row in enumerate(plan.rows) for item in measured[row]]
+    several = len(planned) > len(rows)
+    means = [
+        Means(
+            item.instrument if len(header.kinds) > 1 else None,
+            item.variant or None,
+            i if several else None,
+        )
+        for i, item in planned
+    ]
+    targets = [item.target for _, item in planned]
+    write_plan(file, header, rows[[i for i, _ in planned]], targets, means=means, force=force)
+
+
+def _targets(header: Header, solution: Solution, plan: VerificationPlan) -> dict[str, StatedTarget]:
+    """Where the targets of the plan are by the calibration; of what is no point, as its header states it."""
+    problem = solution.problem
+    points, targets = problem.split(solution.fit.x).targets, {}
+    for name, point in zip(problem.targets, points.tolist(), strict=True):
+        if name not in plan.targets or problem.is_station(name):
+            continue
+        entry = header.targets.get(name)
+        if entry is not None and entry.kind != POINT:
+            targets[name] = entry
+            continue
+        x, y, z = (round(value, 3) for value in point)
+        targets[name] = StatedTarget(guess_mm=(x, y, z))
+    return targets
 
 
 ACCEPTANCE_SCHEMA = "zerobeam/acceptance/1"

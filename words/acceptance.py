@@ -24,9 +24,9 @@ RULE = (
     f" {POWER:.0%}. Else inconclusive."
 )
 CONTROLLERS_MODEL = (
-    "Each error is the residual between beam (or probe) and target by the controller’s model: nominal"
-    " geometry, joints as the controller reads them. The target is where the measurements of that time fit"
-    " best, so that its place may have changed."
+    "Each error is the residual of a measurement by the controller’s model: nominal geometry, joints as the"
+    " controller reads them. Targets, and instruments without one, are where the measurements of that time"
+    " fit best, so that their places may have changed."
 )
 _ENTERED = {"not entered": "left at the old value", "wrong sign": "entered with the wrong sign"}
 
@@ -87,13 +87,13 @@ def measured_sentence(measured: MeasuredError) -> str:
     left = f"{numbers.significant(after.rms_mm, 2, 'mm')} rms ({_worst(after.worst_mm)})"
     if measured.before is None:
         return (
-            f"Error at the target, measured: {left} as left; {of_noise}. As found is not known: the"
+            f"Measured error: {left} as left; {of_noise}. As found is not known: the"
             " calibration has no measurement at some of these postures."
         )
     before = (
         f"{numbers.significant(measured.before.rms_mm, 2, 'mm')} rms ({_worst(measured.before.worst_mm)})"
     )
-    return f"Error at the target, measured: {before} as found, {left} as left; {of_noise}."
+    return f"Measured error: {before} as found, {left} as left; {of_noise}."
 
 
 def _worst(worst_mm: float) -> str:

@@ -405,6 +405,11 @@ def _mend(case: _Case) -> str:
     if case.diagnosis:
         return mend(case.diagnosis[0])
     match _sharpest(case.misfit):
+        case Displacement(at=at, station=True):
+            return (
+                f"State the measurements from {at.before_shot} on as those of another instrument, or record"
+                " the run again."
+            )
         case Displacement(at=at):
             return (
                 f"Give {clipped(at.target)} another name in the measurements from {at.before_shot} on, or"
@@ -413,7 +418,7 @@ def _mend(case: _Case) -> str:
         case RecordingStep(target=target) as step:
             return (
                 f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(target)} from the run,"
-                " or record them again with the target fixed."
+                f" or record them again with the {'instrument' if step.station else 'target'} fixed."
             )
         case RunChange(at=at):
             what = "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"

@@ -104,7 +104,7 @@ def displacement_sentence(moved: Displacement) -> str:
         others.append(f"measurement {moved.alone} alone is wrong")
     doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
     return (
-        f"Target {clipped(moved.at.target)} seems to have moved{_by(moved)} between measurements"
+        f"{_whose(moved)} {clipped(moved.at.target)} seems to have moved{_by(moved)} between measurements"
         f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}){doubt}"
     )
 
@@ -130,12 +130,16 @@ def change_words(one: ChangeAt) -> str:
     return f"{what} jumped by {amount} between {between}"
 
 
+def _whose(one: Displacement | RecordingStep) -> str:
+    return "Instrument" if one.station else "Target"
+
+
 def step_sentence(step: RecordingStep) -> str:
     """Which measurements of a recording are off together, without a full stop."""
     shots = measurements(step.first_shot, step.last_shot)
     size = "" if step.size_mm is None else f" by {numbers.significant(step.size_mm, 2, 'mm')}"
     return (
-        f"Target {clipped(step.target)} seems to have slipped: {shots} are off"
+        f"{_whose(step)} {clipped(step.target)} seems to have slipped: {shots} are off"
         f" the rest of its recording{size} ({p_words(step.p_value)}, Holm-adjusted)"
     )
 

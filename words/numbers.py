@@ -114,6 +114,11 @@ def unit_of(unit: str) -> str:
     return "times" if unit == "1" else unit
 
 
+def length_and_angle(mm: float, deg: float | None) -> str:
+    """The size of residuals: a length, and of rotations an angle."""
+    return significant(mm, unit="mm") + ("" if deg is None else f" and {significant(deg, unit='deg')}")
+
+
 def or_words(value: float | None, words: str, unit: str = "", digits: int = 3) -> str:
     """A number as `significant`, or the words for what there is instead."""
     return words if value is None else significant(value, digits, unit)

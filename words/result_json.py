@@ -203,7 +203,9 @@ def direction_document(direction: NullDirection) -> document.DirectionDocument:
 def _fits(result: Result) -> document.FitsDocument:
     likelihood, none = (
         result.likelihood,
-        dict.fromkeys(("rms_before_mm", "chi2", "dof", "p_value", "noise_scale")),
+        dict.fromkeys(
+            ("rms_before_mm", "rms_deg", "rms_before_deg", "chi2", "dof", "p_value", "noise_scale")
+        ),
     )
     return document.FitsDocument.model_construct(
         likelihood=document.FitDocument.filled(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Sized
+from collections.abc import Callable, Collection, Sized
 
 Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
 
@@ -108,3 +108,26 @@ def escaped(letter: str) -> str:
     if code <= 0xFF:
         return f"\\x{code:02x}"
     return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
+
+
+def measured_at(names: Collection[str], instruments: Collection[str]) -> str:
+    """What measurements of these `names` belong to: a target, or one of the `instruments` that has none."""
+    targets, stations = _apart(names, instruments)
+    return " or ".join(filter(None, ("target" * bool(targets), "instrument" * bool(stations))))
+
+
+def places_counted(names: Collection[str], instruments: Collection[str]) -> str:
+    """How many targets, and instruments that have none, are among the `names`."""
+    targets, stations = _apart(names, instruments)
+    parts = [
+        f"one {noun}" if count == 1 else f"{count} {noun}s"
+        for noun, count in (("target", targets), ("instrument", stations))
+        if count
+    ]
+    return " and ".join(parts)
+
+
+def _apart(names: Collection[str], instruments: Collection[str]) -> tuple[int, int]:
+    every = set(names)
+    stations = len(every & set(instruments))
+    return len(every) - stations, stations

@@ -5,9 +5,9 @@ new residuals should be those of an arm with the offsets delta - c, and links, g
 were. Residuals are the noise of the new readings and what the calibration left uncertain: normal with
 covariance C = N + J S J',
 where S is the posterior covariance of offsets, tool and geometry, and J the Jacobian of the new
-measurements. The targets' places are free, since they may have been moved. Where the calibration is right,
-r' C^-1 r less what the targets take up has the chi-squared (divided by its degrees of freedom: the F, where
-the noise was estimated) of k degrees of freedom.
+measurements. Places of targets and free frames are free, since they may have been moved. Where the
+calibration is right, r' C^-1 r less what the places take up has the chi-squared (divided by its degrees of
+freedom: the F, where the noise was estimated) of k degrees of freedom.
 
 A test that cannot fail proves nothing: the power is stated against an error of the tolerance in each
 offset, and without it there is no pass. What the calibration leaves undetermined has the variance of its
@@ -16,8 +16,8 @@ prior in S, so it hides errors and lowers the power, as it should.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal
 
@@ -26,13 +26,12 @@ from scipy import stats
 from scipy.linalg import block_diag, solve_triangular
 
 from ...model.arrays import Matrix
-from ...model.files.header import Header
-from ...model.likelihood.problem import Problem, Whitened, rms_length
+from ...model.likelihood.problem import Problem, Whitened
 from ..solution import Solution
+from .new_measurements import NewMeasurements, of_rows
 
 FALSE_ALARM = 0.01
 POWER = 0.8  # against an error of the tolerance in each offset that was entered
-_STEPS = 5  # Gauss and Newton's, for the targets
 
 Acceptance = Literal["pass", "fail", "inconclusive"]
 FEWEST = 3
@@ -90,7 +89,7 @@ class AcceptanceResult:
 @dataclass(frozen=True, eq=False)
 class PredictedResiduals:
     """The new measurements at the calibration's mode, in the roots of their predicted covariance: `residual`
-    (k,) and the `shift` (k, p) by scaled parameters, free of the targets; `rms` and `expected` mm."""
+    (k,) and the `shift` (k, p) by scaled parameters, free of the places; `rms` and `expected` mm."""
 
     residual: Matrix
     shift: Matrix
@@ -105,68 +104,76 @@ class PredictedResiduals:
 class AcceptancePrediction:
     """New measurements as the calibration predicts them, with values entered.
 
-    `solution` is the calibration; `header` its header with the targets of the new measurements, `joints`
-    (N, n) rad or mm as the corrected robot reads them, `targets` of each, `spots` (N, 2) mm; `entered` are
-    the values, deg (mm), by name of the offset.
+    `solution` is the calibration, `recorded` are the new measurements as the corrected robot reads its joints
+    (of `planned` ones nothing was read yet), `entered` the values, deg (mm), by name of the offset.
     """
 
     def __init__(
-        self,
-        solution: Solution,
-        header: Header,
-        joints: Matrix,
-        targets: Sequence[str],
-        spots: Matrix | None,
-        entered: Mapping[str, float],
+        self, solution: Solution, recorded: Problem, entered: Mapping[str, float], *, planned: bool = False
     ) -> None:
         old = solution.problem
         self.entered = dict(entered)
-        problem = Problem.build(header, old.robot, joints, targets, spots)
-        if old.geometry:
-            problem = problem.with_geometry(old.geometry)
-        kept = [item.name for item in old.parameters.items if item.group != "target"]
-        x = problem.nominal()
-        for name in kept:
-            x[problem.parameters.index(name)] = solution.fit.x[old.parameters.index(name)]
-        problem, x = problem.with_noise_of(x)
+        new = NewMeasurements.of(solution, recorded)
+        parameters = new.problem.parameters
+        x = new.problem.nominal()
+        for i, name in enumerate(parameters.names):
+            if name in old.parameters.names and (planned or new.problem.recorded or not new.placed[i]):
+                x[i] = solution.fit.x[old.parameters.index(name)]
         self._scale = np.sqrt(solution.fit.weight)
         self.noise_dof = solution.dof if old.noise.estimated else None
-        parameters = problem.parameters
         for name, value in self.entered.items():
             i = parameters.index(name)
             x[i] -= value / parameters.items[i].display
-        self.problem, self._x = problem, x
-        names = [item.name for item in problem.parameters.items if item.group != "target" and not item.held]
+        if planned:
+            new = replace(new, problem=new.problem.at_predicted(x))
+        self._new, self.problem, self._x = new, new.problem, x
+        names = [
+            item.name
+            for item, placed in zip(parameters.items, new.placed, strict=True)
+            if not (placed or item.held)
+        ]
         at = [old.parameters.among_free[old.parameters.index(name)] for name in names]
-        self._uncertain = [problem.parameters.index(name) for name in names]
+        self._uncertain = [parameters.index(name) for name in names]
         self._covariance = solution.fit.covariance[np.ix_(at, at)]
+        self._read = np.flatnonzero(self.problem.active)
 
     def shifted(self, more: Mapping[str, float]) -> PredictedResiduals:
-        """The prediction with some offsets of the corrected arm by so much `more`, deg (mm); targets where
-        they fit."""
+        """The prediction with some offsets of the corrected arm by so much `more`, deg (mm); targets and
+        frames where they fit."""
         x, parameters = self._x.copy(), self.problem.parameters
         for name, value in more.items():
             i = parameters.index(name)
             x[i] += value / parameters.items[i].display
-        target = self.problem.parameters.block("target")
-        x[target] = self.problem.nearest_targets(x[None])[0]
-        for _ in range(_STEPS):
-            residual, jacobian = self._whitened(x)[:2]
-            step = np.linalg.lstsq(jacobian[:, target], residual, rcond=None)[0]
-            x[target] -= step * self.problem.parameters.prior_std[target]
+        x = self._with_places(x)
         residual, jacobian, whitened, covariance = self._whitened(x)
-        free = _left_of(jacobian[:, target])
-        d, shots = self.problem.tool.residual_size, self.problem.shots
-        in_mm = block_diag(*whitened.factor) / self._scale
-        predicted = float(np.sqrt(np.trace(in_mm @ covariance[: shots * d, : shots * d] @ in_mm.T) / shots))
-        return PredictedResiduals(
-            free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted
-        )
+        free = _left_of(jacobian[:, self._new.placed])
+        in_mm = block_diag(*whitened.factor)[:, self._read] / self._scale
+        squares = ((in_mm @ covariance) * in_mm).sum(axis=1).reshape(self.problem.shots, -1)
+        predicted = float(np.sqrt(self.problem.length_squares(squares).mean()))
+        rms = self.problem.rms_mm(whitened.residual_mm)
+        return PredictedResiduals(free.T @ residual, free.T @ jacobian, rms, predicted)
+
+    def _with_places(self, x: Matrix) -> Matrix:
+        """x (p,) with the places where the measurements fit best."""
+        placed = self._new.placed
+        tried = []
+        for start in self._new.starts(x):
+            there = start.copy()
+            for _ in range(self._new.steps):
+                residual, jacobian = self._whitened(there)[:2]
+                step = np.linalg.lstsq(jacobian[:, placed], residual, rcond=None)[0]
+                there[placed] -= step * self.problem.parameters.prior_std[placed]
+            residual = self._whitened(there)[0]
+            tried.append((float(residual @ residual), there))
+        return min(tried, key=lambda one: one[0])[1]
 
     def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
-        """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in stds of the noise."""
+        """Residual (M,) of what was read and scaled Jacobian (M, p) in the roots of C; and C (M, M) in stds
+        of the noise."""
         whitened = self.problem.whiten(x)
-        residual, jacobian = whitened.residual * self._scale, whitened.jacobian * self._scale
+        residual, jacobian = (
+            part[self._read] * self._scale for part in (whitened.residual, whitened.jacobian)
+        )
         by = jacobian[:, self._uncertain]
         covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
         root = np.linalg.cholesky(covariance)
@@ -285,7 +292,6 @@ class VerificationPlan:
 
 def choose(
     solution: Solution,
-    header: Header,
     entered: Mapping[str, float],
     tolerance: Mapping[str, float],
     shots: int | None = None,
@@ -298,9 +304,10 @@ def choose(
     applied = np.array([entered.get(item.name, 0.0) / item.display for item in offsets_of_joints])
 
     def planned(rows: list[int]) -> tuple[Matrix, tuple[str, ...], tuple[EnteredOffset, ...]]:
-        joints = problem.joints[rows] + applied
+        some = of_rows(problem, rows)
+        joints = some.joints + applied
         targets = tuple(problem.targets[problem.target_index[row]] for row in rows)
-        prediction = AcceptancePrediction(solution, header, joints, targets, None, entered)
+        prediction = AcceptancePrediction(solution, some.moved(joints), entered, planned=True)
         predicted = prediction.shifted({})
         return joints, targets, entered_offsets(prediction, predicted, solution, tolerance)
 
@@ -317,8 +324,21 @@ def choose(
         if not rest:
             break
         rows.append(max(rest, key=lambda row: score([*rows, row])))
+    rows = _placing(problem, rows)
     joints, targets, offsets = planned(sorted(rows))
     return VerificationPlan(tuple(sorted(rows)), joints, targets, offsets)
+
+
+def _placing(problem: Problem, rows: list[int]) -> list[int]:
+    """The measurements without those of targets that only one of them has: placing the target takes up all of
+    it."""
+    targets = [problem.targets[problem.target_index[row]] for row in rows]
+    several = [
+        row
+        for row, target in zip(rows, targets, strict=True)
+        if problem.is_station(target) or targets.count(target) > 1
+    ]
+    return several or rows
 
 
 def _farthest(joints: Matrix, rows: list[int], count: int) -> list[int]:

@@ -1,8 +1,9 @@
 """How far the robot was off at the acceptance postures: as found in its calibration, and as left.
 
 Both are residuals of the controller's model: nominal geometry, joints as the controller reads them, no
-offsets. The tool is as the calibration has it. The targets are where these measurements fit best, since they
-may have been moved in between; before and after have as many measurements for them.
+offsets. The tool is as the calibration has it. Targets and free frames are where these measurements fit best,
+since they may have been moved in between; before and after have as many measurements for them. Errors are
+lengths: what an instrument reads of an orientation is not in them.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.files.header import Header
-from ...model.likelihood.problem import Problem, rms_length
+from ...model.likelihood.problem import Problem
 from ..solution import Solution
+from .new_measurements import NewMeasurements, of_rows
 
-_STEPS = 5  # Gauss and Newton's, for the targets
+# What the calibration has of new measurements, by whether an instrument read what a place is found from.
+_CARRIED = {False: ("tool",), True: ("tool", "target", "frame")}
 _SAME_POSTURE = np.radians(5.0)  # a target that was moved turns the wrist by no more
 
 
@@ -53,38 +55,26 @@ class MeasuredError:
     noise_mm: float
 
 
-def measured_error(
-    solution: Solution,
-    header: Header,
-    joints: Matrix,
-    targets: Sequence[str],
-    spots: Matrix | None,
-    entered: Mapping[str, float],
-) -> MeasuredError:
-    """Before and after at new measurements: `joints` (N, n) rad or mm as the corrected robot reads them, the
-    `targets` of each, `spots` (N, 2) mm; `header` is that of the calibration with these targets, `entered`
-    are the values that were entered, deg (mm) by offset."""
+def measured_error(solution: Solution, recorded: Problem, entered: Mapping[str, float]) -> MeasuredError:
+    """Before and after at new measurements, as the corrected robot reads its joints; `entered` are the values
+    that were entered, deg (mm) by offset."""
     old = solution.problem
-    rows = _calibrated_rows(solution, joints, targets, entered)
-    after, noise = _residuals(solution, header, joints, targets, spots)
+    names = [recorded.targets[k] for k in recorded.target_index.tolist()]
+    rows = _calibrated_rows(solution, recorded.joints, names, entered)
+    after, noise = _errors(solution, recorded)
     before: Matrix | None = None
     if all(row is not None for row in rows):
-        at = [row for row in rows if row is not None]
-        before, _ = _residuals(
-            solution, header, old.joints[at], targets, None if spots is None else old.spots[at]
-        )
-    lengths = np.linalg.norm(after, axis=1)
-    lengths_before = None if before is None else np.linalg.norm(before, axis=1)
+        before, _ = _errors(solution, of_rows(old, [row for row in rows if row is not None]))
     postures = tuple(
         PostureError(
-            i,
-            rows[i],
-            targets[i],
-            None if lengths_before is None else float(lengths_before[i]),
-            float(lengths[i]),
+            recorded.shot_numbers[i],
+            None if (row := rows[i]) is None else old.shot_numbers[row],
+            names[i],
+            None if before is None else float(before[i]),
+            float(after[i]),
             float(noise[i]),
         )
-        for i in range(len(joints))
+        for i in range(len(names))
     )
     return MeasuredError(
         postures,
@@ -94,8 +84,8 @@ def measured_error(
     )
 
 
-def _size(residual: Matrix) -> ErrorSize:
-    return ErrorSize(rms_length(residual), float(np.linalg.norm(residual, axis=1).max()))
+def _size(lengths: Matrix) -> ErrorSize:
+    return ErrorSize(float(np.sqrt((lengths**2).mean())), float(lengths.max()))
 
 
 def _calibrated_rows(
@@ -115,25 +105,33 @@ def _calibrated_rows(
     return rows
 
 
-def _residuals(
-    solution: Solution, header: Header, joints: Matrix, targets: Sequence[str], spots: Matrix | None
-) -> tuple[Matrix, Matrix]:
-    """Residuals (N, d) of nominal geometry without offsets, the targets where they fit best, and the standard
-    deviation (N,) of their lengths by the noise; mm."""
-    old, problem = solution.problem, Problem.build(header, solution.problem.robot, joints, targets, spots)
+def _errors(solution: Solution, recorded: Problem) -> tuple[Matrix, Matrix]:
+    """(N,) the lengths of the residuals of nominal geometry without offsets, with targets and frames where
+    they fit best, and their standard deviations by the noise; mm."""
+    old, new = solution.problem, NewMeasurements.of(solution, recorded)
+    problem, placed = new.problem, new.placed
     x = problem.nominal()
     for item in old.parameters.items:
-        if item.group in ("tool", "noise"):
+        if item.name in problem.parameters.names and item.group in _CARRIED[problem.recorded]:
             x[problem.parameters.index(item.name)] = solution.fit.x[old.parameters.index(item.name)]
-    problem, x = problem.with_noise_of(x)
-    target = problem.parameters.block("target")
-    x[target] = problem.nearest_targets(x[None])[0]
-    for _ in range(_STEPS):
-        whitened = problem.whiten(x)
-        by = whitened.jacobian[: whitened.residual_mm.size, target].reshape(*whitened.residual_mm.shape, -1)
-        by_mm = (whitened.factor @ by).reshape(whitened.residual_mm.size, -1)
-        step = np.linalg.lstsq(by_mm, whitened.residual_mm.ravel(), rcond=None)[0]
-        x[target] -= step * problem.parameters.prior_std[target]
+    tried = []
+    for start in new.starts(x):
+        there = start.copy()
+        for _ in range(new.steps):
+            residual, jacobian = _in_mm(problem, there)
+            step = np.linalg.lstsq(jacobian[:, placed], residual, rcond=None)[0]
+            there[placed] -= step * problem.parameters.prior_std[placed]
+        residual, _ = _in_mm(problem, there)
+        tried.append((float(residual @ residual), there))
+    whitened = problem.whiten(min(tried, key=lambda one: one[0])[1])
+    noise = np.sqrt(problem.length_squares((whitened.factor**2).sum(axis=2)) / solution.fit.weight)
+    return problem.length_mm(whitened.residual_mm), noise
+
+
+def _in_mm(problem: Problem, x: Matrix) -> tuple[Matrix, Matrix]:
+    """Residuals (M,) that are lengths, mm, and their scaled Jacobian (M, p)."""
     whitened = problem.whiten(x)
-    noise = np.linalg.norm(whitened.factor, axis=(1, 2)) / np.sqrt(solution.fit.weight)
-    return whitened.residual_mm, noise
+    shape = whitened.residual_mm.shape
+    jacobian = whitened.factor @ whitened.jacobian[: whitened.residual_mm.size].reshape(*shape, -1)
+    read = problem.length_components
+    return whitened.residual_mm[read], jacobian[read]

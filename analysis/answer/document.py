@@ -173,6 +173,8 @@ class FitDocument(DocumentPart):
     cost: Number = None
     rms_mm: Number = None
     rms_before_mm: Number = None
+    rms_deg: Number = None
+    rms_before_deg: Number = None
     chi2: Number
     dof: int | None
     p_value: Number

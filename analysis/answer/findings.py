@@ -153,7 +153,8 @@ def _on_shots(solution: Solution, shots: Sequence[ShotResult]) -> Iterator[Findi
     if solution.against_noise.p_value is None:
         return
     whitened = np.array([shot.whitened for shot in shots])
-    p_values = scipy.special.chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
+    sizes = np.array([shot.size for shot in shots])
+    p_values = scipy.special.chdtrc(sizes, whitened**2) * len(shots)
     outlying = [int(i) for i in np.argsort(-whitened) if p_values[i] < OUTLYING]
     if 0 < len(outlying) <= max(3, len(shots) // 10):
         yield Outlying(tuple(shots[i].shot for i in outlying), robust=False)

@@ -48,6 +48,8 @@ class LikelihoodSummary:
     cost: float
     rms_mm: float
     rms_before_mm: float
+    rms_deg: float | None
+    rms_before_deg: float | None
     chi2: float
     dof: int
     p_value: float | None

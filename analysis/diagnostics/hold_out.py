@@ -17,7 +17,7 @@ import numpy as np
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.likelihood.density import Density
-from ...model.likelihood.problem import Problem, rms_length
+from ...model.likelihood.problem import Problem
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
 from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
@@ -147,8 +147,8 @@ def judged(
         placements=tuple(placement.name for placement in groups),
         shots=held_out.shots,
         shots_fitted=fitted.shots,
-        rms_mm=rms_length(after.residual_mm),
-        rms_before_mm=rms_length(held_out.linearise(before)[0]),
+        rms_mm=held_out.rms_mm(after.residual_mm),
+        rms_before_mm=held_out.rms_mm(held_out.linearise(before)[0]),
         expected_mm=float(np.sqrt(after.expected.mean())),
         chi2=chi2 if dof > 0 else None,
         dof=dof,

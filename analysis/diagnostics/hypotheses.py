@@ -457,9 +457,9 @@ def _left_without(problem: Problem, x: Matrix, left: HypothesisFit, gone: Index)
     """The same with the price of leaving measurements out: each is off by a normal amount, as wide as all of
     them are off."""
     whitened = problem.whiten(x)
-    off = whitened.residual_mm[gone]
+    off = whitened.residual_mm[gone][problem.active[gone] > 0]
     size = max(float(np.sqrt((off**2).mean())), _OFF_MM)
-    factors = np.diagonal(whitened.factor[gone], axis1=1, axis2=2)
+    factors = np.diagonal(whitened.factor[gone], axis1=1, axis2=2)[problem.active[gone] > 0]
     return replace(
         left,
         measurements=tuple(sorted(problem.shot_numbers[i] for i in gone)),

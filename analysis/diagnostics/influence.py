@@ -28,21 +28,33 @@ _ROWS = 1000  # measurements of a block: their informations are (rows, f, f)
 
 @dataclass(frozen=True)
 class ShotResult:
-    """One measurement at the fit: `miss_mm` its residual (2 across the beam, or x, y, z), `whitened` its
-    length in its own standard deviations, `leave_one_out` the length in mm of the residual as predicted by
-    the other measurements (None where they cannot predict it), `cooks` Cook's distance."""
+    """One measurement at the fit: `miss_mm` its residual (2 across the beam, or x, y, z; of all that was
+    read at the posture), `length_mm` the length of that (of several readings their root mean square),
+    `whitened` its length in its own standard deviations, `leave_one_out` the length in mm of the residual as
+    predicted by the other measurements (None where they cannot predict it), `cooks` Cook's distance;
+    `miss_deg` the residual's rotation vector, where an orientation was read."""
 
     shot: int
     target: str
     miss_mm: tuple[float, ...]
+    length_mm: float
     whitened: float
     leave_one_out: float | None
     cooks: float | None
+    miss_deg: tuple[float, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """How many components the residual has."""
+        return len(self.miss_mm) + len(self.miss_deg)
 
 
 def shot_results(fit: LikelihoodFit) -> tuple[ShotResult, ...]:
     """One for each measurement, in their order."""
     problem, effect = fit.problem, influence(fit.problem, fit)
+    residual = fit.whitened.residual_mm
+    every = [problem.read_components(i, row) for i, row in enumerate(residual)]
+    lengths = problem.length_mm(residual)
 
     def finite(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
@@ -51,10 +63,12 @@ def shot_results(fit: LikelihoodFit) -> tuple[ShotResult, ...]:
         ShotResult(
             shot=number,
             target=problem.targets[problem.target_index[i]],
-            miss_mm=tuple(float(v) for v in fit.whitened.residual_mm[i]),
+            miss_mm=every[i][0],
+            length_mm=float(lengths[i]),
             whitened=float(effect.whitened[i]),
             leave_one_out=finite(effect.leave_one_out[i]),
             cooks=finite(effect.cooks[i]),
+            miss_deg=every[i][1],
         )
         for i, number in enumerate(problem.shot_numbers)
     )
@@ -93,7 +107,7 @@ def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     left_out, _ = problem.linearise(x)
     return Influence(
         np.linalg.norm(residual, axis=1) / np.sqrt(problem.weights),
-        np.where(unknown, np.nan, np.linalg.norm(left_out, axis=1)),
+        np.where(unknown, np.nan, problem.length_mm(left_out)),
         np.where(unknown, np.nan, cooks),
     )
 
@@ -112,9 +126,8 @@ def _stepped(problem: Problem, fit: LikelihoodFit, decides: Mask) -> Matrix:
         for mine in np.array_split(every, -(-len(every) // _ROWS)):
             # Data sets of one measurement each.
             one = replace(known.select(mine[:1]), ties=())
-            singles = Density(
-                one, *(part[mine][:, None] for part in (known.joints, known.spots, known.weights))
-            )
+            parts = (known.joints, known.spots, known.weights, known.readings)
+            singles = Density(one, *(part[mine][:, None] for part in parts))
             slopes = singles.slopes(np.tile(fit.x, (len(mine), 1)))
             gradient = (slopes.gradient + fit.z) * fit.weight
             information = (slopes.information - np.eye(singles.size)) * fit.weight

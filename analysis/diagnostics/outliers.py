@@ -139,7 +139,8 @@ def single_outlier(fit: LikelihoodFit, dof: int) -> SingleOutlier | None:
     residual_mm = problem.select(rows[[i]]).whiten(others[i].x).residual_mm[0]
     if p_value >= _SIGNIFICANT:
         return None
-    return SingleOutlier(problem.shot_numbers[i], p_value, float(np.linalg.norm(residual_mm)))
+    length = problem.select(rows[[i]]).length_mm(residual_mm[None])[0]
+    return SingleOutlier(problem.shot_numbers[i], p_value, float(length))
 
 
 class OutlyingValue(NamedTuple):

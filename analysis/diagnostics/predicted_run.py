@@ -180,7 +180,8 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
     if not solution.converged:
         return replace(facts, failure=solution.fit.reason)
     weight = solution.fit.weight if known.noise.estimated else 1.0
-    problem = _carrying(known, recorded, set(placed))
+    carried = carrying(known, recorded, set(placed))
+    problem = carried.weighted(np.full(carried.shots, float(known.weights.mean())))
     nominal = _nominal(known)
 
     def by_fit(one: Problem) -> HeldOutResiduals:
@@ -196,7 +197,7 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
         rest = problem.select(kept)
         after = by_fit(rest)
         left = after.expected > _TAKEN_UP**2 * after.noise
-        errors = np.linalg.norm(after.residual_mm, axis=1)
+        errors = rest.length_mm(after.residual_mm)
         before = None if nominal is None else _errors(rest, *nominal, weight)
         for i, row in enumerate(kept.tolist()):
             if left[i]:
@@ -252,13 +253,17 @@ def _with_statistics(
     )
 
 
-def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
-    """`recorded` with the noise, weights, priors and functions of the problem that was fitted; ties
-    between targets that the fit has are already in it."""
-    silent = replace(recorded, noise=known.noise, parameters=recorded.parameters.without("noise"))
+def carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
+    """`recorded` with the noise, priors and functions of the problem that was fitted; of the ties those to
+    the targets `placed`: others are already in the fit."""
+    stds = {each.label: std for each, std in zip(known.tool.each, known.noise.readings, strict=True)}
+    others = zip(recorded.tool.each, recorded.noise.readings, strict=True)
+    readings = np.array([stds.get(each.label, std) for each, std in others])
+    noise = replace(known.noise, readings=readings)
+    silent = replace(recorded, noise=noise, parameters=recorded.parameters.without("noise"))
     problem = silent.with_geometry(known.geometry)
     ours = dict(zip(known.parameters.names, known.parameters.items, strict=True))
-    problem = replace(
+    return replace(
         problem,
         parameters=Parameters(tuple(ours.get(item.name, item) for item in problem.parameters.items)),
         ties=tuple(
@@ -267,7 +272,6 @@ def _carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
             if {recorded.targets[tie.first], recorded.targets[tie.second]} & placed
         ),
     )
-    return problem.weighted(np.full(problem.shots, float(known.weights.mean())))
 
 
 def _nominal(known: Problem) -> tuple[Problem, Matrix] | None:
@@ -285,4 +289,4 @@ def _nominal(known: Problem) -> tuple[Problem, Matrix] | None:
 def _errors(problem: Problem, fitted: Problem, x: Matrix, weight: float) -> Matrix:
     """(N,) mm the lengths of the residuals of `problem` by the values `x` of the parameters of `fitted`."""
     at = carried_over(problem, fitted.parameters, x, weight)
-    return np.asarray(np.linalg.norm(problem.linearise(at)[0], axis=1))
+    return problem.length_mm(problem.linearise(at)[0])

@@ -20,7 +20,8 @@ _ROUNDS = 20
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResiduals:
-    """N measurements as predicted: their residuals (N, d), and the squared lengths (N,) mm^2 to expect.
+    """N measurements as predicted: their residuals (N, d), and the squared lengths (N,) mm^2 to expect, as
+    `Problem.length_squares` takes them: angles are in chi2 alone.
 
     `by_noise` by the noise once all is placed, `by_fit` by the uncertainty of what was carried over; `noise`
     is that of a measurement with nothing placed. `chi2` of the residuals against both together, `dof` the
@@ -75,11 +76,15 @@ def predicted(
     placed = basis[:rows].reshape(problem.shots, d, -1)
     rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
     rest = (whitened.factor @ rest.reshape(problem.shots, d, -1)) / np.sqrt(problem.weights)[:, None, None]
-    whole_noise = ((noise * problem.active[:, :, None]) ** 2).sum(axis=(1, 2))
+
+    def lengths(columns: Matrix) -> Matrix:
+        return problem.length_squares((columns**2).sum(axis=2))
+
+    whole_noise = lengths(noise)
     return HeldOutResiduals(
         residual_mm=whitened.residual_mm,
-        by_noise=np.maximum(whole_noise - ((noise @ placed) ** 2).sum(axis=(1, 2)), 0.0),
-        by_fit=(rest**2).sum(axis=(1, 2)),
+        by_noise=np.maximum(whole_noise - lengths(noise @ placed), 0.0),
+        by_fit=lengths(rest),
         noise=whole_noise,
         chi2=float(left @ left),
         dof=max(problem.measured_size - rank, 0),

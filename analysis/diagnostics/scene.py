@@ -6,12 +6,14 @@ at its prior mean, and a target that they leave open has no place.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from ...model.arrays import Index, Matrix
+from ...model.instruments.kind import PartRead
 from ..solution import Solution
 
 Point = tuple[float, float, float]
@@ -22,8 +24,9 @@ MOST_SHOTS = 60
 @dataclass(frozen=True)
 class SceneShot:
     """One shot, points in mm in the base frame: `links` from the base over all joints and the flange to the
-    laser (or to the tip of the probe), `beam_to` where its beam comes nearest to the target, None for a
-    probe. `ahead` is False where the laser points away from the target: `beam_to` is then as far as that is.
+    laser (or to the tip of the probe, or to the first of what is measured there), `beam_to` where its beam
+    comes nearest to the target, None for a probe. `ahead` is False where the laser points away from the
+    target: `beam_to` is then as far as that is. `sights` are the lines to what other instruments measure.
     """
 
     shot: int
@@ -31,26 +34,37 @@ class SceneShot:
     links: tuple[Point, ...]
     beam_to: Point | None
     ahead: bool
+    sights: tuple[tuple[Point, Point], ...] = ()
 
 
 @dataclass(frozen=True)
 class SceneTarget:
     """A target's place, None where the data do not determine it, and the covariance (3 rows of 3) of that:
-    None as well where a coordinate is held."""
+    None as well where a coordinate is held. A `station` is an instrument in the world."""
 
     name: str
     at_mm: Point | None
     covariance_mm2: tuple[Point, Point, Point] | None
+    station: bool = False
+
+
+@dataclass(frozen=True)
+class SceneOutline:
+    """The lines that show a target which is no point: a plane where it was touched, a ball."""
+
+    target: str
+    lines: tuple[tuple[Point, ...], ...]
 
 
 @dataclass(frozen=True)
 class RunScene:
     """Shots and targets of a fit that converged; `radius2` is the squared radius, in standard deviations, of
-    the ellipsoid that holds a target's place at 95 %."""
+    the ellipsoid that holds a target's place at 95 %; `outlines` of targets that are determined."""
 
     shots: tuple[SceneShot, ...]
     targets: tuple[SceneTarget, ...]
     radius2: float
+    outlines: tuple[SceneOutline, ...] = ()
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -67,29 +81,84 @@ def scene(solution: Solution) -> RunScene | None:
     parts = problem.split(x)
     chosen = np.unique(np.linspace(0, problem.shots - 1, MOST_SHOTS).round().astype(np.int64))
     (points,) = problem.functions.kernel("skeleton")(problem.joints[chosen], parts.arm)
-    origin, direction = (beam[chosen] for beam in problem.beams(x))
-    between = parts.targets[problem.target_index[chosen]] - origin
-    length = (between * direction).sum(axis=1)
-    end = origin + np.where(length >= 0, length, np.linalg.norm(between, axis=1))[:, None] * direction
-    beam = problem.tool.beam
-    return RunScene(
-        shots=tuple(
+    poses = problem.poses(x, problem.joints[chosen])
+    undetermined = _undetermined(solution)
+    shots: list[SceneShot] = []
+    touched: dict[str, tuple[PartRead, Matrix, list[Matrix]]] = {}
+    for row, i in enumerate(chosen.tolist()):
+        name = problem.targets[problem.target_index[i]]
+        target = parts.targets[problem.target_index[i]]
+        links = tuple(_point(joint_position) for joint_position in points[row].T)
+        read = list(problem.tool.read_at(problem.readings[i]))
+        tips = [
+            part.instrument.on_flange(poses[row], parts.tool[part.unknowns], part.variant) for part in read
+        ]
+        beam_to, ahead = None, True
+        for part, tip in zip(read, tips, strict=True):
+            if part.instrument.beam:
+                direction = part.instrument.direction_at(poses[row], parts.tool[part.unknowns])
+                length = float((target - tip) @ direction)
+                ahead = length >= 0
+                end = tip + (length if ahead else float(np.linalg.norm(target - tip))) * direction
+                beam_to = _point(end)
+        shots.append(
             SceneShot(
-                shot=problem.shot_numbers[i],
-                target=problem.targets[problem.target_index[i]],
-                links=(*(_point(joint_position) for joint_position in points[row].T), _point(origin[row])),
-                beam_to=_point(end[row]) if beam else None,
-                ahead=bool(length[row] >= 0),
+                problem.shot_numbers[i],
+                name,
+                (*links, _point(tips[0])),
+                beam_to,
+                ahead,
+                tuple(_sights(read, poses[row], target, parts.tool, name, undetermined)),
             )
-            for row, i in enumerate(chosen)
-        ),
+        )
+        reads_target = next(
+            (k for k, part in enumerate(read) if part.instrument.target_is != "nothing"), None
+        )
+        if reads_target is not None and name not in undetermined:
+            part = read[reads_target]
+            touched.setdefault(name, (part, target, []))[2].append(tips[reads_target])
+    outlines = (
+        SceneOutline(name, tuple(tuple(map(_point, line)) for line in lines))
+        for name, (part, target, tips) in touched.items()
+        if (lines := part.instrument.outlines(target, part.reading, np.array(tips)))
+    )
+    return RunScene(
+        shots=tuple(shots),
         targets=tuple(
             _target(solution, coordinates, name)
             for name in problem.targets
             if ((coordinates := problem.parameters.place_of(name)) >= 0).all()
         ),
         radius2=_radius2(solution),
+        outlines=tuple(outlines),
     )
+
+
+def _sights(
+    read: Sequence[PartRead],
+    pose: Matrix,
+    target: Matrix,
+    unknowns: Matrix,
+    name: str,
+    undetermined: set[str],
+) -> Iterator[tuple[Point, Point]]:
+    """Of the parts that read at a posture; none to a place that the data leave open."""
+    for part in read:
+        instrument = part.instrument
+        line = instrument.sight(pose, target, unknowns[part.unknowns], part.reading, part.variant)
+        to = instrument.label if instrument.target_is == "nothing" else name
+        if line is not None and to not in undetermined:
+            yield _point(line[0]), _point(line[1])
+
+
+def _undetermined(solution: Solution) -> set[str]:
+    """Names of the targets and stations of whose coordinates the data leave one open."""
+    items = solution.problem.parameters.items
+    return {
+        item.of
+        for item, status in zip(items, solution.status, strict=True)
+        if item.group in ("target", "frame") and status == "unidentifiable"
+    }
 
 
 def _drawn(solution: Solution) -> Matrix:
@@ -117,7 +186,7 @@ def _target(solution: Solution, coordinates: Index, name: str) -> SceneTarget:
             std = problem.parameters.prior_std[coordinates]
             matrix = fit.covariance[np.ix_(rows, rows)] * np.outer(std, std)
             covariance = (_point(matrix[0]), _point(matrix[1]), _point(matrix[2]))
-    return SceneTarget(name, position, covariance)
+    return SceneTarget(name, position, covariance, problem.is_station(name))
 
 
 def _radius2(solution: Solution) -> float:

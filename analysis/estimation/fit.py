@@ -243,10 +243,10 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
     """`fit_likelihood` of each of these problems, which differ in what was recorded alone: bit for bit the
     same, but all starts of all of them climb side by side. Only what climbs in C does."""
     first = problems[0]
-    joints, spots = (
-        np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots")
+    joints, spots, readings = (
+        np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots", "readings")
     )
-    density = Density(first, joints, spots)
+    density = Density(first, joints, spots, readings=readings)
     if first.noise.separate or compiled_climb(density, flange_coordinates(density)) is None:
         return [fit_likelihood(problem, seed=seed) for problem in problems]
     z = _start_points(density.size, STARTS, seed)
@@ -495,7 +495,7 @@ def fits_of(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit
 def _apart_from_readings(problem: Problem) -> Hashable:
     """What problems must have in common to differ in what was recorded alone."""
     noise = problem.noise
-    arrays = (problem.target_index, problem.weights, problem.guessed, noise.variances)
+    arrays = (problem.target_index, problem.weights, problem.guessed, problem.active, noise.variances)
     return (
         id(problem.functions),  # the same for arms and tools that are the same
         problem.parameters.items,

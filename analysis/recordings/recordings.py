@@ -28,7 +28,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import scipy
 
-from ...model.arrays import NORMAL_95, Index, Matrix
+from ...model.arrays import NORMAL_95, Index, Mask, Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from ..estimation.fit import LikelihoodFit
 
@@ -65,17 +65,23 @@ _Rho = TypeVar("_Rho", float, Matrix)
 class Recording:
     """One recording: its target, its rows in the problem (n,), in the order of the file, the whitened
     residuals (n, d), their Jacobian (n d, f) by what is fitted, in posterior stds (B), and (n, d, 3) by the
-    target's coordinates in mm."""
+    target's coordinates in mm; `active` (n, d) 1 for each component that was read, else 0."""
 
     target: str
     rows: Index
     residual: Matrix
     jacobian: Matrix
     by_target: Matrix
+    active: Matrix
 
     @property
     def shots(self) -> int:
         return len(self.rows)
+
+    @property
+    def size(self) -> int:
+        """How many components were read."""
+        return int(self.active.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +131,7 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSet:
             residual[rows],
             by_posterior[rows].reshape(len(rows) * d, -1),
             by_target[rows],
+            problem.active[rows],
         )
         for rows in recording_rows(problem)
     )
@@ -153,7 +160,7 @@ def times_errors(recording: Recording, rho: float) -> Matrix:
         return recording.jacobian
     blocks = recording.jacobian.reshape(recording.shots, -1)
     both = _decaying(blocks, rho) + _decaying(blocks[::-1], rho)[::-1] - blocks
-    return np.asarray(both.reshape(recording.jacobian.shape))
+    return np.asarray(both.reshape(recording.jacobian.shape) * recording.active.reshape(-1, 1))
 
 
 def _decaying(values: Matrix, rho: float) -> Matrix:
@@ -170,8 +177,8 @@ def traces(recording: Recording, rho: float, shared: Matrix) -> tuple[float, flo
     those that follow them. `shared` is that of all recordings at `rho`."""
     d, jacobian = recording.residual.shape[1], recording.jacobian
     by_errors, by_shared = times_errors(recording, rho), jacobian @ shared
-    plain = recording.shots * d - 2 * (jacobian * by_errors).sum() + (by_shared * jacobian).sum()
-    following = (recording.shots - 1) * d * rho
+    plain = recording.size - 2 * (jacobian * by_errors).sum() + (by_shared * jacobian).sum()
+    following = float((recording.active[1:] * recording.active[:-1]).sum()) * rho
     following -= (jacobian[:-d] * by_errors[d:]).sum() + (by_errors[:-d] * jacobian[d:]).sum()
     following += (by_shared[:-d] * jacobian[d:]).sum()
     return float(plain), float(following)
@@ -188,6 +195,7 @@ def covariance(recording: Recording, rho: float, shared: Matrix) -> Matrix:
     d = recording.residual.shape[1]
     apart = np.abs(np.subtract.outer(np.arange(recording.shots), np.arange(recording.shots)))
     errors = np.kron(np.eye(recording.shots) if rho == 0 else rho ** apart.astype(float), np.eye(d))
+    errors *= np.outer(recording.active, recording.active)
     cross = recording.jacobian @ times_errors(recording, rho).T
     return np.asarray(
         errors - cross - cross.T + recording.jacobian @ shared @ recording.jacobian.T, dtype=float
@@ -199,7 +207,7 @@ def drawn(recording: Recording, rho: float, shared: Matrix, count: int, rng: np.
     n, d = recording.residual.shape
     errors = rng.normal(size=(n, count, d))
     errors[1:] *= np.sqrt(1 - rho**2)
-    errors = _decaying(errors, rho).transpose(1, 0, 2)
+    errors = _decaying(errors, rho).transpose(1, 0, 2) * recording.active
     others = _root(shared - recording.jacobian.T @ times_errors(recording, rho))
     along = (
         rng.normal(size=(count, len(others))) @ others.T - errors.reshape(count, n * d) @ recording.jacobian
@@ -304,37 +312,40 @@ def _divisor(
     """
     _, residual, columns, z = _linear_model(fit, rival)
     rows = np.hstack([columns, (residual - columns @ z)[:, None]])
-    d = fit.problem.tool.residual_size
+    d, active = fit.problem.tool.residual_size, fit.problem.active > 0
     ends = [(rows_of[0] * d, (rows_of[-1] + 1) * d) for rows_of in every]
     for i, louder in zip(lags, _louder(list(lags.values())), strict=True):
         rows[slice(*ends[i])] /= np.sqrt(louder)
-    log_evidence = np.array([_log_evidence(rows, ends, d, float(rho)) for rho in _RHO])
+    follows = np.zeros(len(rows), dtype=bool)
+    for first, last in ends:
+        read = active[first // d : last // d]
+        follows[first + d : last] = (read[1:] & read[:-1]).ravel()
+    count = len(rows) - int((~active).sum())
+    log_evidence = np.array([_log_evidence(rows, follows, d, count, float(rho)) for rho in _RHO])
     odds = _PRIOR / _PRIOR.sum() * np.exp(log_evidence[1:] - log_evidence[0])
     if odds.sum() < _ODDS:
         return 1.0
     return float(odds.sum() / (odds / _kappa(_RHO[1:])).sum())
 
 
-def _log_evidence(rows: Matrix, ends: Sequence[tuple[int, int]], d: int, rho: float) -> float:
-    """Of errors with the correlation `rho` within recordings; `rows` (M, f + 1) are columns and residuals,
-    `ends` the first row of each recording and the one behind its last."""
-    white, log_det = rows.copy(), 0.0
-    for first, last in ends:
-        white[first + d : last] = (rows[first + d : last] - rho * rows[first : last - d]) / np.sqrt(
-            1 - rho**2
-        )
-        log_det += (last - first - d) * np.log(1 - rho**2)
+def _log_evidence(rows: Matrix, follows: Mask, d: int, count: int, rho: float) -> float:
+    """Of errors with the correlation `rho` within recordings; `rows` (M, f + 1) are columns and residuals, of
+    which `count` were read, and those that `follows` (M,) marks follow the row d before them."""
+    white, after = rows.copy(), np.flatnonzero(follows)
+    white[after] = (rows[after] - rho * rows[after - d]) / np.sqrt(1 - rho**2)
+    log_det = len(after) * float(np.log(1 - rho**2))
     columns, residual = white[:, :-1], white[:, -1]
     root = np.linalg.cholesky(columns.T @ columns + np.eye(columns.shape[1]))
     along = scipy.linalg.solve_triangular(root, columns.T @ residual, lower=True)
     square = max(float(residual @ residual - along @ along), 1e-300)
-    return -(log_det + 2 * float(np.log(np.diag(root)).sum()) + len(rows) * float(np.log(square))) / 2
+    return -(log_det + 2 * float(np.log(np.diag(root)).sum()) + count * float(np.log(square))) / 2
 
 
 class RecordingLag(NamedTuple):
     """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
     sum of squares; `products` and `squares` (nodes,) what they are expected to be for a correlation rho, as
-    Chebyshev series in artanh rho; `size` n d. Of the covariance of the residuals without correlation: its
+    Chebyshev series in artanh rho; `size` how many components were read. Of the covariance of the residuals
+    without correlation: its
     trace `left`, that of neighbours as a share of it `bias`, and `forms`: `square` as a sum of chi-squares by
     its weights (n d,), `product` in the same errors by its matrix (n d, n d); None of a long recording."""
 
@@ -358,7 +369,7 @@ def lags(recorded: RecordingSet) -> dict[int, RecordingLag]:
         d, residual = recording.residual.shape[1], recording.residual
         left, neighbours = traces(recording, 0.0, none)
         # A fit that takes up all errors leaves rounding.
-        if recording.shots < _FEWEST or left < _LEFT * recording.shots * d:
+        if recording.shots < _FEWEST or left < _LEFT * recording.size:
             continue
         squares, products = (_SERIES @ np.array([traces(recording, *at) for at in by_rho])).T
         result[i] = RecordingLag(
@@ -367,7 +378,7 @@ def lags(recorded: RecordingSet) -> dict[int, RecordingLag]:
             float((residual**2).sum()),
             products,
             squares,
-            recording.shots * d,
+            recording.size,
             left,
             neighbours / left,
             _forms(covariance(recording, 0.0, none), d) if recording.shots * d <= LARGE else None,
@@ -449,7 +460,7 @@ def _values(lag: RecordingLag, ratio: float) -> Matrix:
     if lag.forms is None:
         # Of a long recording: those of independent errors, shifted by the bias.
         angles = np.pi * np.arange(1, lag.shots + 1) / (lag.shots + 1)
-        return np.repeat(np.cos(angles) - (ratio - lag.bias), lag.size // lag.shots)
+        return np.repeat(np.cos(angles) - (ratio - lag.bias), max(1, round(lag.size / lag.shots)))
     squares, products = lag.forms
     return np.asarray(np.linalg.eigvalsh(products - ratio * np.diag(squares)))
 

@@ -27,7 +27,7 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, FitFailed, located
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
-from ...model.likelihood.problem import Problem, rms_length
+from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
@@ -175,7 +175,7 @@ def rms_without(solution: Solution, names: Collection[str], offsets: Sequence[Co
             x[parameters.index(offset.name)] = offset.internal
             gone[parameters.index(offset.name)] = True
     residual, jacobian = problem.linearise(x)
-    return rms_length(_refitted(problem, residual, jacobian) if gone.any() else residual)
+    return problem.rms_mm(_refitted(problem, residual, jacobian) if gone.any() else residual)
 
 
 def _refitted(problem: Problem, residual: Matrix, jacobian: Matrix) -> Matrix:

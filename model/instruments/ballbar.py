@@ -128,6 +128,9 @@ class Ballbar(TipStation):
     def in_sight(self, target: Target) -> Matrix:
         return target.numbers
 
+    def sight(self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str) -> Matrix:
+        return np.array([self.on_flange(pose, unknowns, variant), target])
+
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         """With a free zero, from five measurements on that is solved for as well."""
         free = self.bias is None and len(poses) > 4

@@ -19,6 +19,7 @@ from .tips import (
     StatedTip,
     TipStation,
     fitted_plane,
+    patch,
     plane_at,
     plane_coordinates,
     plane_normal,
@@ -141,6 +142,13 @@ class Dial(TipStation):
             "the plunger is too oblique to the face": slope < np.cos(_OBLIQUE),
             "the travel is out of the range of the gauge": outside,
         }
+
+    def sight(self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str) -> Matrix:
+        tip = self.on_flange(pose, unknowns, variant)
+        return np.array([tip, tip + reading[0] * (pose[:3, :3] @ self.direction)])
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        return (patch(target, reading[1:], touched),)
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         touched = self.tips(poses, unknowns) + readings[:, :1] * (poses[:, :3, :3] @ self.direction)

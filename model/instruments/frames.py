@@ -127,6 +127,11 @@ class FramedStation(Station):
         last = unknowns[len(self.unknowns) - 6 :]
         return turned(last[3:]), last[:3]
 
+    def sight(self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str) -> Matrix:
+        """To where the instrument is."""
+        origin = unknowns[-6:-3] if self.frame is None else self.frame[1]
+        return np.array([self.on_flange(pose, unknowns, variant), origin])
+
     @property
     def stands_at(self) -> Matrix:
         """Upright, and turned as the base frame."""

@@ -7,7 +7,7 @@ a kind's own file asks which kind it is: it asks for the facts below.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
@@ -121,6 +121,16 @@ class Measurement(NamedTuple):
     measured: Mapping[str, Sequence[float]]
     sigma_mm: float | None = None
     posture: int = 0
+
+
+class PartRead(NamedTuple):
+    """What of a run reads at a posture: an instrument, its variant, the places of its unknowns among all, and
+    its own numbers of the reading (w,)."""
+
+    instrument: Instrument
+    variant: str
+    unknowns: list[int]
+    reading: Matrix
 
 
 class ResidualLayout(NamedTuple):
@@ -332,6 +342,10 @@ class Instrument(ABC):
         """(w, 1) the reading that leaves no residual: `reading` with what is measured in its place."""
         return reading
 
+    def read_at(self, reading: Matrix) -> Iterator[PartRead]:
+        """The parts that read where the `reading` is (w,)."""
+        yield PartRead(self, self.variants[0], list(range(len(self.unknowns))), reading)
+
     @property
     def point(self) -> Matrix:
         """(3,) mm in the flange frame: what is measured of it, as stated."""
@@ -341,6 +355,29 @@ class Instrument(ABC):
         """Point (3, 1) mm and unit direction (3, 1) in the flange frame, the direction 0 where it is no beam:
         what is drawn, and what obstacles must not meet."""
         return ca.SX.zeros(3), ca.SX.zeros(3)
+
+    # What is drawn, in mm in the base frame, of numbers: a flange `pose` (4, 4), coordinates (3,) of a target
+
+    def on_flange(self, pose: Matrix, unknowns: Matrix, variant: str) -> Matrix:
+        """(3,) the point on the flange."""
+        point, _ = self.ray(ca.SX(unknowns))
+        return np.asarray(pose[:3, :3] @ ca.evalf(point).full()[:, 0] + pose[:3, 3])
+
+    def direction_at(self, pose: Matrix, unknowns: Matrix) -> Matrix:
+        """(3,) unit, of a beam."""
+        _, direction = self.ray(ca.SX(unknowns))
+        return np.asarray(pose[:3, :3] @ ca.evalf(direction).full()[:, 0])
+
+    def sight(
+        self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str
+    ) -> Matrix | None:
+        """(2, 3) the line from the point on the flange to what it measures; None where there is none to draw,
+        or a beam."""
+        return None
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        """Lines (m, 3) that show a target which is no point; `touched` (N, 3) the points on the flange."""
+        return ()
 
     # Where a fit starts
 

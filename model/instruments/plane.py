@@ -17,6 +17,7 @@ from .tips import (
     BallTipStation,
     StatedBallTip,
     fitted_plane,
+    patch,
     plane_at,
     plane_coordinates,
     plane_normal,
@@ -77,6 +78,9 @@ class PlaneProbe(BallTipStation):
 
     def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
         return {"the probe comes from the inside of the face": self.through(poses, plane_normal(target))}
+
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        return (patch(target, reading[:3], touched),)
 
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         return fitted_plane(self.tips(poses, unknowns), np.asarray(readings[0, :3]), self.radius)

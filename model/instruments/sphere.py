@@ -86,5 +86,11 @@ class SphereProbe(BallTipStation):
         """Of the centres of tip and ball, mm."""
         return self.radius + float(self.reading({}, None, target.entry)[0])
 
+    def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
+        """Three great circles."""
+        angle = np.linspace(0, 2 * np.pi, 25)
+        circle = reading[0] * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+        return tuple(target + np.roll(circle, k, axis=1) for k in range(3))
+
     def start_target(self, poses: Matrix, readings: Matrix, unknowns: Matrix) -> Matrix:
         return sphere_through(self.tips(poses, unknowns), readings[:, 0] + self.radius, zero_free=False)

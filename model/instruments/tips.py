@@ -54,6 +54,9 @@ class StatedRange(FileModel):
         return self
 
 
+_ROOM_MM = 40.0  # of a drawn part of a plane, about where it was touched
+
+
 class StatedTip(FileModel):
     """A tip on the flange, and how well it reads."""
 
@@ -234,6 +237,18 @@ def normals_at(planes: Matrix, nominal: Matrix) -> tuple[Matrix, Matrix]:
     turned = basis.T * (1 + tangents**2)[:, None] / length[:, None, None]
     turned -= normals[:, :, None] * (normals[:, None] @ turned)
     return normals, np.concatenate([np.zeros((len(planes), 3, 1)), turned], axis=2)
+
+
+def patch(target: Matrix, nominal: Matrix, touched: Matrix) -> Matrix:
+    """(5, 3) mm the outline of a part of a plane, of d, tilt1, tilt2 (3,) about a stated normal (3,):
+    round the feet of points (N, 3) `touched`."""
+    normal = normals_at(target[None], nominal)[0][0]
+    b1, b2 = basis_across(normal)
+    feet = touched + (target[0] - touched @ normal)[:, None] * normal
+    along = np.array([feet @ b1, feet @ b2])
+    (low1, low2), (high1, high2) = along.min(axis=1) - _ROOM_MM, along.max(axis=1) + _ROOM_MM
+    corners = np.array([[low1, low2], [high1, low2], [high1, high2], [low1, high2], [low1, low2]])
+    return np.asarray(corners @ np.array([b1, b2]) + target[0] * normal)
 
 
 def fitted_plane(points: Matrix, nominal: Matrix, offset: float) -> Matrix:

@@ -7,7 +7,7 @@ do. Parts that read at one posture share the errors of its recorded joints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Self
@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
-from .kind import Flange, Instrument, Measurement, ResidualLayout, TargetEntry, Unknown, Words
+from .kind import Flange, Instrument, Measurement, PartRead, ResidualLayout, TargetEntry, Unknown, Words
 
 
 class Part(NamedTuple):
@@ -130,6 +130,11 @@ class Together(Instrument):
         """That of the beam, if there is one, else of the first."""
         first = next((part for part in self._parts if part.instrument.beam), self._parts[0])
         return first.instrument.ray(unknowns[first.unknowns])
+
+    def read_at(self, reading: Matrix) -> Iterator[PartRead]:
+        for part in self._parts:
+            if reading[part.number]:
+                yield PartRead(part.instrument, part.variant, part.unknowns, reading[part.reading])
 
     @cached_property
     def layout(self) -> ResidualLayout:

@@ -265,6 +265,10 @@ class Tracker(FramedStation):
         cosine = ((turn @ reflector.direction) * way).sum(axis=1) / np.linalg.norm(way, axis=1)
         return {"the reflector is turned away from the tracker": cosine < np.cos(reflector.acceptance)}
 
+    def on_flange(self, pose: Matrix, unknowns: Matrix, variant: str) -> Matrix:
+        at = 3 * self._index(variant)
+        return np.asarray(pose[:3, :3] @ unknowns[at : at + 3] + pose[:3, 3])
+
     def _index(self, variant: str) -> int:
         """Of a reflector; where there is but one, it needs no name."""
         if not variant and len(self.reflectors) == 1:

@@ -43,7 +43,8 @@ class _Block(NamedTuple):
 
 
 class Density:
-    """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d), both the problem's own by default.
+    """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d) and `readings` (B, N, w), the
+    problem's own by default.
 
     `weights` (B, N) multiply what each shot adds (0 leaves it out); the problem's own by default.
     """
@@ -54,15 +55,17 @@ class Density:
         joints: Matrix | None = None,
         spots: Matrix | None = None,
         weights: Matrix | None = None,
+        readings: Matrix | None = None,
     ) -> None:
         self.problem = problem
         self.joints = problem.joints[None] if joints is None else joints
         self.spots = problem.spots[None] if spots is None else spots
         self.weights = problem.weights[None] if weights is None else weights
+        self.readings = problem.readings[None] if readings is None else readings
         self._data = self.spots
         if problem.tool.reading_size:
-            readings = np.broadcast_to(problem.readings, (len(self.spots), *problem.readings.shape))
-            self._data = np.concatenate([self.spots, readings], axis=2)
+            read = np.broadcast_to(self.readings, (len(self.spots), *problem.readings.shape))
+            self._data = np.concatenate([self.spots, read], axis=2)
         self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
         self._stated: dict[int, GridInput] = {}  # by the number of shots
         self._columns: dict[int | None, tuple[Offsets, Offsets, Offsets]] = {}  # by target
@@ -78,7 +81,8 @@ class Density:
 
     def weighted(self, weights: Matrix) -> Density:
         """The same data with weights (B, N) times those of the problem."""
-        return Density(self.problem, self.joints, self.spots, self.problem.weights * weights)
+        weights = self.problem.weights * weights
+        return Density(self.problem, self.joints, self.spots, weights, self.readings)
 
     # Values
 

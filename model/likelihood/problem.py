@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Index, Matrix
+from ..arrays import Index, Mask, Matrix
 from ..errors import BadInput, located
 from ..files.run import Run
 from ..instruments.kind import Instrument, Measurement
@@ -341,6 +341,47 @@ class Problem:
         """(N,) how many components of each residual were read."""
         return np.asarray(self.active.sum(axis=1))
 
+    @cached_property
+    def _length_parts(self) -> tuple[Matrix, Matrix]:
+        """(d,) 1 for each component of a residual that is a length, else 0; (N,) lengths that were read."""
+        parts = self.tool.lengths
+        of_length = np.zeros(self.tool.residual_size)
+        of_length[[k for part in parts for k in part]] = 1.0
+        return of_length, np.asarray(self.active[:, [part[0] for part in parts]].sum(axis=1))
+
+    @property
+    def length_components(self) -> Mask:
+        """(N, d) True for each component of a residual that is a length and was read."""
+        return np.asarray(self.active * self._length_parts[0] > 0)
+
+    def length_squares(self, squares: Matrix) -> Matrix:
+        """(N,) mm² the squared length of a residual, by `squares` (N, d) of its components: of several
+        readings at one posture their mean, without what is an angle."""
+        of_length, count = self._length_parts
+        return np.asarray((squares * (self.active * of_length)).sum(axis=1) / count)
+
+    def length_mm(self, residual: Matrix) -> Matrix:
+        """(N,) the length of residuals (N, d), as `length_squares` takes it."""
+        return np.asarray(np.sqrt(self.length_squares(residual**2)))
+
+    def rms_mm(self, residual: Matrix) -> float:
+        """Root mean square length of residuals (N, d)."""
+        return float(np.sqrt(self.length_squares(residual**2).mean()))
+
+    def rms_deg(self, residual: Matrix) -> float | None:
+        """Root mean square angle of the rotations among residuals (N, d); None where no angle is read."""
+        angles = self.active * (1 - self._length_parts[0])
+        read = angles.any(axis=1)
+        if not read.any():
+            return None
+        return float(np.degrees(np.sqrt((residual[read] ** 2 * angles[read]).sum(axis=1).mean())))
+
+    def read_components(self, row: int, residual: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Of the residual (d,) of a measurement what was read of it: lengths, mm, and angles, deg."""
+        read, of_length = self.active[row] > 0, self._length_parts[0] > 0
+        angles = np.degrees(residual[read & ~of_length])
+        return tuple(residual[read & of_length].tolist()), tuple(angles.tolist())
+
     @property
     def measured_size(self) -> int:
         """Number of residuals: those of each shot (as often as it counts), one for each tie."""
@@ -390,6 +431,10 @@ class Problem:
     def stations(self) -> int:
         """How many of the targets are none."""
         return len(self.targets) - int(self.parameters.group("target").sum()) // 3
+
+    def is_station(self, target: str) -> bool:
+        """Whether it is no target, but an instrument that has none."""
+        return target in self.targets[len(self.targets) - self.stations :]
 
     def variances(self, x: Matrix) -> Matrix:
         """(..., n + I) of joints and instruments at parameter vectors (..., p), or (n + I,) as stated."""
@@ -564,7 +609,7 @@ class Problem:
         result = self._nearest_to_rays(parts, joints)
         for k in range(real if self.tool.reading_size else 0):
             mine = self.target_index == k
-            if self.planned and not self.met[mine].any():
+            if not mine.any() or (self.planned and not self.met[mine].any()):
                 continue
             for row, point in enumerate(x):
                 poses = self.poses(point, joints[row % len(joints)][mine])
@@ -656,8 +701,3 @@ def by_posture(measurements: Sequence[Measurement]) -> tuple[list[int], list[lis
     for i, item in enumerate(measurements):
         rows.setdefault(item.posture, []).append(i)
     return [some[0] for some in rows.values()], [[measurements[i] for i in some] for some in rows.values()]
-
-
-def rms_length(residual: Matrix) -> float:
-    """Root mean square length of residuals (N, d), mm."""
-    return float(np.sqrt((residual**2).sum(axis=1).mean()))

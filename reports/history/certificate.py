@@ -96,7 +96,10 @@ def certificate_json(
         "conformity": answer.get("conformity"),
         "assumed": _assumed(answer),
         "misfit": answer["misfit"],
-        "fit": {key: fit[key] for key in ("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message")},
+        "fit": {
+            **{key: fit[key] for key in ("rms_mm", "chi2", "dof", "p_value", "noise_scale", "message")},
+            "rms_deg": fit.get("rms_deg"),
+        },
         "notes": answer["notes"],
         "key": {"algorithm": ALGORITHM, "fingerprint": fingerprint},
         "written_by": versions()["zerobeam"],
@@ -118,12 +121,6 @@ def _require_certifiable(result: StoredResult, answer: Json) -> None:
             found=of,
             allowed="a result with the verdict pass, weak or degenerate",
             remedy="find the cause (zerobeam report), measure again, or name another result by --run",
-        )
-    if not answer["inputs"]["header"].get("tool"):
-        raise BadInput(
-            "only results of a laser or a probe are certified",
-            found=f"{of}: {', '.join(kind.name for kind in kinds_of(answer['inputs']['header']).values())}",
-            allowed="a run with the key tool",
         )
     converged = answer["fits"]["likelihood"]["converged"]
     if not converged or not any(known(row.status) for row in result.offsets):
@@ -196,15 +193,14 @@ def _intervals(answer: Json) -> list[Json]:
 def _assumed(answer: Json) -> Json:
     """What the result rests on besides the measurements."""
     header, geometry = answer["inputs"]["header"], answer["geometry"]
+    tool = header.get("tool")
     free = [row for row in answer["parameters"] if not row["held"] and row["group"] != "noise"]
     priors = {(row["group"], row["unit"], row["prior_std"]): None for row in free if row["prior_std"]}
     return {
         "geometry": {key: geometry[key] for key in ("tolerance", "factors", "considered_tolerance")},
-        "tool": {
-            "kind": header["tool"]["kind"],
-            "calibrated": header["tool"].get("calibrated", True),
-            "sigma": header["tool"].get("sigma"),
-        },
+        "tool": tool
+        and {"kind": tool["kind"], "calibrated": tool.get("calibrated", True), "sigma": tool.get("sigma")},
+        "instruments": header.get("instruments") or {},
         "noise": header["noise"],
         "noise_factors": [
             {key: row[key] for key in ("name", "status", "estimate", "std")}

@@ -16,6 +16,7 @@ from ...words.numbers import unit_of
 from ...words.provenance import CERTIFICATE_KEYS, DATE, OPERATOR
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import NOT_DETERMINED, clipped, counted, ended, label, listed, sentence, shown
+from ..run.inputs import flat
 from ..run.parameters import NO_NUMBER, OFFSETS, legend
 from ..style.blocks import (
     Block,
@@ -43,7 +44,13 @@ _MEANING = (
     " measurements are right, nor who the holder is: compare the fingerprint with the one that"
     " the signer gives you."
 )
-_GROUPS = {"offset": "offsets", "target": "targets", "tool": "tool", "geometry": "link geometry"}
+_GROUPS = {
+    "offset": "offsets",
+    "target": "targets",
+    "tool": "tool",
+    "frame": "frames",
+    "geometry": "link geometry",
+}
 
 
 def certificate_page(certificate: Mapping[str, Any]) -> Page:
@@ -109,7 +116,7 @@ def _identified(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield DATE, certificate["measured_at"][:10]
     yield entry("place")
     instruments = [(row["name"], row["text"] or "") for row in form["instruments"]]
-    if not any(text for _, text in instruments) and certificate["instrument"]:
+    if instruments and certificate["instrument"] and not any(text for _, text in instruments):
         instruments[0] = (instruments[0][0], shown(certificate["instrument"]))
     yield from instruments
     yield entry("temperature")
@@ -142,7 +149,7 @@ def _found_and_left(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]
     on = f" on {shown(left['measured_on'])}" if left["measured_on"] else ""
     yield (
         "As left",
-        f"{ACCEPTANCE_WORDS[left['verdict']]}: error at the target {_size(error['after'])}{before}, measured"
+        f"{ACCEPTANCE_WORDS[left['verdict']]}: error {_size(error['after'])}{before}, measured"
         f"{on} with {counted(left['measurements'], 'measurement')} of the corrected robot; the noise of a"
         f" measurement is {numbers.significant(error['noise_mm'], 2, 'mm')}.",
     )
@@ -160,12 +167,15 @@ def _size(error: Mapping[str, float]) -> str:
 
 
 def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    method = kind_of(certificate["assumed"]["tool"]["kind"]).words.method
+    kinds = [kind_of(name) for name in _kinds(certificate["assumed"]).values()]
+    methods = listed(list(dict.fromkeys(kind.words.method for kind in kinds)))
+    paper = "Gao, Liu, Xi, Shen 2014; " if any(kind.beam for kind in kinds) else ""
+    only_met = " No distance or pose was measured independently." if all(kind.met for kind in kinds) else ""
     yield (
         "Method",
-        f"The offsets are estimated from {certificate['shots']} measurements with {method}, with what is"
-        " listed below as prior (Gao, Liu, Xi, Shen 2014; zerobeam"
-        f" {shown(certificate['zerobeam'])}). No distance or pose was measured independently.",
+        f"The offsets are estimated from {certificate['shots']} measurements with {methods}, with what is"
+        f" listed below as prior ({paper}zerobeam"
+        f" {shown(certificate['zerobeam'])}).{only_met}",
     )
     yield "Traceability", _traceability(certificate)
     yield "Decision rule", " ".join(_rules(certificate))
@@ -174,6 +184,12 @@ def _statements(certificate: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         "The results relate only to the item named above, and to its condition at the time of the"
         " measurements.",
     )
+
+
+def _kinds(assumed: Mapping[str, Any]) -> dict[str, str]:
+    """The kind of each instrument by its label; older certificates know the tool alone."""
+    tool, others = assumed["tool"], assumed.get("instruments", {})
+    return ({"tool": tool["kind"]} if tool else {}) | {label: one["kind"] for label, one in others.items()}
 
 
 def _traceability(certificate: Mapping[str, Any]) -> str:
@@ -277,8 +293,13 @@ def _assumed(assumed: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> It
         yield "Geometry", f"{within}{_factors(geometry['factors'])}"
     else:
         yield "Geometry", "nominal, taken as the robot file states it"
-    yield "Tool", f"{tool['kind']}, {_tool(tool)}"
-    yield "Noise (standard deviation)", f"{_noise(noise)}; {_scale(assumed)}"
+    if tool:
+        yield "Tool", f"{tool['kind']}, {_tool(tool)}"
+    for name, entry in assumed["instruments"].items():
+        facts = [f"{key} {text}" for key, text in flat(entry) if key != "kind"]
+        yield f"Instrument {clipped(name, 24)}", f"{shown(entry['kind'])}: {', '.join(facts)}"
+    spot = {} if tool else {"spot_mm": None}
+    yield "Noise (standard deviation)", f"{_noise({**noise, **spot})}; {_scale(assumed)}"
     yield "Priors (standard deviation)", "; ".join(_priors(assumed["priors"])) or "none"
     held_at = {row["name"]: _held_at(row) for row in offsets if row["held"]}
     held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in assumed["held"]]
@@ -347,11 +368,12 @@ def _scale(assumed: Mapping[str, Any]) -> str:
         else f"{clipped(row['name'])} {NOT_DETERMINED}"
         for row in assumed["noise_factors"]
     ]
-    return f"estimated up to two factors: {', '.join(factors)}"
+    count = "two" if len(factors) == 2 else str(len(factors))
+    return f"estimated up to {count} factors: {', '.join(factors)}"
 
 
 def _fit(fit: Mapping[str, Any]) -> str:
-    rms = numbers.significant(fit["rms_mm"], unit="mm")
+    rms = numbers.length_and_angle(fit["rms_mm"], fit.get("rms_deg"))
     parts = [f"Residuals {rms} rms, {fit['dof']} degrees of freedom."]
     if fit["noise_scale"] is not None:
         parts.append(f"The noise is {numbers.times(fit['noise_scale'])} times the stated one.")

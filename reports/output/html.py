@@ -91,8 +91,11 @@ class Turnable:
     one: str
     count: int
     beams: bool
+    sights: bool
+    surfaces: bool
     unreached: bool
     located: bool
+    placed: str
     undetermined: bool
     factor: int | None
     drawing: Markup

@@ -59,8 +59,8 @@ def _likelihood_facts(fit: LikelihoodSummary, separate: bool) -> dict[str, str]:
     return {
         "Converged": _converged(fit),
         "Iterations": str(fit.iterations),
-        "Residuals before, rms": numbers.significant(fit.rms_before_mm, unit="mm"),
-        "Residuals after, rms": numbers.significant(fit.rms_mm, unit="mm"),
+        "Residuals before, rms": numbers.length_and_angle(fit.rms_before_mm, fit.rms_before_deg),
+        "Residuals after, rms": numbers.length_and_angle(fit.rms_mm, fit.rms_deg),
         "χ²": numbers.significant(fit.chi2),
         "Degrees of freedom": str(fit.dof),
         "p-value": no_p if fit.p_value is None else numbers.p_value(fit.p_value),

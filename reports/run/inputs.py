@@ -44,13 +44,16 @@ def _head(inputs: Inputs) -> list[tuple[str, str]]:
 def inputs_sections(inputs: Inputs) -> list[Section]:
     """Inputs, provenance where there is one, and the settings of the run."""
     header = dict(inputs.header)
-    provenance = _flat(header.pop("provenance", None) or {})
-    targets = [clipped(name, 24) for name in inputs.targets]
+    provenance = flat(header.pop("provenance", None) or {})
+    instruments = inputs.instruments
+    targets = [clipped(name, 24) for name in inputs.targets if name not in instruments]
+    kinds = [f"{clipped(label, 24)} ({kind.name})" for label, kind in instruments.items() if label != "tool"]
     facts = [
         ("Run", shown(inputs.run)),
         ("SHA-256 of the run", inputs.sha256),
         ("Robot", shown(inputs.robot)),
         ("Measurements", str(inputs.shots)),
+        *([("Instruments", listed(kinds))] if kinds else []),
         ("Targets", f"{len(targets)}: {listed(targets)}" if targets else "none"),
         ("Seed", str(inputs.seed)),
         ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items())),
@@ -58,14 +61,14 @@ def inputs_sections(inputs: Inputs) -> list[Section]:
     sections = [section_of("Inputs", Facts(facts))]
     if provenance:
         sections.append(section_of("Provenance", Facts(provenance), level=2))
-    return [*sections, section_of("Settings of the run", Facts(_flat(header)), level=2)]
+    return [*sections, section_of("Settings of the run", Facts(flat(header)), level=2)]
 
 
-def _flat(value: object, path: str = "") -> list[tuple[str, str]]:
+def flat(value: object, path: str = "") -> list[tuple[str, str]]:
     """Nested settings as rows `tool.kind` → `laser`, as they are in the file."""
     if isinstance(value, dict) and value:
         return [
-            row for key, item in value.items() for row in _flat(item, f"{path}.{key}" if path else str(key))
+            row for key, item in value.items() for row in flat(item, f"{path}.{key}" if path else str(key))
         ]
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return [(clipped(path, 60), shown(text))] if path else []

@@ -13,7 +13,7 @@ from scipy.special import chdtri
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.influence import ShotResult
 from ...words import numbers
-from ...words.wording import clipped, shown
+from ...words.wording import clipped, measured_at, places_counted, shown
 from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
 from ..style.canvas import DASHES, Picture, new_figure, style, to_svg
 from ..style.palette import light
@@ -29,15 +29,17 @@ WORST_SHOTS = 20
 
 def residuals_section(result: Result) -> Section:
     """The section of a report; of many measurements the table has the worst."""
+    shots, robust = result.shots, result.robust
+    rotations = any(shot.miss_deg for shot in shots)
     columns: list[Head] = [
         ("measurement", "right"),
-        ("target", "left"),
+        (measured_at([shot.target for shot in shots], result.inputs.instruments), "left"),
         "residual",
+        *(["rotation"] if rotations else []),
         "normalised",
         "leave-one-out",
         "Cook’s distance",
     ]
-    shots, robust = result.shots, result.robust
     weights = robust.weights if robust is not None and robust.converged else None
     outliers = set(robust.outliers) if robust is not None and weights is not None else set()
     chosen, caption = list(range(len(shots))), "Residual of every measurement"
@@ -68,7 +70,8 @@ def residuals_section(result: Result) -> Section:
         cells: list[str | Cell] = [
             str(shot.shot),
             clipped(shot.target, 24),
-            numbers.significant(math.hypot(*shot.miss_mm), unit="mm"),
+            numbers.significant(shot.length_mm, unit="mm"),
+            *([_rotation(shot)] if rotations else []),
             numbers.significant(shot.whitened, 2),
             numbers.or_words(shot.leave_one_out, "not predictable", "mm"),
             numbers.or_words(shot.cooks, "not defined"),
@@ -85,6 +88,11 @@ def residuals_section(result: Result) -> Section:
         FigureBlock("residual_map"),
         table_of(caption, columns, rows),
     )
+
+
+def _rotation(shot: ShotResult) -> str:
+    angle = math.hypot(*shot.miss_deg) if shot.miss_deg else None
+    return numbers.or_words(angle, "—", "deg")
 
 
 # ── the figure ────────────────────────────────────────────────────────────────────────────────
@@ -105,6 +113,7 @@ def residuals_picture(result: Result) -> Picture:
     targets = list(dict.fromkeys(shot.target for shot in shots))
     order = sorted(shots, key=lambda shot: targets.index(shot.target))
     few = len(order) <= FEW_SHOTS
+    group = measured_at(targets, result.inputs.instruments).replace(" or ", "/")
     drawn = drawn_of(order)
     with style():
         figure = new_figure(3.7)
@@ -118,7 +127,7 @@ def residuals_picture(result: Result) -> Picture:
         else:
             below.tick_params(axis="x", labelbottom=False, length=0)
         below.set_xlabel(
-            "measurement" if few else f"{len(order)} measurements, target by target", labelpad=room
+            "measurement" if few else f"{len(order)} measurements, {group} by {group}", labelpad=room
         )
         below.set_xlim(-0.7, len(order) - 0.3)
         for axes in (above, below):
@@ -133,7 +142,7 @@ def residuals_picture(result: Result) -> Picture:
             f": {len(drawn)} of {len(order)} are drawn, the {LARGEST_DRAWN} largest and others evenly; all"
             " are in result.json"
         )
-    where = "one target" if len(targets) == 1 else f"{len(targets)} targets"
+    where = places_counted(targets, result.inputs.instruments)
     alt = (
         f"Residuals of {len(order)} measurements at {where}. {over} lie beyond "
         f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
@@ -153,13 +162,13 @@ def drawn_of(shots: Sequence[ShotResult]) -> dict[int, ShotResult]:
 
 def noise_limits(shots: Sequence[ShotResult]) -> list[float]:
     """Of the normalised residuals, below which noise leaves 95 % of them."""
-    by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
-    return [by_size[len(shot.miss_mm)] for shot in shots]
+    by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {shot.size for shot in shots}}
+    return [by_size[shot.size] for shot in shots]
 
 
 def _millimetres(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
     """The upper panel: the residual as a dot, the leave-one-out residual as a ring."""
-    length = [math.hypot(*shot.miss_mm) for shot in drawn.values()]
+    length = [shot.length_mm for shot in drawn.values()]
     left_out = {i: shot.leave_one_out for i, shot in drawn.items() if shot.leave_one_out is not None}
     if few:
         axes.vlines(list(drawn), 0, length, color=light("line"), linewidth=1)

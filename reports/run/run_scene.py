@@ -5,11 +5,14 @@ All of it comes from the part `scene` of `result.json`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.scene import RunScene, SceneTarget
 from ...model.arrays import Matrix
+from ...model.instruments.kind import Instrument
 from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
 from ..output.html import Turnable
@@ -17,6 +20,12 @@ from ..scenes.scene import Placed, Posed, Scene3D
 from ..scenes.turnable import exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 
+_TITLES = {
+    "Targets": "Positions of the targets",
+    "Instruments": "Position of the instrument",
+    "Targets and instruments": "Positions of targets and instruments",
+}
+_KEYS = {"Targets": "target", "Instruments": "instrument", "Targets and instruments": "target or instrument"}
 _MOST_NAMED = 6  # targets in the words next to the picture: more are in the report's tables
 
 
@@ -34,10 +43,12 @@ def run_scene(result: Result) -> Scene3D | None:
                 tool=np.array(shot.links[-1]),
                 end=None if shot.beam_to is None else np.array(shot.beam_to),
                 reaches=shot.ahead,
+                sights=[np.array(sight) for sight in shot.sights],
             )
             for i, shot in enumerate(scene.shots, start=1)
         ],
         [_placed(target, scene) for target in scene.targets],
+        outlines=[np.array(line) for outline in scene.outlines for line in outline.lines],
     )
 
 
@@ -69,11 +80,10 @@ def run_turnable(result: Result) -> Turnable | None:
         return None
     positions = _positions(recorded)
     count, all_shots = len(scene.postures), len(result.shots)
-    laser = scene.postures[0].end is not None
-    drawn = next(iter(result.inputs.instruments.values()))
-    what = "with its beams as fitted" if laser else f"with the {drawn.words.part} as fitted"
+    kinds = dict.fromkeys(result.inputs.instruments.values())
+    what = f"with {_listed_parts(kinds)} as fitted"
     more = "" if len(positions) <= _MOST_NAMED else f"; and {len(positions) - _MOST_NAMED} more"
-    named = f" Targets (x, y, z in the base frame): {'; '.join(positions[:_MOST_NAMED])}{more}."
+    named = f" {_places(recorded)} (x, y, z in the base frame): {'; '.join(positions[:_MOST_NAMED])}{more}."
     targets = named if positions else ""
     open_ = [
         label(row.name)
@@ -94,7 +104,21 @@ def run_turnable(result: Result) -> Turnable | None:
         f" frame.{nominal}",
         paper=f"On paper: measurement {recorded.shots[0].shot} in black, the others in grey{size}.",
         one="measurement",
+        placed=_KEYS[_places(recorded)],
     )
+
+
+def _listed_parts(kinds: Iterable[type[Instrument]]) -> str:
+    """What is drawn of the kinds of instruments."""
+    return listed(["its beams" if kind.beam else f"the {kind.words.part}" for kind in kinds])
+
+
+def _places(scene: RunScene) -> str:
+    """What has a place."""
+    stations = sum(target.station for target in scene.targets)
+    if not stations:
+        return "Targets"
+    return "Instruments" if stations == len(scene.targets) else "Targets and instruments"
 
 
 def scene_section(result: Result) -> Section | None:
@@ -102,9 +126,7 @@ def scene_section(result: Result) -> Section | None:
     scene = result.scene
     if scene is None:
         return None
-    return section_of(
-        "Positions of the targets", Paragraph(_sentences(_positions(scene), scene)), SceneBlock()
-    )
+    return section_of(_TITLES[_places(scene)], Paragraph(_sentences(_positions(scene), scene)), SceneBlock())
 
 
 def _positions(scene: RunScene) -> list[str]:
@@ -126,7 +148,7 @@ def _sentences(positions: list[str], scene: RunScene) -> str:
 
 
 def _position_words(target: SceneTarget, radius2: float) -> str:
-    name = clipped(target.name, 24)
+    name = f"{'instrument ' if target.station else ''}{clipped(target.name, 24)}"
     if target.at_mm is None:
         return f"{name} {NOT_DETERMINED}"
     if target.covariance_mm2 is None:

@@ -25,14 +25,15 @@ _NAME_WIDTH = 24
 @dataclass(frozen=True, eq=False)
 class Posed:
     """The arm in one posture: its `name`, `arm` (n + 2, 3) from the base over the joints to the flange,
-    `tool` (3,) the laser's origin or the probe's tip, `end` (3,) of the beam, None for a probe, and whether
-    it `reaches` its target."""
+    `tool` (3,) the laser's origin or the probe's tip, `end` (3,) of the beam, None for a probe, whether it
+    `reaches` its target, and `sights` (2, 3) each from the flange to what an instrument measures."""
 
     name: str
     arm: Matrix
     tool: Matrix
     end: Matrix | None
     reaches: bool
+    sights: Sequence[Matrix] = ()
 
     @property
     def tool_line(self) -> Matrix:
@@ -76,11 +77,13 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Scene3D:
-    """Postures and targets, and the frame that they are seen in; `floor` is how high the mounting face is."""
+    """Postures and targets, and the frame that they are seen in; `floor` is how high the mounting face is,
+    `outlines` (m, 3) lines of planes and balls."""
 
     postures: Sequence[Posed]
     targets: Sequence[Placed]
     floor: float = 0.0
+    outlines: Sequence[Matrix] = ()
 
     @cached_property
     def _corners(self) -> tuple[Matrix, Matrix]:
@@ -93,6 +96,8 @@ class Scene3D:
             [
                 *(point for posed in self.postures for point in (*posed.arm, posed.tool)),
                 *(posed.end for posed in self.postures if posed.end is not None),
+                *(point for posed in self.postures for sight in posed.sights for point in sight),
+                *(point for outline in self.outlines for point in outline),
                 *(target.at for target in self.targets),
                 np.zeros(3),
                 np.array([0.0, 0.0, self.floor]),
@@ -167,6 +172,7 @@ def scene_json(scene: Scene3D) -> dict[str, object]:
         "grid": {"step": scene.grid_step, "bounds": list(scene.grid_bounds), "z": scene.floor},
         "axis": scene.axis,
         "factor": scene.factor,
+        "outlines": [_rounded(outline) for outline in scene.outlines],
         "targets": [
             {
                 "name": target.short_name,
@@ -183,6 +189,7 @@ def scene_json(scene: Scene3D) -> dict[str, object]:
                 "tool": _rounded(posed.tool_line),
                 "beam": None if posed.beam is None else _rounded(posed.beam),
                 "reaches": bool(posed.reaches),
+                "sights": [_rounded(sight) for sight in posed.sights],
                 "numbers": [{"at": _rounded(at), "text": text} for at, text in posed.labels],
             }
             for posed in scene.postures

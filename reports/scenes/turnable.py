@@ -25,9 +25,11 @@ from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, floor_of, scene_j
 STILL = "postures"  # name of the still drawing among the figures
 
 
-def turnable(scene: Scene3D, *, alt: str, caption: str, paper: str, one: str = "posture") -> Turnable:
+def turnable(
+    scene: Scene3D, *, alt: str, caption: str, paper: str, one: str = "posture", placed: str = "target"
+) -> Turnable:
     """The scene made ready for a page: `alt` is said instead of it, `caption` below it, `paper` on paper;
-    `one` is what a posture is called."""
+    `one` is what a posture is called, `placed` what has a place."""
     states = {target.state for target in scene.targets}
     beams = any(posed.end is not None for posed in scene.postures)
     return Turnable(
@@ -37,8 +39,11 @@ def turnable(scene: Scene3D, *, alt: str, caption: str, paper: str, one: str = "
         one=one,
         count=len(scene.postures),
         beams=beams,
+        sights=any(posed.sights for posed in scene.postures),
+        surfaces=bool(scene.outlines),
         unreached=beams and not all(posed.reaches for posed in scene.postures),
         located=bool(states - {"undetermined"}),
+        placed=placed,
         undetermined="undetermined" in states,
         factor=scene.factor,
         drawing=still(scene, alt),
@@ -79,12 +84,14 @@ def still(scene: Scene3D, alt: str) -> Markup:
     postures = scene.postures[:MOST_DRAWN]
     flat = _Flat(scene, width, height)
     parts = [_grid(scene, flat), _axes(scene, flat)]
+    parts += [flat.line(outline, "surface") for outline in scene.outlines]
     for posture in reversed(postures):
         selected = posture is postures[0]
         kind = "arm first" if selected else "arm"
         if posture.beam is not None:
             state = "beam" if posture.reaches else "beam missing"
             parts.append(flat.line(posture.beam, state))
+        parts += [flat.line(sight, "sight first" if selected else "sight") for sight in posture.sights]
         parts.append(flat.line(posture.tool_line, f"{kind} tool"))
         parts.append(flat.line(posture.arm, kind))
         if selected:
@@ -129,6 +136,8 @@ class _Flat:
         points = [np.array([0.0, 0.0, scene.axis]), *(target.at for target in scene.targets)]
         for posture in scene.postures[:MOST_DRAWN]:
             points += [*posture.arm, posture.tool, *(() if posture.end is None else (posture.end,))]
+            points += [point for sight in posture.sights for point in sight]
+        points += [point for outline in scene.outlines for point in outline]
         for target in scene.targets:
             if target.axes is not None and scene.factor is not None:
                 points += [

@@ -24,7 +24,7 @@ _STYLE: dict[Acceptance, str] = {
     "inconclusive": "bold yellow",
 }
 _STEPS = (
-    "Enter the values, bring the target back to about its place, and record these postures with the"
+    "Enter the values, bring targets back to about their places, and record these postures with the"
     " corrected robot, as the run was recorded."
 )
 

@@ -237,8 +237,8 @@ def _print_table(console: Console, table: blocks.Table) -> None:
 
 def _fit_line(fit: LikelihoodSummary) -> str:
     line = (
-        f"Fit: residuals {numbers.significant(fit.rms_mm, 3)} mm rms"
-        f" (before: {numbers.significant(fit.rms_before_mm, 3)} mm)"
+        f"Fit: residuals {numbers.length_and_angle(fit.rms_mm, fit.rms_deg)} rms"
+        f" (before: {numbers.length_and_angle(fit.rms_before_mm, fit.rms_before_deg)})"
     )
     if fit.p_value is not None:
         line += f", χ² {numbers.significant(fit.chi2, 3)}, {fit.dof} dof (p {numbers.p_value(fit.p_value)})"

@@ -22,7 +22,7 @@ from ...words.acceptance import (
     probability_words,
 )
 from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, SIMULATED, by_plain_key, provenance_entry
-from ...words.wording import clipped, counted, label, shown
+from ...words.wording import clipped, counted, label, measured_at, shown
 from ..style.blocks import (
     Block,
     FigureBlock,
@@ -48,6 +48,7 @@ _UNKNOWN = "not stated"
 def verification_page(verified: Verified) -> Page:
     """All that the report of an acceptance test shows."""
     answer, measured = verified.answer, verified.measured
+    names = [posture.target for posture in measured.postures]
     return Page(
         "Verification of a calibration",
         f"{clipped(verified.calibration.robot.name)}, {counted(answer.measurements, 'measurement')} of"
@@ -59,7 +60,7 @@ def verification_page(verified: Verified) -> Page:
                 "Measured before and after",
                 Paragraph(measured_sentence(measured)),
                 FigureBlock(NAME),
-                _errors_table(measured),
+                _errors_table(measured, measured_at(names, verified.calibration.header.labels)),
                 Paragraph(f"{CONTROLLERS_MODEL} The noise is the standard deviation of one measurement."),
             ),
             section_of("The test and its rule", *_test(answer)),
@@ -86,7 +87,7 @@ def _entry(run: Run, name: str) -> str:
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _errors_table(measured: MeasuredError) -> Table:
+def _errors_table(measured: MeasuredError, at: str) -> Table:
     def row(posture: PostureError) -> Row:
         before = "—" if posture.before_mm is None else numbers.significant(posture.before_mm, 2, "mm")
         after, noise = (numbers.significant(value, 2, "mm") for value in (posture.after_mm, posture.noise_mm))
@@ -94,14 +95,12 @@ def _errors_table(measured: MeasuredError) -> Table:
 
     columns = [
         ("measurement", "right"),
-        ("target", "left"),
+        (at, "left"),
         ("as found", "right"),
         ("as left", "right"),
         ("noise", "right"),
     ]
-    return table_of(
-        "Error at the target, posture by posture", columns, [row(one) for one in measured.postures]
-    )
+    return table_of("Error, posture by posture", columns, [row(one) for one in measured.postures])
 
 
 def _test(answer: AcceptanceResult) -> Iterator[Block]:
@@ -196,7 +195,7 @@ def errors_picture(measured: MeasuredError) -> Picture:
         axes.set_ylim(len(drawn) - 0.4, -0.6)
         farthest = max([one.after_mm for one in drawn] + [mm for _, mm in before])
         axes.set_xlim(0, 1.25 * farthest)
-        axes.set_xlabel("error at the target, mm")
+        axes.set_xlabel("error, mm")
         bare_y(axes)
         axes.legend(
             handles=handles if before else handles[1:],
@@ -206,7 +205,7 @@ def errors_picture(measured: MeasuredError) -> Picture:
             handletextpad=0.2,
         )
         svg = to_svg(figure, NAME)
-    title = "Error at the target before and after, on one scale from 0"
+    title = "Error before and after, on one scale from 0"
     if len(drawn) < len(measured.postures):
         title += f": the {len(drawn)} of {len(measured.postures)} postures with the largest error as left"
     return Picture(NAME, title, measured_sentence(measured), svg)

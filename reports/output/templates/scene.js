@@ -42,7 +42,8 @@
   function fit() {
     aim(start);
     const points = [[0, 0, 0], [0, 0, scene.axis], [0, 0, scene.grid.z || 0], ...scene.targets.map((t) => t.at), ...(scene.extent || [])];
-    for (const p of scene.postures) points.push(...p.arm, ...p.tool, ...(p.beam || []));
+    for (const p of scene.postures) points.push(...p.arm, ...p.tool, ...(p.beam || []), ...(p.sights || []).flat());
+    points.push(...(scene.outlines || []).flat());
     for (const t of scene.targets)
       for (const axis of t.axes || []) for (const by of [-scene.factor, scene.factor]) points.push(t.at.map((v, i) => v + by * axis[i]));
     const flat = points.map(seen), xs = flat.map((q) => q.x), ys = flat.map((q) => q.y);
@@ -108,6 +109,11 @@
       pen.globalAlpha = shown;
       line(tool, thick / 2.2, strong ? colours.ink : colours.muted);
     });
+    for (const sight of (posture.sights || []).map((s) => s.map(at)))
+      link(sight[0], sight[1], () => {
+        pen.globalAlpha = strong ? 1 : chosen === null ? 0.45 : 0.2;
+        line(sight, strong ? 2 : 0.9, colours.identified);
+      });
     if (posture.beam) {
       const beam = posture.beam.map(at);
       link(beam[0], beam[1], () => {
@@ -232,6 +238,7 @@
     const own = chosen === null ? [] : pieces(scene.postures[chosen], true);
     const shown = chosen === null ? {} : scene.postures[chosen];
     (scene.boxes || []).forEach(obstacle);
+    (scene.outlines || []).forEach((outline) => line(outline.map(at), 1.6, colours.held));
     if (shown.meshes) solid(shown);
     for (const list of [others, own])
       for (const piece of list.sort((a, b) => a.near - b.near)) piece.draw();

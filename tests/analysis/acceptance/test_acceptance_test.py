@@ -5,6 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from measured_arms import CELLS, recorded
+from scipy import stats
 
 from zerobeam.analysis.acceptance.acceptance_test import (
     FALSE_ALARM,
@@ -57,7 +59,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     block = problem.parameters.block("offset")
     # True positions are those of the fit; a corrected arm reads more by what was entered.
     corrected = AcceptancePrediction(
-        solution, run.header, problem.joints + applied(), run_targets(run), None, entered()
+        solution, new_run(problem.joints + applied(), run_targets(run), None), entered()
     )
     x = solution.fit.x + left
     x[block] -= applied()
@@ -70,7 +72,13 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     spots = spots_for(corrected.problem, x, noise - residual)
     joints = corrected.problem.joints[rows]
     targets = [run_targets(run)[row] for row in rows]
-    return AcceptancePrediction(solution, run.header, joints, targets, spots[rows], entered()), solution
+    return AcceptancePrediction(solution, new_run(joints, targets, spots[rows]), entered()), solution
+
+
+def new_run(joints, targets, spots):
+    """A problem of the same robot and laser."""
+    run, _ = calibrated()
+    return Problem.build(run.header, run.robot, joints, targets, spots)
 
 
 def run_targets(run):
@@ -135,11 +143,44 @@ def test_one_posture_leaves_nothing_to_judge_by():
 
 def test_the_chosen_postures_are_enough_where_they_can_be():
     run, solution = calibrated()
-    plan = choose(solution, run.header, entered(), TOLERANCE)
+    plan = choose(solution, entered(), TOLERANCE)
     assert plan.enough
     assert 3 <= len(plan.rows) < len(run.shots)
-    tight = choose(solution, run.header, entered(), {"deg": 0.001, "mm": 1.0})
+    tight = choose(solution, entered(), {"deg": 0.001, "mm": 1.0})
     assert not tight.enough
     assert len(tight.rows) == len(run.shots)
     offsets = np.degrees(plan.joints - solution.problem.joints[list(plan.rows)])
     np.testing.assert_allclose(offsets[0, 1:], [entered()[name] for name in NAMES], atol=1e-9)
+
+
+def p_values(kind, count, error_deg=0.0):
+    """(count,) of new measurements by instruments of a `kind`, of random arms of which nothing was entered;
+    all read `error_deg` more of joint 3 than in the calibration."""
+    cell, rng, robot = CELLS[kind], np.random.default_rng(4), calibrated()[0].robot
+    header = cell.header(geometry="exact", joint_deg=0.005)
+    result = []
+    for _ in range(count):
+        arm = recorded(cell, 40, rng, exact=True, joint_deg=0.005)
+        joints = arm.joints.copy()
+        joints[28:, 2] += np.radians(error_deg)
+        old, new = (
+            Problem.of_measured(header, robot, joints[rows], arm.measured[rows])
+            for rows in (slice(28), slice(28, None))
+        )
+        test = AcceptancePrediction(solve_run(old, header), new, {})
+        result.append(test.p_value(test.shifted({})))
+    return np.array(result)
+
+
+@pytest.mark.parametrize("kind", ["tracker", "plane"])
+def test_of_other_instruments_a_right_robot_agrees_and_a_wrong_one_does_not(kind):
+    assert (p_values(kind, 2) > 1e-4).all()
+    assert (p_values(kind, 2, 1.0) < FALSE_ALARM).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["tracker", "pose", "plane", "ballbar", "tracker + plane + ballbar"])
+def test_the_false_alarms_of_every_kind_are_as_stated(kind):
+    """P-values of right robots are uniform (Kolmogorov and Smirnov's p above 1e-4)."""
+    assert stats.kstest(p_values(kind, 60), "uniform").pvalue > 1e-4
+    assert stats.kstest(p_values(kind, 20, 1.0), "uniform").pvalue < 1e-4

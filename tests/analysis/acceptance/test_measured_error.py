@@ -25,6 +25,12 @@ def entered():
     return {row.name: row.estimate for row in calibrated()[1].offsets if not row.held}
 
 
+def new_run(joints, targets, spots):
+    """A problem of the same robot and laser."""
+    run, _ = calibrated()
+    return Problem.build(run.header, run.robot, joints, targets, spots)
+
+
 def nominal_rms(joints, spots):
     """The least error (rms, mm) of the nominal arm over all places of the target, by SciPy; and the place."""
     run, solution = calibrated()
@@ -47,12 +53,12 @@ def nominal_rms(joints, spots):
 
 
 def test_both_are_the_least_error_of_the_nominal_arm():
-    run, solution = calibrated()
+    _, solution = calibrated()
     problem, rows = solution.problem, [1, 2, 4, 5, 6]
     block = problem.parameters.block("offset")
     joints = problem.joints[rows] + solution.fit.x[block]
     spots = problem.spots[rows]
-    measured = measured_error(solution, run.header, joints, ["psd"] * len(rows), spots, entered())
+    measured = measured_error(solution, new_run(joints, ["psd"] * len(rows), spots), entered())
     assert [one.calibration_measurement for one in measured.postures] == rows
     assert measured.before is not None
     assert measured.before.rms_mm == pytest.approx(nominal_rms(problem.joints[rows], spots)[0], rel=1e-6)
@@ -64,7 +70,7 @@ def test_both_are_the_least_error_of_the_nominal_arm():
 
 
 def test_a_nominal_arm_without_noise_has_no_error():
-    run, solution = calibrated()
+    _, solution = calibrated()
     problem = solution.problem
     _, arm, x, _ = nominal_rms(problem.joints, problem.spots)
     residual, _ = arm.linearise(x)
@@ -73,17 +79,17 @@ def test_a_nominal_arm_without_noise_has_no_error():
     ]
     spots = arm.spots - np.linalg.solve(np.stack(columns, axis=2), residual[..., None])[..., 0]
     targets = ["psd"] * len(problem.joints)
-    measured = measured_error(solution, run.header, problem.joints, targets, spots, entered())
+    measured = measured_error(solution, new_run(problem.joints, targets, spots), entered())
     assert measured.after.worst_mm < 1e-6
     assert 0.05 < measured.noise_mm < 1.0  # at least that of the spot
 
 
 def test_a_posture_that_the_calibration_has_not_leaves_as_found_unknown():
-    run, solution = calibrated()
+    _, solution = calibrated()
     problem = solution.problem
     joints = problem.joints[:4] + solution.fit.x[problem.parameters.block("offset")]
     joints[2] += np.radians(20.0)
-    measured = measured_error(solution, run.header, joints, ["psd"] * 4, problem.spots[:4], entered())
+    measured = measured_error(solution, new_run(joints, ["psd"] * 4, problem.spots[:4]), entered())
     assert [one.calibration_measurement for one in measured.postures] == [0, 1, None, 3]
     assert measured.before is None
     assert {one.before_mm for one in measured.postures} == {None}

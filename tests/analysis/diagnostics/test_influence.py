@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from cells import LASER, OPEN_LASER, PROBE, TABLE_2, good_plan, plan_of, simulated_problem
+from measured_arms import CELLS, recorded
 
 from zerobeam.analysis.diagnostics import influence as module
 from zerobeam.analysis.diagnostics.influence import influence
@@ -149,3 +150,16 @@ def test_an_estimated_scale_is_in_the_stds(way):
     np.testing.assert_allclose(other.whitened / one.whitened, np.sqrt(fit.weight), rtol=0.1)
     # In mm the predictions do not depend on the scale.
     np.testing.assert_allclose(other.leave_one_out, one.leave_one_out, rtol=0.1, atol=0.05)
+
+
+def test_one_step_is_as_good_as_a_fit_for_what_a_tracker_read():
+    """To 5e-3 of the largest change by leaving one out."""
+    cell = CELLS["tracker"]
+    arm = recorded(cell, 40, np.random.default_rng(3), exact=True, joint_deg=0.005)
+    header, robot = cell.header(geometry="exact", joint_deg=0.005), good_plan(2).robot
+    problem = Problem.of_measured(header, robot, arm.joints, arm.measured)
+    fit = fit_likelihood(problem, starts=0)
+    exact, step = influence(problem, fit), by_step(problem, fit)
+    change = np.abs(exact.leave_one_out - np.linalg.norm(fit.whitened.residual_mm, axis=1)).max()
+    np.testing.assert_allclose(step.leave_one_out, exact.leave_one_out, atol=5e-3 * change)
+    np.testing.assert_allclose(step.cooks, exact.cooks, atol=5e-3 * exact.cooks.max())

@@ -20,9 +20,11 @@ from cells import (
     simulated_problem,
     varied_postures,
 )
+from measured_arms import CELLS, PLANES, recorded
 from scipy import stats
 
 from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, RunScene, scene
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
@@ -157,3 +159,59 @@ def test_a_laser_that_points_away_is_told_and_its_beam_shown() -> None:
     found = scene(turned)
     assert not found.shots[0].ahead
     np.testing.assert_allclose(found.shots[0].beam_to, origin[0] + 500 * direction[0])
+
+
+def solved(kind, count=24):
+    """A solution by instruments of a `kind`, and where the world is."""
+    cell = CELLS[kind]
+    header, robot = cell.header(geometry="exact", joint_deg=0.002), irb1600()
+    arm = recorded(cell, count, np.random.default_rng(2), exact=True, joint_deg=0.002)
+    problem = Problem.of_measured(header, robot, arm.joints, arm.measured)
+    return solve_run(problem, header), arm
+
+
+def test_lines_of_sight_end_where_the_tracker_and_the_socket_are():
+    solution, arm = solved("tracker + plane + ballbar", 28)
+    drawn = scene(solution)
+    values = {row.name: row.estimate for row in solution.parameters}
+    places = {name: [values[f"{name}.{axis}"] for axis in "xyz"] for name in ("leica", "s1", "s2")}
+    for shot, some in zip(drawn.shots, arm.measured, strict=True):
+        by_instrument = {item.instrument for item in some}
+        if by_instrument == {"tip"}:  # it touches: there is no way to its target
+            assert shot.sights == ()
+            continue
+        assert len(shot.sights) == len(some)
+        to = places["leica" if by_instrument == {"leica"} else some[0].target]
+        for (start, end), item in zip(shot.sights, some, strict=True):
+            np.testing.assert_allclose(end, to, atol=1e-6)
+            length = np.linalg.norm(np.subtract(start, end))
+            read = np.linalg.norm(item.measured["measured_mm"])
+            zero = values["bar.bias"] if item.instrument == "bar" else 0.0
+            assert length == pytest.approx(read - zero, abs=0.5)
+        assert shot.beam_to is None
+    assert {target.name: target.station for target in drawn.targets} == {
+        "leica": True,
+        "s1": False,
+        "s2": False,
+    }
+
+
+def test_planes_and_balls_are_outlined_where_they_were_touched():
+    solution, _ = solved("plane")
+    outlines = {outline.target: outline.lines for outline in scene(solution).outlines}
+    tips = {name: [] for name in PLANES}
+    for shot in scene(solution).shots:
+        tips[shot.target].append(shot.links[-1])
+    for name, ((first, *others),) in outlines.items():
+        normal = np.cross(np.subtract(others[0], first), np.subtract(others[1], first))
+        normal /= np.linalg.norm(normal)
+        above = (np.array(tips[name]) - first) @ normal
+        assert np.abs(above).max() < 0.5  # what was touched is on it
+        assert np.abs(np.array([first, *others]) @ np.array(PLANES[name]["normal"])).max() > 100
+    assert set(outlines) == set(PLANES)
+    solution, _ = solved("sphere", 30)
+    ((outline,), tips) = scene(solution).outlines, [shot.links[-1] for shot in scene(solution).shots]
+    (target,) = scene(solution).targets
+    for line in outline.lines:
+        np.testing.assert_allclose(np.linalg.norm(np.subtract(line, target.at_mm), axis=1), 20.0)
+    np.testing.assert_allclose(np.linalg.norm(np.subtract(tips, target.at_mm), axis=1), 20.0, atol=0.5)

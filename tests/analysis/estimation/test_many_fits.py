@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from measured_arms import CELLS, recorded
 
 from zerobeam.analysis.estimation import fit as fitting
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood, fits_of
@@ -63,3 +64,20 @@ def test_those_of_one_shape_go_together(monkeypatch: pytest.MonkeyPatch):
     with compiled_at_once():
         fits_of(problems())
     assert sorted(sizes) == [2, 2, 3]
+
+
+def test_fits_side_by_side_have_each_its_own_readings():
+    """What an instrument reads differs between runs as their joints do."""
+    cell, runs = replace(CELLS["tracker"], turns=((("leica", "R1", None),),)), []
+    header = cell.header(geometry="exact", joint_deg=0.005)
+    robot = read_run(demo_runs()[0].path).robot
+    for seed in (1, 2):
+        arm = recorded(cell, 16, np.random.default_rng(seed), exact=True, joint_deg=0.005)
+        runs.append(Problem.of_measured(header, robot, arm.joints, arm.measured))
+    with compiled_at_once():
+        together = fits_of(runs, seed=3)
+        for fit, problem in zip(together, runs, strict=True):
+            assert fit.converged
+            assert same(fit, fit_likelihood(problem, seed=3))
+        # Control: with the readings of the other run the fit is another.
+        assert not same(together[1], fit_likelihood(replace(runs[1], readings=runs[0].readings), seed=3))

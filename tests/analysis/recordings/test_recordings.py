@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, placed_plan, simulated_problem
+from cells import TABLE_2, good_plan, irb1600, placed_plan, simulated_problem
+from measured_arms import CELLS, recorded
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
@@ -33,6 +34,7 @@ from zerobeam.analysis.status import LACK_OF_FIT
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.constraint import shot_functions
 from zerobeam.model.likelihood.geometry import Geometry
+from zerobeam.model.likelihood.problem import Problem
 
 PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
 EACH = 20
@@ -318,3 +320,18 @@ def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> N
 
     # Four stds of chi-squared of as many degrees of freedom as there are numbers.
     assert size(10 * columns) < 180 + 4 * np.sqrt(2 * 180) < size(None) / 2
+
+
+def test_what_was_not_read_at_a_posture_is_no_evidence_of_a_step() -> None:
+    """A tracker that reads one reflector or three in turn: of right models P(p < 0.1 in 4 of 8) is 0.005."""
+    cell, robot = CELLS["tracker"], irb1600()
+    header = cell.header(geometry="exact", joint_deg=0.005)
+    below = 0
+    for seed in range(8):
+        arm = recorded(cell, 30, np.random.default_rng(seed), exact=True, joint_deg=0.005)
+        fit = fit_likelihood(Problem.of_measured(header, robot, arm.joints, arm.measured), starts=0)
+        ((step, *others), count) = all_steps(fit)
+        assert (count, others) == (1, [])
+        assert step.station
+        below += step.p_value < 0.1
+    assert below < 4
