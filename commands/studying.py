@@ -129,6 +129,18 @@ def study_wrong_models(
     return partial(wrong_models_study, arms)
 
 
+@_command("instruments")
+def study_instruments(
+    setups: Annotated[
+        Path | None, typer.Option(help="Setups file (.yaml) of your own instruments.", show_default=False)
+    ] = None,
+) -> Study:
+    """Which instrument, and how many measurements? u and TCP error against number, time and cost."""
+    from ..experiments.studies.instruments import instruments_study
+
+    return partial(instruments_study, setups)
+
+
 @_command("table2")
 def study_table2() -> Study:
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""

@@ -155,8 +155,8 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     header = _with_target(request, Path(".") if file is None else file.parent)
     proposal, fewest, removed = None, None, None
     if request.kind == "optimal":
-        shares = _shares(request)
-        pools = _pools(request, header, robot, shares, lambda share: tell("candidates", share))
+        shares = portions(request)
+        pools = candidate_pools(request, header, robot, shares, lambda share: tell("candidates", share))
         removed = _removed(pools)
         tell("choice", 0.0)
         planner = Planner(header, robot, {}, pools)
@@ -187,7 +187,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     return MadePlan(request.kind, plan, file, check_plan(plan), proposal, fewest, removed)
 
 
-def _shares(request: PlanRequest) -> dict[str, Portion]:
+def portions(request: PlanRequest) -> dict[str, Portion]:
     """How many measurements each instrument makes; BadInput where that is not said of each of several."""
     labels = request.header.labels
     if not request.measure and len(labels) == 1:
@@ -210,7 +210,7 @@ def _shares(request: PlanRequest) -> dict[str, Portion]:
     return dict(request.measure)
 
 
-def _pools(
+def candidate_pools(
     request: PlanRequest,
     header: Header,
     robot: Robot,

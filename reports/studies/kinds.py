@@ -17,6 +17,7 @@ from .drift_page import drift_page, drift_pictures, power_rows
 from .geometry_page import geometry_page, geometry_pictures
 from .geometry_page import parameter_rows as geometry_parameter_rows
 from .geometry_page import plan_rows as geometry_plan_rows
+from .instruments_page import instruments_page, instruments_pictures, setup_rows
 from .study_blocks import PlainRow
 from .sweeps import sweep_page
 from .table2_page import paper_rows, scatter_rows, table2_page, table2_pictures
@@ -59,6 +60,7 @@ STUDIES: dict[str, Study[Any]] = {
         {"parameters.csv": geometry_parameter_rows, "plans.csv": geometry_plan_rows},
     ),
     "drift": Study(drift_page, drift_pictures, {"power.csv": power_rows}),
+    "instruments": Study(instruments_page, instruments_pictures, {"plans.csv": setup_rows}),
     "wrong-models": Study(wrong_models_page, wrong_models_pictures, {"models.csv": model_rows}),
 }
 

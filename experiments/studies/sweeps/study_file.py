@@ -58,6 +58,7 @@ OTHER_STUDIES = (
     "geometry",
     "drift",
     "wrong-models",
+    "instruments",
 )  # their answers have another shape
 TARGET = "psd"
 _FOLDER = Path(__file__).parent
