@@ -45,7 +45,8 @@ class Displacement:
     `size_std_mm` are None while one is. `elsewhere` are the change points that explain the residuals nearly
     as well (likelihood ratio within 20), `alone` is the measurement that does so if it alone is off, and
     `better_alone` says that it does so better. `rest_agrees` says that with the displacement the residuals
-    agree with the stated noise (True where its scale is estimated).
+    agree with the stated noise (True where its scale is estimated). Of a `station` it is the instrument that
+    moved relative to the base.
     """
 
     kind: ClassVar[str] = "moved_target"
@@ -60,6 +61,7 @@ class Displacement:
     alone: int | None
     better_alone: bool
     rest_agrees: bool
+    station: bool = False
 
     @property
     def significant(self) -> bool:
@@ -104,6 +106,7 @@ def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacemen
         # One shot before or after it is the same as that shot off alone: equal, but for rounding.
         better_alone=bool(single.score[off] > moved.score[best] + 1e-6 * left.chi2),
         rest_agrees=left.agrees(moved, best),
+        station=fit.problem.is_station(points[best].target),
     )
 
 

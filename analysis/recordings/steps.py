@@ -57,7 +57,7 @@ class RecordingStep:
     None for a component that the residuals do not determine; `size_mm` None while one is), or the rest is off
     these by the opposite. `p_value` is that of a run as clear anywhere in the recording, Holm-adjusted over
     the recordings. `factor` is what the shift does to the residuals of the run over what scatters besides, as
-    a ratio of root mean squares.
+    a ratio of root mean squares. Of a `station` it is the instrument that is off, relative to the base.
     """
 
     kind: ClassVar[str] = "step"
@@ -70,6 +70,7 @@ class RecordingStep:
     size_mm: float | None
     p_value: float
     factor: float
+    station: bool = False
 
     @property
     def contradicts(self) -> bool:
@@ -235,6 +236,7 @@ def _step(
         None if lost.any() else float(np.linalg.norm(shift)),
         p_value,
         factor,
+        fit.problem.is_station(recording.target),
     )
 
 

@@ -390,6 +390,10 @@ class Problem:
         """How many of the targets are none."""
         return len(self.targets) - int(self.parameters.group("target").sum()) // 3
 
+    def is_station(self, name: str) -> bool:
+        """Whether one of the targets is an instrument that has none."""
+        return name in self.targets[len(self.targets) - self.stations :]
+
     def variances(self, x: Matrix) -> Matrix:
         """(..., n + I) of joints and instruments at parameter vectors (..., p), or (n + I,) as stated."""
         if not self.noise.separate:
