@@ -45,8 +45,8 @@ class Displacement:
     `size_std_mm` are None while one is. `elsewhere` are the change points that explain the residuals nearly
     as well (likelihood ratio within 20), `alone` is the measurement that does so if it alone is off, and
     `better_alone` says that it does so better. `rest_agrees` says that with the displacement the residuals
-    agree with the stated noise (True where its scale is estimated); `station` that an instrument without a
-    target takes the target's place.
+    agree with the stated noise (True where its scale is estimated). Of a `station` it is the instrument that
+    moved relative to the base.
     """
 
     kind: ClassVar[str] = "moved_target"

@@ -1,4 +1,4 @@
-"""Does the model describe the measurements at all? Seven criteria, each with its figures; one is enough.
+"""Does the model describe the measurements at all? Nine criteria, each with its figures; one is enough.
 
 An interval follows from the noise and from the model. Where the model is not the arm, no status can be relied
 on, however small the standard uncertainties. So a misfit is decided beside the statuses, by what the
@@ -6,23 +6,25 @@ statuses do not see:
 
     chi-squared          residuals (with priors, where no number is left over) against the stated noise
     noise factor         an estimated noise that is beyond what the header calls plausible
-    prior                estimates that contradict what is known of them beforehand
+    nominal geometry     links within typical tolerances that explain what the nominal ones leave
+    prior                an estimate that contradicts what is known of it beforehand
+    tight prior          estimates that are together larger than their tolerances allow (`tight_priors`)
     placements           offsets that differ from placement to placement by more than each scatters
     moved target         a target that was displaced between two measurements
     steps                measurements of one recording that are off together, as if the target had slipped
     change               a zero that jumped or drifted during the run, or a target that drifted; where no
                          other criterion says that something is wrong, or what
 
-Placements and steps need no stated noise: their yardstick is the scatter within the placements and
-recordings, so that a misfit cannot vanish into a noise that is estimated from the very residuals that it
-causes.
+Nominal geometry, placements and steps need no stated noise: their yardstick is the scatter that is left with
+links, and within the placements and recordings. So a misfit cannot vanish into a noise that is estimated from
+the very residuals that it causes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 import scipy
@@ -33,16 +35,19 @@ from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.changes import RunChange, run_change
+from .observability.geometry import link_columns
 from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.steps import RecordingStep
 from .status import LACK_OF_FIT, UnsoundResult, known
+from .tight_priors import TightPrior, tight_priors
 
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
 # Between placements over within, as a ratio of stds. Neighbouring measurements are correlated: on real arms
 # their effective number is up to 2.5 times smaller, which alone makes a factor of 1.6. By nominal geometry
 # four real arms have 2.1 to 6.7, and three placements of one of them 1.8.
 DISAGREES = 1.6
+REDUCED = 0.75  # of the residuals: what leaves no more of them is the cause
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 
 Geometry = Literal["nominal", "estimated"]
@@ -82,6 +87,22 @@ class ImplausibleNoise:
 
 
 @dataclass(frozen=True)
+class NominalContradicted:
+    """Links within typical tolerances explain what nominal geometry leaves: `factor` is the root of the mean
+    square that they explain (`rank` degrees of freedom) over the mean square that is left (`dof`). The
+    residuals are `before` times the stated noise with nominal links, and `after` with links."""
+
+    kind: ClassVar[str] = "nominal_geometry"
+
+    factor: float
+    rank: int
+    dof: int
+    p_value: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
 class OffPrior:
     """An estimate `stds` prior stds from its prior mean; None where the data do not determine it, but the fit
     takes it as far."""
@@ -118,8 +139,18 @@ class PlacementsDisagree:
 
 
 Criterion = (
-    LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree | Displacement | RecordingStep | RunChange
+    LackOfFit
+    | ImplausibleNoise
+    | NominalContradicted
+    | BeyondPrior
+    | TightPrior
+    | PlacementsDisagree
+    | Displacement
+    | RecordingStep
+    | RunChange
 )
+
+_CONFUSED_WITH_LINKS = (BeyondPrior, Displacement, RecordingStep)  # links of an exact arm may pass for them
 
 
 @dataclass(frozen=True)
@@ -149,6 +180,10 @@ def misfit_of(
         *(() if moved is None else (moved,)),
         *steps,
     )
+    if all(isinstance(criterion, BeyondPrior) for criterion in criteria):
+        criteria += (*_contradicted_links(fit), *tight_priors(fit))
+    elif all(isinstance(criterion, _CONFUSED_WITH_LINKS) for criterion in criteria):
+        criteria = (*(one for one in _contradicted_links(fit) if one.after < REDUCED * one.before), *criteria)
     if not criteria and (changed := run_change(fit.problem, fit.x)) is not None:
         criteria = (changed,)
     return Misfit(criteria) if criteria else None
@@ -205,49 +240,98 @@ def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[Beyond
         yield BeyondPrior(tuple(off))
 
 
-def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
-    """The F-test of offsets of their own for every placement, at the linearised fit.
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """What no parameter of a fit can explain, whatever its prior: `residual` (M,), whitened, of so many
+    `numbers`; `basis` (M, r) is of all that parameters explain. Rows are scaled by `once` (M,)."""
 
-    Measurements count by their effective number only where the geometry is estimated.
-    Residuals count only as far as no parameter can explain them, whatever the priors: what own offsets
-    explain of those is then exactly chi-squared, independent of what is left (Seber & Lee, Linear Regression
-    Analysis, 2003, section 4.3).
-    """
-    problem, whitened = fit.problem, fit.whitened
-    groups = placements(problem)
+    residual: Matrix
+    basis: Matrix
+    once: Matrix
+    numbers: float
+
+    @classmethod
+    def of(cls, fit: LikelihoodFit) -> Self:
+        """Measurements count by their effective number only where the geometry is estimated: what nominal
+        geometry leaves is correlated by itself, and the effective number must not excuse it."""
+        problem, whitened, d = fit.problem, fit.whitened, fit.problem.tool.residual_size
+        once, numbers = np.ones(len(whitened.residual)), float(problem.measured_size)
+        if not problem.geometry:
+            once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
+            numbers += float(problem.sizes @ (1 - problem.weights))
+        basis = _range_of(whitened.jacobian[:, problem.parameters.free] * once[:, None])
+        residual = whitened.residual * once
+        return cls(residual - basis @ (basis.T @ residual), basis, once, numbers)
+
+    def beside(self, columns: Matrix) -> Matrix:
+        """Whitened columns (M, k) as far as no parameter explains them."""
+        columns = columns * self.once[:, None]
+        return np.asarray(columns - self.basis @ (self.basis.T @ columns))
+
+    def explained(self, columns: Matrix) -> _FTest | None:
+        """By columns of `beside`: what they explain is exactly chi-squared, independent of what is left
+        (Seber & Lee, Linear Regression Analysis, 2003, section 4.3). None without degrees of freedom."""
+        explains = _range_of(columns)
+        rank = explains.shape[1]
+        dof = round(self.numbers) - self.basis.shape[1] - rank
+        if rank == 0 or dof <= 0:
+            return None
+        square = float(self.residual @ self.residual)
+        drop = float(((explains.T @ self.residual) ** 2).sum())
+        within = max(square - drop, 1e-300) / dof
+        ratio = drop / rank / within
+        before = float(np.sqrt(square / (dof + rank)))
+        p_value = float(scipy.special.fdtrc(rank, dof, ratio))
+        return _FTest(float(np.sqrt(ratio)), rank, dof, p_value, before, float(np.sqrt(within)))
+
+
+class _FTest(NamedTuple):
+    """An F-test of columns: `factor` is the root of F. The residuals are `before` and `after` times the
+    stated noise (root mean squares)."""
+
+    factor: float
+    rank: int
+    dof: int
+    p_value: float
+    before: float
+    after: float
+
+    @property
+    def significant(self) -> bool:
+        return self.p_value < LACK_OF_FIT and self.factor > DISAGREES
+
+
+def _contradicted_links(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
+    """The F-test of all links against nominal geometry, at the linearised fit."""
+    links = link_columns(fit.problem, fit.x)
+    if links is None:
+        return
+    left = _Left.of(fit)
+    explained = left.explained(left.beside(links))
+    if explained is not None and explained.significant:
+        yield NominalContradicted(*explained)
+
+
+def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
+    """The F-test of offsets of their own for every placement, at the linearised fit."""
+    problem, groups = fit.problem, placements(fit.problem)
     if len(groups) < 2:
         return
-    free, d = problem.parameters.free, problem.tool.residual_size
-    residual, jacobian, numbers = whitened.residual, whitened.jacobian, float(problem.measured_size)
-    if not problem.geometry:
-        # What nominal geometry leaves is correlated by itself: the effective number must not excuse it.
-        once = np.ones(len(residual))
-        once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
-        residual, jacobian = residual * once, jacobian * once[:, None]
-        numbers += float(problem.sizes @ (1 - problem.weights))
-    basis = _range_of(jacobian[:, free])
-    rest = residual - basis @ (basis.T @ residual)
-    by_offsets = jacobian[:, free & problem.parameters.group("offset")]
+    left, d = _Left.of(fit), problem.tool.residual_size
+    by_offsets = fit.whitened.jacobian[:, problem.parameters.free & problem.parameters.group("offset")]
     by_group = []
     for group in groups:
         rows = (group.rows[:, None] * d + np.arange(d)).ravel()
         columns = np.zeros_like(by_offsets)
         columns[rows] = by_offsets[rows]
-        by_group.append(columns - basis @ (basis.T @ columns))
-    explains = _range_of(np.hstack(by_group))
-    rank = explains.shape[1]
-    dof = round(numbers) - basis.shape[1] - rank
-    if rank == 0 or dof <= 0:
-        return
-    drop = float(((explains.T @ rest) ** 2).sum())
-    within = max(float(rest @ rest) - drop, 1e-300) / dof
-    ratio = drop / rank / within
-    p_value = float(scipy.special.fdtrc(rank, dof, ratio))
-    if p_value < LACK_OF_FIT and ratio > DISAGREES**2:
-        by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in by_group]
+        by_group.append(left.beside(columns))
+    explained = left.explained(np.hstack(by_group))
+    if explained is not None and explained.significant:
+        by_one = [float(((_range_of(columns).T @ left.residual) ** 2).sum()) for columns in by_group]
         most = groups[int(np.argmax(by_one))].name
         names = tuple(group.name for group in groups)
-        yield PlacementsDisagree(names, most, float(np.sqrt(ratio)), rank, dof, p_value, _geometry(problem))
+        factor, rank, dof, p_value, *_ = explained
+        yield PlacementsDisagree(names, most, factor, rank, dof, p_value, _geometry(problem))
 
 
 def _geometry(problem: Problem) -> Geometry:

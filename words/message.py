@@ -27,7 +27,7 @@ from ..analysis.diagnostics.diagnosis import Explanation
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
-from ..analysis.misfit import Criterion, LackOfFit, Misfit, PlacementsDisagree
+from ..analysis.misfit import Criterion, LackOfFit, Misfit, NominalContradicted, PlacementsDisagree
 from ..analysis.observability.causes import (
     BaseFrame,
     Cause,
@@ -43,13 +43,21 @@ from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
+from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.instruments.registry import KINDS
 from . import numbers
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
-from .misfit import UNVALIDATED, cause_sentence, criterion_sentence, measurements, step_sentence
+from .misfit import (
+    UNVALIDATED,
+    cause_sentence,
+    criterion_sentence,
+    larger_tolerance,
+    measurements,
+    step_sentence,
+)
 from .misfit_causes import mend
 from .observability import condition, reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
@@ -341,6 +349,7 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
 
 
 _DISPLACED = (Displacement, RecordingStep)
+_SHARPEST = (NominalContradicted, *_DISPLACED, TightPrior)
 
 
 def _target(displaced: Displacement | RecordingStep) -> str:
@@ -348,8 +357,9 @@ def _target(displaced: Displacement | RecordingStep) -> str:
 
 
 def _sharpest(misfit: Misfit) -> Criterion:
-    """The criterion that names most of what is wrong: a target that moved, a step, else the first."""
-    for kind in _DISPLACED:
+    """The criterion that names most of what is wrong: links, a target that moved, a step, a tolerance, else
+    the first."""
+    for kind in _SHARPEST:
         for criterion in misfit.criteria:
             if isinstance(criterion, kind):
                 return criterion
@@ -405,10 +415,10 @@ def _mend(case: _Case) -> str:
     if case.diagnosis:
         return mend(case.diagnosis[0])
     match _sharpest(case.misfit):
-        case Displacement(at=at, station=True):
+        case Displacement(station=True, at=at):
             return (
-                f"State the measurements from {at.before_shot} on as those of another instrument, or record"
-                " the run again."
+                f"Record the run again with {clipped(at.target)} and the arm's base fixed, or analyse the"
+                f" measurements up to {at.after_shot} and those from {at.before_shot} on each alone."
             )
         case Displacement(at=at):
             return (
@@ -416,10 +426,17 @@ def _mend(case: _Case) -> str:
                 " record the run again."
             )
         case RecordingStep(target=target) as step:
+            fixed = f"{clipped(target)} and the arm's base" if step.station else "the target"
             return (
                 f"Remove {measurements(step.first_shot, step.last_shot)} of {clipped(target)} from the run,"
-                f" or record them again with the {'instrument' if step.station else 'target'} fixed."
+                f" or record them again with {fixed} fixed."
             )
+        case NominalContradicted():
+            return (
+                "Remove geometry: exact from the header, so that the links are estimated, and analyse again."
+            )
+        case TightPrior() as prior:
+            return larger_tolerance(prior)
         case RunChange(at=at):
             what = "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
             return f"Look for what changed {what} during the run, and record the run again."

@@ -12,12 +12,14 @@ from ..analysis.misfit import (
     ImplausibleNoise,
     LackOfFit,
     Misfit,
+    NominalContradicted,
     OffPrior,
     PlacementsDisagree,
 )
 from ..analysis.observability.changes import ChangeAt, RunChange
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.status import LACK_OF_FIT
+from ..analysis.tight_priors import TightPrior
 from . import numbers
 from .misfit_causes import CAUSES, changed
 from .numbers import p_words, times
@@ -67,6 +69,21 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
                 f"{named} {'is' if one else 'are'} beyond {limit:g} prior standard deviations: the model does"
                 f" not describe this arm, or {'this prior is' if one else 'these priors are'} too narrow"
             )
+        case NominalContradicted():
+            return (
+                "The nominal geometry does not describe this arm: links within typical tolerances explain"
+                f" {times(criterion.factor)} times what scatters besides (F({criterion.rank},"
+                f" {criterion.dof}), {p_words(criterion.p_value)}). With links the residuals are"
+                f" {times(criterion.after)} times the stated noise instead of {times(criterion.before)}"
+            )
+        case TightPrior():
+            largest = numbers.significant(criterion.estimate, 2, criterion.unit)
+            return (
+                f"The stated tolerance of {tolerance_words(criterion, name)} is too small: the estimates"
+                f" (up to {largest}, {name(criterion.largest)}) are larger than it allows (χ²"
+                f" {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}). It would have to"
+                f" be {needed_words(criterion)}"
+            )
         case PlacementsDisagree():
             count = len(criterion.placements)
             return (
@@ -83,6 +100,38 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             others = [change_words(one) for one in elsewhere[:_MOST_ALTERNATIVES]]
             doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
             return f"It seems that {change_words(at)} ({p_words(p_value)}){doubt}"
+
+
+_TOLERANCES = {
+    "length": ("the links' lengths", "geometry.tolerance.length_mm"),
+    "angle": ("the links' angles", "geometry.tolerance.angle_deg"),
+    "gravity": ("deflection under gravity", "geometry.gravity_deg"),
+    "harmonics": ("the first harmonics", "geometry.harmonics_deg"),
+}
+
+
+def tolerance_words(prior: TightPrior, name: Namer = str) -> str:
+    """What has the tolerance."""
+    return _TOLERANCES[prior.of][0] if prior.of in _TOLERANCES else name(prior.of)
+
+
+def needed_words(prior: TightPrior) -> str:
+    """What the tolerance would have to be."""
+    factor = f"{times(prior.times)} times as large"
+    if prior.needed is None or prior.stated is None:
+        return factor
+    needed, tolerance = numbers.significant(prior.needed, 2, prior.unit), numbers.exact(prior.stated)
+    return f"{needed} instead of {numbers.with_unit(tolerance, prior.unit)} ({factor})"
+
+
+def larger_tolerance(prior: TightPrior, name: Namer = str) -> str:
+    """What to do about it, as a sentence."""
+    key = _TOLERANCES[prior.of][1] if prior.of in _TOLERANCES else f"the sigma of {name(prior.of)}"
+    value = "" if prior.needed is None else f" {numbers.significant(prior.needed, 2)}"
+    colon = ":" if prior.of in _TOLERANCES and value else ""
+    if not value:
+        value = f" {times(prior.times)} times as large"
+    return f"If this arm deviates so much, state {key}{colon}{value} in the header, and analyse again."
 
 
 def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
@@ -104,9 +153,14 @@ def displacement_sentence(moved: Displacement) -> str:
         others.append(f"measurement {moved.alone} alone is wrong")
     doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
     return (
-        f"{_whose(moved)} {clipped(moved.at.target)} seems to have moved{_by(moved)} between measurements"
+        f"{_moving(moved.at.target, moved.station)} seems to have moved{_by(moved)} between measurements"
         f" {moved.at.after_shot} and {moved.at.before_shot} (p {p_value}){doubt}"
     )
+
+
+def _moving(name: str, station: bool) -> str:
+    """A target, or an instrument that stands in the world: it moves relative to the arm."""
+    return f"Instrument {clipped(name)}, or the arm's base," if station else f"Target {clipped(name)}"
 
 
 def _by(moved: Displacement) -> str:
@@ -130,16 +184,12 @@ def change_words(one: ChangeAt) -> str:
     return f"{what} jumped by {amount} between {between}"
 
 
-def _whose(one: Displacement | RecordingStep) -> str:
-    return "Instrument" if one.station else "Target"
-
-
 def step_sentence(step: RecordingStep) -> str:
     """Which measurements of a recording are off together, without a full stop."""
     shots = measurements(step.first_shot, step.last_shot)
     size = "" if step.size_mm is None else f" by {numbers.significant(step.size_mm, 2, 'mm')}"
     return (
-        f"{_whose(step)} {clipped(step.target)} seems to have slipped: {shots} are off"
+        f"{_moving(step.target, step.station)} seems to have slipped: {shots} are off"
         f" the rest of its recording{size} ({p_words(step.p_value)}, Holm-adjusted)"
     )
 

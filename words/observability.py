@@ -92,7 +92,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "prior only: the measurements say no more of it than its tolerance"
         case WithinTolerances(share, largest):
             named = [
-                f"{name(each.name)} ({numbers.exact(each.std, numbers.unit_of(each.unit))})"
+                f"{name(each.name)} ({numbers.exact(float(f'{each.std:.3g}'), numbers.unit_of(each.unit))})"
                 for each in largest
             ]
             return (

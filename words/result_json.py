@@ -14,7 +14,14 @@ from ..analysis.answer.result import RESULT_SCHEMA, Result
 from ..analysis.diagnostics.hold_out import HoldOut, PlacementResult
 from ..analysis.diagnostics.predicted_run import PredictedRun
 from ..analysis.displacement import Displacement
-from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
+from ..analysis.misfit import (
+    BeyondPrior,
+    ImplausibleNoise,
+    LackOfFit,
+    Misfit,
+    NominalContradicted,
+    PlacementsDisagree,
+)
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check
@@ -23,6 +30,7 @@ from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult
+from ..analysis.tight_priors import TightPrior
 from .findings import (
     accuracy_reason,
     hold_out_message,
@@ -43,7 +51,9 @@ CHECK_SCHEMA = "zerobeam/check/1"
 _CRITERIA: dict[type, type[document.DocumentPart]] = {
     LackOfFit: document.LackOfFitDocument,
     ImplausibleNoise: document.ImplausibleNoiseDocument,
+    NominalContradicted: document.NominalContradictedDocument,
     BeyondPrior: document.BeyondPriorDocument,
+    TightPrior: document.TightPriorDocument,
     PlacementsDisagree: document.PlacementsDisagreeDocument,
     Displacement: document.MovedTargetDocument,
     RecordingStep: document.StepDocument,

@@ -415,6 +415,36 @@ class BeyondPriorDocument(DocumentPart):
     sentence: str
 
 
+class NominalContradictedDocument(DocumentPart):
+    """Links that explain what nominal geometry leaves."""
+
+    kind: Literal["nominal_geometry"]
+    factor: float
+    rank: int
+    dof: int
+    p_value: float
+    before: float
+    after: float
+    sentence: str
+
+
+class TightPriorDocument(DocumentPart):
+    """Tolerances that are too small for their estimates."""
+
+    kind: Literal["tight_prior"]
+    of: str
+    unit: str
+    times: float
+    stated: Number
+    needed: Number
+    largest: str
+    estimate: float
+    chi2: float
+    dof: int
+    p_value: float
+    sentence: str
+
+
 class PlacementsDisagreeDocument(DocumentPart):
     """Offsets that differ between placements."""
 
@@ -474,7 +504,9 @@ class ChangeDocument(DocumentPart):
 CriterionDocument = Annotated[
     LackOfFitDocument
     | ImplausibleNoiseDocument
+    | NominalContradictedDocument
     | BeyondPriorDocument
+    | TightPriorDocument
     | PlacementsDisagreeDocument
     | MovedTargetDocument
     | StepDocument

@@ -322,8 +322,11 @@ def _divisor(
         follows[first + d : last] = (read[1:] & read[:-1]).ravel()
     count = len(rows) - int((~active).sum())
     log_evidence = np.array([_log_evidence(rows, follows, d, count, float(rho)) for rho in _RHO])
-    odds = _PRIOR / _PRIOR.sum() * np.exp(log_evidence[1:] - log_evidence[0])
-    if odds.sum() < _ODDS:
+    # A long recording has odds beyond the largest number: their logarithms are compared.
+    log_odds = np.log(_PRIOR / _PRIOR.sum()) + log_evidence[1:] - log_evidence[0]
+    largest = float(log_odds.max())
+    odds = np.exp(log_odds - largest)
+    if largest + float(np.log(odds.sum())) < np.log(_ODDS):
         return 1.0
     return float(odds.sum() / (odds / _kappa(_RHO[1:])).sum())
 

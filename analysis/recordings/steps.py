@@ -57,7 +57,7 @@ class RecordingStep:
     None for a component that the residuals do not determine; `size_mm` None while one is), or the rest is off
     these by the opposite. `p_value` is that of a run as clear anywhere in the recording, Holm-adjusted over
     the recordings. `factor` is what the shift does to the residuals of the run over what scatters besides, as
-    a ratio of root mean squares. `station` where an instrument without a target takes the target's place.
+    a ratio of root mean squares. Of a `station` it is the instrument that is off, relative to the base.
     """
 
     kind: ClassVar[str] = "step"

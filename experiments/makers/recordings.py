@@ -59,6 +59,8 @@ class FileMeasurements:
 # Farther from the planned posture is another posture; as near as this is the plan itself.
 _NEAR_DEG, _NEAR_MM = 30.0, 300.0
 _SAME = 5e-4
+_WHOLE_DEG, _FEWEST_WHOLE = 5e-4, 3  # so near to whole degrees, in so many joints, nothing is by chance
+_MOST_NAMED = 10
 
 
 @dataclass(frozen=True)
@@ -154,6 +156,7 @@ class ImportJob:
         joints = np.concatenate([part.joints for part in parts])
         numbers = [shot.shot for shot in shots]
         limits = check_limits(robot, joints, "measurement", numbers, numbers, limits="warn", file=None)
+        remarks = [*_commanded(robot, joints, numbers), *limits, *unknown_targets(self.header, names)]
         plural = "s" if len(self.paths) > 1 else ""
         understood = [
             f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"
@@ -162,7 +165,7 @@ class ImportJob:
             *sentences,
             *notes,
             *_ranges_told(robot, joints),
-            *(f"note: {sentence}" for sentence in (*limits, *unknown_targets(self.header, names))),
+            *(f"note: {sentence}" for sentence in remarks),
         ]
         moved = rebased(self.header.robot, self.header_path.parent, Path(self.out).parent)
         header = self.header.model_copy(update={"robot": moved})
@@ -300,6 +303,24 @@ def _numbered_once(shots: Sequence[Shot]) -> None:
             allowed="each number once, over all files",
             remedy="import without the column of numbers: measurements are then numbered from 0",
         )
+
+
+def _commanded(robot: Robot, joints: Matrix, numbers: Sequence[int]) -> list[str]:
+    """A sentence on the rows of joints (N, n), degrees or mm, in which every joint is a whole degree: no
+    encoder reads that."""
+    angles = joints[:, [joint.kind == "revolute" for joint in robot.joints]]
+    if angles.shape[1] < _FEWEST_WHOLE:
+        return []
+    rows = np.flatnonzero((np.abs(angles - np.round(angles)) < _WHOLE_DEG).all(axis=1))
+    if not len(rows):
+        return []
+    whole = "all joints are whole degrees. Record what the encoders read at the posture"
+    if len(rows) == len(joints):
+        return [f"the joints of every measurement look commanded, not read back: {whole}"]
+    named = ", ".join(str(numbers[i]) for i in rows[:_MOST_NAMED])
+    more = f" and {len(rows) - _MOST_NAMED} more" if len(rows) > _MOST_NAMED else ""
+    of, them = ("measurement", "it") if len(rows) == 1 else ("measurements", "them")
+    return [f"the joints of {of} {named}{more} look commanded, not read back: {whole}, or remove {them}"]
 
 
 def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:

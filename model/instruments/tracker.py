@@ -30,6 +30,7 @@ from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
 _STEPS = 60
+_SAME = 1e-4  # of an rms: two rotations that end as near have found one solution
 
 
 class StatedRangeSigma(FileModel):
@@ -326,16 +327,16 @@ class _Sets(NamedTuple):
 
     def solved(self) -> tuple[Matrix, Matrix, Matrix]:
         """Rotation and origin of the frame, and the reflectors, of least squares: from the linear solution
-        with any matrix for the rotation, and where that is no good from several rotations, until two of them
-        lead to the same."""
+        with any matrix for the rotation, and where that is no good from several rotations, until two lead to
+        the same."""
         size = float(np.ptp(self.measured, axis=0).max()) or 1.0
         best = None
         for turn in self._turns():
             fit = self._climbed(turn)
-            twice = best is not None and abs(fit[0] - best[0]) <= 1e-6 * best[0]
+            again = best is not None and abs(fit[0] - best[0]) < _SAME * best[0]
             if best is None or fit[0] < best[0]:
                 best = fit
-            if twice or best[0] < 0.01 * size:
+            if again or best[0] < 0.01 * size:
                 break
         assert best is not None
         return best[1:]

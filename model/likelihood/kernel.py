@@ -46,6 +46,9 @@ _FLAGS = (
 # The virtual machine takes about 15 ns for an instruction of a row, compiling some 0.8 ms for an instruction:
 # that pays after 50,000 rows, or after fewer, since the next process finds it there. To look takes a while.
 _LOOK_AFTER, _COMPILE_AFTER = 1_000, 20_000  # rows
+# Instructions of a function from which on -O1 takes minutes, as its time grows faster than the code: several
+# instruments at one posture have 25,000. Without optimisation it takes seconds; the numbers are the same.
+_LARGE, _UNOPTIMISED = 7_000, ("-O0", "-fno-tree-loop-vectorize")
 _at_once = False
 _MOST_BUFFERS = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
@@ -113,6 +116,7 @@ class Kernel:
             function.name(),
             partial(grid_source, function, hoisted, gram=gram),
             {"zb_sum": [*([packed] * 4), whole, whole, ctypes.c_void_p]},
+            flags=_UNOPTIMISED if function.n_instructions() > _LARGE else (),
         )
         self._library = self._load(make=True) if compile else None
         self._rows = 0

@@ -49,10 +49,13 @@ _MARK = {
 _CRITERIA = {
     "chi2": "residuals",
     "noise_factor": "noise factor",
+    "nominal_geometry": "nominal geometry",
     "prior": "beyond prior",
+    "tight_prior": "tolerance too small",
     "placements": "placements disagree",
     "moved_target": "target moved",
     "step": "target slipped",
+    "change": "change during the run",
 }
 
 

@@ -293,9 +293,10 @@ def recorded(
     exact: bool,
     joint_deg: float,
     off_mm: float = 0.0,
+    **sizes_of_arm: float,
 ) -> Recorded:
-    """`count` postures of an arm drawn at random, exact or typical."""
-    sizes = Sizes(joint_noise_deg=joint_deg)
+    """`count` postures of an arm drawn at random, exact or typical but for `sizes_of_arm` (of `Sizes`)."""
+    sizes = Sizes(joint_noise_deg=joint_deg, **sizes_of_arm)
     arm = Arms.at_random(1, rng, replace(sizes.times(0.0), lost_deg=0.0) if exact else sizes)
     first = (
         np.radians(rng.normal())

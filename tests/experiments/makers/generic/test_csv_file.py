@@ -78,7 +78,8 @@ def test_what_was_understood_is_told(tmp_path, read):
     assert told[3] == "angles in degrees"
     assert told[4] == "columns in file order, joint 1 first; no header row"
     assert told[5] == "joint 1 (joint1): 10.00 to 170.50 deg, limits -180.00 to 180.00"
-    assert len(told) == 11
+    assert told[11].startswith("note: the joints of measurements 0, 1, 3, 4 look commanded, not read back")
+    assert len(told) == 12
 
 
 def test_columns_by_name(tmp_path, read, refused):
