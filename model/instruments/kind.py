@@ -7,7 +7,7 @@ a kind's own file asks which kind it is: it asks for the facts below.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, Self
@@ -119,6 +119,17 @@ class Measurement(NamedTuple):
     measured: Mapping[str, Sequence[float]]
     sigma_mm: float | None = None
     posture: int = 0
+
+
+class Misread(NamedTuple):
+    """What may be wrong with all readings of the instrument `label`: they are in `metres`, or `mirrored`, in
+    a left-handed frame. `readings` (N, w) are put right; `axis` (1, 2, 3) is the one that has the wrong sign,
+    0 where any may be, as a rotation of a free frame makes one of another."""
+
+    label: str
+    wrong: Literal["metres", "mirrored"]
+    readings: Matrix
+    axis: int = 0
 
 
 class ResidualLayout(NamedTuple):
@@ -279,6 +290,10 @@ class Instrument(ABC):
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         (item,) = some
         return self.reading(item.measured, item.sigma_mm, target), self.shift(item.measured)
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        """What may be wrong with all `readings` (N, w)."""
+        return iter(())
 
     @abstractmethod
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:

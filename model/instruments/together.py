@@ -7,7 +7,7 @@ do. Parts that read at one posture share the errors of its recorded joints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Self
@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
-from .kind import Flange, Instrument, Measurement, ResidualLayout, TargetEntry, Unknown, Words
+from .kind import Flange, Instrument, Measurement, Misread, ResidualLayout, TargetEntry, Unknown, Words
 
 
 class Part(NamedTuple):
@@ -158,6 +158,17 @@ class Together(Instrument):
                 reading[part.reading] = part.instrument.reading(item.measured, item.sigma_mm, target)
                 shift[part.rows] = part.instrument.shift(item.measured)
         return reading, shift
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        """Of each instrument, in all its parts at once."""
+        for source, instrument in enumerate(self.instruments):
+            parts = [part for part in self._parts if part.source == source]
+            for every in zip(*(instrument.misread(readings[:, part.reading]) for part in parts), strict=True):
+                right = readings.copy()
+                for part, one in zip(parts, every, strict=True):
+                    reads = readings[:, [part.number]] > 0
+                    right[:, part.reading] = np.where(reads, one.readings, readings[:, part.reading])
+                yield every[0]._replace(readings=right)
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         every = [
