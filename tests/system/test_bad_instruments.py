@@ -169,7 +169,7 @@ def require_named(kind: str, cause: str, *, exact: bool) -> None:
     label = next(iter(CELLS[kind].instruments))
     (best, *others) = explained(kind, arm.joints, SPOILED[cause](arm.measured), exact=exact)
     assert (best.cause, others) == (cause, [])
-    assert best.factor < 0.05 * best.before
+    assert best.factor < 0.2 * best.before  # a free geometry takes up a part of what is wrong
     assert best.of == ("" if cause == "rows" else label)
     for sentence in (CAUSES[best.cause], changed(best), mend(best)):
         assert sentence
