@@ -16,6 +16,8 @@ CAUSES: dict[Cause, str] = {
     "zero": "zero of a joint",
     "units": "unit of the angles",
     "coupling": "coupled joints",
+    "metres": "unit of the readings",
+    "mirrored": "left-handed frame",
     "rows": "joints of another measurement",
     "twist": "sign of a twist",
     "convention": "Denavit-Hartenberg convention",
@@ -71,6 +73,11 @@ def changed(explanation: Explanation) -> str:
         case "coupling":
             how = "added to" if amount > 0 else "subtracted from"
             return f"with {joints[0]} {how} {joints[1]} (coupled joints)"
+        case "metres":
+            return f"with measured_mm of {clipped(of)} read as metres"
+        case "mirrored":
+            axis = "xyz"[round(amount) - 1] if amount else "one axis"
+            return f"with the sign of {axis} of {clipped(of)} reversed (a left-handed frame)"
         case "rows":
             which = "before" if amount > 0 else "after"
             return f"with the joints of each measurement taken from the one {which} it"
@@ -142,6 +149,14 @@ def mend(explanation: Explanation) -> str:
                 f"Joint 3 was read with another counting: import the recording with --j3 {counted}, or"
                 f" {by_hand} in the run, {_AGAIN}."
             )
+        case "metres":
+            return (
+                f"Multiply measured_mm of {clipped(of)} by 1000, or import it again with its unit, {_AGAIN}."
+            )
+        case "mirrored":
+            axis = "xyz"[round(explanation.amount) - 1] if explanation.amount else "y, or any one axis,"
+            quat = "a quaternion goes with it: its components of the other two axes change their sign"
+            return f"Reverse the sign of {axis} in measured_mm of {clipped(of)} ({quat}), {_AGAIN}."
         case "rows":
             return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."
         case "twist":

@@ -8,6 +8,8 @@ Cause = Literal[
     "zero",
     "units",
     "coupling",
+    "metres",
+    "mirrored",
     "rows",
     "twist",
     "convention",

@@ -265,7 +265,11 @@ def hypothesis_fits(
     # Far zeros leave the residuals as they are: only the prior speaks against them.
     beyond = _beyond_priors(problem, x)
     far = [i for i, change in enumerate(every) if _is_estimated(change, beyond)]
-    fits = [*_of_changes(problem, every, len(every), always=far), *_of_suspects(problem, x)]
+    fits = [
+        *_of_changes(problem, every, len(every), always=far),
+        *_of_readings(problem),
+        *_of_suspects(problem, x),
+    ]
     if not any(fit.agrees(slack) for fit in fits):
         arms = list(map(_of_variant, other_arms(problem.robot, siblings=False)))
         fits += _of_changes(problem, arms, len(every) + len(arms), most=1)
@@ -357,6 +361,23 @@ def _thinned(problem: Problem, most: int) -> Index:
             rows[np.unique(np.linspace(0, len(rows) - 1, each).round().astype(int))] if len(rows) else rows
         )
     return np.sort(np.concatenate(chosen))
+
+
+def _of_readings(problem: Problem) -> Iterator[HypothesisFit]:
+    """All readings of an instrument in another unit, or in a left-handed frame: its start is found anew."""
+    if not problem.recorded:
+        return
+    every = list(problem.tool.misread(problem.readings))
+    for misread in every:
+        right = replace(problem, readings=misread.readings)
+        _, (left,) = fits_from(Density(right), right.nominal()[None], most_steps=_FEW_STEPS)
+        yield replace(
+            left,
+            cause=misread.wrong,
+            of=misread.label,
+            amount=float(misread.axis),
+            log_choices=float(np.log(len(every))),
+        )
 
 
 # What changes little

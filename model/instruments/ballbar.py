@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -14,7 +14,7 @@ from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, refusal
 from .frames import FREE_MM
-from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
 from .tips import StatedRange, StatedTip, TipStation, directions, distance, sphere_through, tip_std
 
 
@@ -100,6 +100,9 @@ class Ballbar(TipStation):
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
         return {"measured_mm": tuple((reading + shift).tolist())}
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        yield Misread(self.label, "metres", readings * 1000)
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return self.predicted(flange, target, unknowns, reading, variant) - reading

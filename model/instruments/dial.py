@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field
 from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal, without_length
-from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
 from .tips import (
     StatedRange,
     StatedTip,
@@ -118,6 +118,9 @@ class Dial(TipStation):
         # Along the plane there is no travel; a large one says so, and stays finite where nothing is read.
         slope = ca.if_else(ca.fabs(slope) < _LEAST_SLOPE, _LEAST_SLOPE, slope)
         return (d - ca.dot(n, flange.in_base(self.tip_at(unknowns)))) / slope
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        yield Misread(self.label, "metres", readings * [1000, 1, 1, 1])
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         return self._travel(flange, target, unknowns, reading[1:]) - reading[0]

@@ -37,6 +37,14 @@ class StatedKnownFrame(FileModel):
 
 
 def _frame(value: object) -> object:
+    parts = value if isinstance(value, dict | list | tuple) else ()
+    if "free" in parts and len(parts) > 1:
+        raise refusal(
+            "an instrument's frame is both free and known",
+            found=shown(value),
+            allowed="free, or the keys xyz_mm and quat",
+            remedy="state frame: free to have it estimated, or where it is without the word free",
+        )
     if value != "free" and not isinstance(value, dict | StatedKnownFrame):
         raise refusal(
             "this says nothing of the instrument's frame",
@@ -150,6 +158,10 @@ class FramedStation(Station):
         upright = rotation(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
         turn = rotation(_LEVEL * rng.normal(size=3)) @ upright
         return np.concatenate([origin, rotation_vector(turn)])
+
+    def mirrored_axes(self, *, free: bool) -> tuple[int, ...]:
+        """Which axes (1, 2, 3) may have the wrong sign; (0,) where a `free` frame makes them one."""
+        return (0,) if free and self.frame is None else (1, 2, 3)
 
     @property
     def frame_key(self) -> bytes:

@@ -133,6 +133,17 @@ class PartRead(NamedTuple):
     reading: Matrix
 
 
+class Misread(NamedTuple):
+    """What may be wrong with all readings of the instrument `label`: they are in `metres`, or `mirrored`, in
+    a left-handed frame. `readings` (N, w) are put right; `axis` (1, 2, 3) is the one that has the wrong sign,
+    0 where any may be, as a rotation of a free frame makes one of another."""
+
+    label: str
+    wrong: Literal["metres", "mirrored"]
+    readings: Matrix
+    axis: int = 0
+
+
 class ResidualLayout(NamedTuple):
     """Of each component (d,) of a residual: the number of a reading that is its relative standard deviation
     (-1: it has that of the instrument), the number that is 1 where it was read at all and else 0 (-1:
@@ -331,6 +342,10 @@ class Instrument(ABC):
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         (item,) = some
         return self.reading(item.measured, item.sigma_mm, target), self.shift(item.measured)
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        """What may be wrong with all `readings` (N, w)."""
+        return iter(())
 
     @abstractmethod
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
@@ -14,7 +14,7 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
-from .kind import Flange, TargetEntry, Unknown, Words
+from .kind import Flange, Misread, TargetEntry, Unknown, Words
 from .rotations import (
     Quaternion,
     matrix_of,
@@ -169,6 +169,17 @@ class PoseStation(FramedStation):
             "measured_mm": tuple((reading[:3] + shift[:3]).tolist()),
             "measured_quat": tuple(quaternion(turn).tolist()),
         }
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        """A mirror turns the axis of a rotation about, but for its part along the mirrored axis."""
+        metres = readings.copy()
+        metres[:, :3] *= 1000
+        yield Misread(self.label, "metres", metres)
+        for axis in self.mirrored_axes(free=not any(self.tolerated)):
+            which, mirrored = axis - 1 if axis else 2, readings.copy()
+            mirrored[:, which] *= -1
+            mirrored[:, [4 + k for k in range(3) if k != which]] *= -1
+            yield Misread(self.label, "mirrored", mirrored, axis)
 
     def _measured(self, flange: Flange, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Position (3, 1) mm and rotation (3, 3) of the body, in the instrument's frame."""

@@ -16,7 +16,17 @@ import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
-from .kind import Flange, Instrument, Measurement, PartRead, ResidualLayout, TargetEntry, Unknown, Words
+from .kind import (
+    Flange,
+    Instrument,
+    Measurement,
+    Misread,
+    PartRead,
+    ResidualLayout,
+    TargetEntry,
+    Unknown,
+    Words,
+)
 
 
 class Part(NamedTuple):
@@ -182,6 +192,17 @@ class Together(Instrument):
 
     def placed(self, rng: np.random.Generator) -> Matrix:
         return np.concatenate([each.placed(rng) for each in self.instruments])
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        """Of each instrument, in all its parts at once."""
+        for source, instrument in enumerate(self.instruments):
+            parts = [part for part in self._parts if part.source == source]
+            for every in zip(*(instrument.misread(readings[:, part.reading]) for part in parts), strict=True):
+                right = readings.copy()
+                for part, one in zip(parts, every, strict=True):
+                    reads = readings[:, [part.number]] > 0
+                    right[:, part.reading] = np.where(reads, one.readings, readings[:, part.reading])
+                yield every[0]._replace(readings=right)
 
     def residual(self, flange: Flange, target: ca.SX, unknowns: ca.SX, reading: ca.SX, variant: str) -> ca.SX:
         every = [

@@ -25,7 +25,7 @@ from ..parsing.validation import (
     without_length,
 )
 from .frames import FREE_MM, FramedStation, StatedStand, known_frame, spread, vector_unknowns
-from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
@@ -46,6 +46,13 @@ def _sigma(value: object) -> object:
             "this is no standard deviation of a position",
             found=shown(value),
             allowed="a number, a list [x, y, z], or the keys constant and per_m",
+        )
+    if isinstance(value, list | tuple) and any(isinstance(row, list | tuple) for row in value):
+        raise refusal(
+            "sigma_mm is a matrix",
+            found=shown(value),
+            allowed="a number, a list [x, y, z], or the keys constant and per_m",
+            remedy="state the standard deviations: the roots of a covariance's diagonal",
         )
     return value
 
@@ -236,6 +243,18 @@ class Tracker(FramedStation):
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
         return {"measured_mm": tuple((reading[:3] + shift).tolist())}
+
+    def misread(self, readings: Matrix) -> Iterator[Misread]:
+        metres = readings.copy()
+        metres[:, :3] *= 1000
+        ranges = np.linalg.norm(metres[:, :3], axis=1)[:, None]
+        ranged = np.sqrt(self.sigmas**2 + (self.per_m * ranges / 1000) ** 2) / self.std
+        metres[:, 4:] = np.where(readings[:, 3:4] > 0, readings[:, 4:], ranged)
+        yield Misread(self.label, "metres", metres)
+        for axis in self.mirrored_axes(free=True):
+            mirrored = readings.copy()
+            mirrored[:, axis - 1 if axis else 2] *= -1
+            yield Misread(self.label, "mirrored", mirrored, axis)
 
     def _position(self, flange: Flange, unknowns: ca.SX, variant: str) -> ca.SX:
         """(3, 1) mm of a reflector, in the tracker's frame."""

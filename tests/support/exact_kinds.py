@@ -347,7 +347,10 @@ class KindsJudge:
             square = slope @ slope.T
             if any(square[i, i] == 0 for i in range(len(square))):
                 return None
-            step = mpmath.lu_solve(mpmath.matrix(square), mpmath.matrix(off))
+            try:
+                step = mpmath.lu_solve(mpmath.matrix(square), mpmath.matrix(off))
+            except ZeroDivisionError:
+                return None
             q = q.copy()
             q[moving] -= slope.T @ np.array(list(step))
         return None

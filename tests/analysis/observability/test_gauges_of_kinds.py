@@ -82,7 +82,7 @@ def test_no_gauge_of_any_kind_is_called_known(mix: Mix) -> None:
 
 
 @pytest.mark.long
-@settings(max_examples=120, **SETTINGS)
+@settings(max_examples=60, **SETTINGS)
 @given(mix=MIXES)
 @example(Mix(3, 4, ("plane", "ballbar, zero free"), shots=10, uncertain=True))
 def test_no_gauge_of_any_kind_is_called_known_at_length(mix: Mix) -> None:
