@@ -83,7 +83,8 @@ def scene(solution: Solution) -> RunScene | None:
     (points,) = problem.functions.kernel("skeleton")(problem.joints[chosen], parts.arm)
     poses = problem.poses(x, problem.joints[chosen])
     undetermined = _undetermined(solution)
-    shots, touched = [], {}
+    shots: list[SceneShot] = []
+    touched: dict[str, tuple[PartRead, Matrix, list[Matrix]]] = {}
     for row, i in enumerate(chosen.tolist()):
         name = problem.targets[problem.target_index[i]]
         target = parts.targets[problem.target_index[i]]
