@@ -117,7 +117,7 @@ def notes(compared: Comparison) -> Iterator[str]:
         yield "Two runs cannot show a drift, nor which of them is the outlier: a third would"
     yield (
         "Errors that are the same in all runs do not show in their scatter: geometry that deviates from"
-        " nominal, backlash that is always taken up from one side, a misaligned laser"
+        " nominal, backlash that is always taken up from one side, an instrument that is not as stated"
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,6 +41,7 @@ from ..style.blocks import (
     Paragraph,
     Row,
     SceneBlock,
+    Section,
     Table,
     Verdict,
     row_of,
@@ -55,7 +56,8 @@ class Postures(NamedTuple):
     `joints` (N, n) rad or mm, as planned where `hit` (N,) is False; `arm` (N, n + 2, 3), `origin` (N, 3) and
     `end` (N, 3) of the beam (the tip of a probe), `targets` (K, 3) mm; `length` (N,) mm along the beam to the
     point nearest to the target, negative where the laser points away from it; `reaches` (N,) whether beam or
-    probe comes to the target: a laser shines one way only.
+    probe comes to the target: a laser shines one way only. `beam` whether there is one, `met` whether the
+    joints are turned onto targets at all.
     """
 
     joints: Matrix
@@ -66,6 +68,8 @@ class Postures(NamedTuple):
     targets: Matrix
     length: Matrix
     reaches: NDArray[np.bool_]
+    beam: bool
+    met: bool
 
 
 def postures_of(aimed_plan: AimedPlan) -> Postures:
@@ -82,21 +86,30 @@ def postures_of(aimed_plan: AimedPlan) -> Postures:
     reaches = aimed.hit & aimed.ahead
     length = np.where(reaches, along, np.linalg.norm(between, axis=1))
     end = origin + length[:, None] * direction
-    return Postures(joints, aimed.hit, points.transpose(0, 2, 1), origin, end, parts.targets, along, reaches)
+    arm, tool = points.transpose(0, 2, 1), problem.tool
+    return Postures(joints, aimed.hit, arm, origin, end, parts.targets, along, reaches, tool.beam, tool.met)
 
 
 def plan_scene(plan: Plan, postures: Postures) -> Scene3D:
     """The scene of a plan."""
-    count = len(plan.postures)
+    count = len(postures.joints)
     return Scene3D(
         [posture_in_scene(plan, postures, i, f"posture {i} (of 0 to {count - 1})") for i in range(count)],
-        [Placed(name, at, "nominal") for name, at in zip(plan.target_names, postures.targets, strict=True)],
+        [Placed(name, at, "nominal") for name, at in _places(plan, postures)],
         floor_of(plan.robot),
     )
 
 
+def _places(plan: Plan, postures: Postures) -> Iterator[tuple[str, Matrix]]:
+    """Targets that are points, by their places. Of an instrument that is to be set up nobody knows where."""
+    for name, at in zip(plan.target_names, postures.targets, strict=False):
+        entry = plan.header.targets.get(name)
+        if entry is None or entry.kind != "plane":
+            yield name, at
+
+
 def posture_in_scene(plan: Plan, postures: Postures, i: int, name: str) -> Posed:
-    end = postures.end[i] if plan.header.instrument.beam else None
+    end = postures.end[i] if postures.beam else None
     return Posed(name, postures.arm[i], postures.origin[i], end, bool(postures.reaches[i]))
 
 
@@ -119,20 +132,21 @@ def plan_page(aimed: AimedPlan, check: Check) -> str:
 def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
     """The scene of a plan made ready for a page, with what is said about it."""
     plan, scene = aimed.plan, plan_scene(aimed.plan, postures)
-    count = len(plan.postures)
+    count = len(postures.joints)
     targets = [
         f"{clipped(name, 24)} at {', '.join(numbers.fixed(value, 0) for value in at)}\u00a0mm"
-        for name, at in zip(plan.target_names, postures.targets.tolist(), strict=True)
+        for name, at in _places(plan, postures)
     ]
+    named = f" Targets (x, y, z in the base frame): {listed(targets)}." if targets else ""
     few = f" Drawn on paper: the first {MOST_DRAWN} postures." if count > MOST_DRAWN else ""
-    what = plan.header.instrument.words.posture
+    what = listed(list(dict.fromkeys(kind.words.posture for kind in plan.header.kinds.values())))
     return turnable(
         scene,
         alt=f"The arm as a line through its joints in {counted(count, 'posture')}, with {what}, above a floor"
-        f" grid. Targets (x, y, z in the base frame): {listed(targets)}."
+        f" grid.{named}"
         " The table of postures on this page says the same in numbers.",
         caption=f"{scene.grid_words}; x, y and z are the base frame."
-        " No joint offsets; targets at their nominal places.",
+        f" No joint offsets{'; targets at their nominal places' if targets else ''}.",
         paper=f"On paper: posture 0 in black, the others in grey.{few}",
     )
 
@@ -150,10 +164,10 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
     others = [row for row in check.parameters if not row.tolerated]
     undetermined = [_undetermined(check, facts.null_space), tolerance_only(check.parameters)]
     versions = ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items())
+    measured = f" at {counted(len(targets), 'target')}: {listed(targets)}" if targets else ""
     return Page(
         title=f"Plan {clipped(inputs.plan, 60)}",
-        subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(inputs.robot)} at"
-        f" {counted(len(targets), 'target')}: {listed(targets)}",
+        subtitle=f"{counted(len(postures.joints), 'posture')} of {clipped(inputs.robot)}{measured}",
         verdict=verdict_on(check),
         notes=[*map(sentence, check_notes(check)), *check_lines(check), *outlook_lines(check)],
         sections=[
@@ -172,12 +186,7 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
             section_of(
                 "Postures", Paragraph(_about_postures(check, postures)), _postures(plan, check, postures)
             ),
-            section_of(
-                "The same to copy into a plan",
-                Paragraph(_ABOUT_COPIES),
-                Commands(_joints_to_copy(plan, postures)),
-                level=2,
-            ),
+            *_copies(_joints_to_copy(plan, postures)),
             section_of(
                 "Inputs",
                 Facts(
@@ -191,6 +200,13 @@ def _page(plan: Plan, check: Check, postures: Postures) -> Page:
             ),
         ],
     )
+
+
+def _copies(lines: list[str]) -> list[Section]:
+    if not lines:
+        return []
+    blocks = Paragraph(_ABOUT_COPIES), Commands(lines)
+    return [section_of("The same to copy into a plan", *blocks, level=2)]
 
 
 def _predicted(check: Check) -> Table:
@@ -235,9 +251,13 @@ def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
 
 
 def _about_postures(check: Check, postures: Postures) -> str:
+    if not postures.met:
+        return "The joints are those of the plan: what is measured is read wherever the arm stands."
     off_mm = max(posture.off_mm for posture in check.postures)
     text = (
         "The joints are those of the aimed postures: the servo turns the arm until the beam hits the target."
+        if postures.beam
+        else "The joints are those at which the target is met."
     )
     if off_mm > 0.05:
         text += f" As planned, they miss it by up to {numbers.significant(off_mm, 2, 'mm')}."
@@ -249,7 +269,7 @@ def _about_postures(check: Check, postures: Postures) -> str:
 
 
 def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
-    with_beam = plan.header.instrument.beam
+    with_beam = postures.beam
     columns = [("posture", "right"), ("target", "left")]
     columns += [(f"joint {j + 1}", "right") for j in range(plan.robot.n)]
     columns += [("beam length", "right")] if with_beam else []
@@ -267,11 +287,14 @@ def _postures(plan: Plan, check: Check, postures: Postures) -> Table:
         off = near if posture.off_mm < _NEAR_MM else numbers.significant(posture.off_mm, 2, "mm")
         tone = "" if postures.reaches[i] else "weak"
         rows.append(row_of(str(posture.posture), clipped(posture.target, 24), *joints, off, tone=tone))
-    return table_of("Postures, turned onto their targets", columns, rows)
+    caption = "Postures, turned onto their targets" if postures.met else "Postures"
+    return table_of(caption, columns, rows)
 
 
 def _joints_to_copy(plan: Plan, postures: Postures) -> list[str]:
     """The aimed postures as in a plan file: degrees, or mm for a prismatic joint."""
+    if not postures.met or any(map(any, plan.means)):
+        return []
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]
     for row, name in zip((postures.joints * plan.robot.display).tolist(), plan.called, strict=True):

@@ -14,8 +14,12 @@ import pytest
 from command_line import zerobeam
 from measured_arms import cube_run
 from ruamel.yaml import YAML
+from starlette.testclient import TestClient
 
 from zerobeam.analysis.analyse import analyse
+from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.guard import Access
+from zerobeam.app.server.routes import application
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
@@ -289,3 +293,29 @@ def test_a_certificate_names_the_instruments_of_its_run(tmp_path: Path) -> None:
     assert "B 9" in text
     for word in ("laser", "beam", "PSD", "spot", "probe"):
         assert not re.search(rf"\b{word}\b", text, re.IGNORECASE), word
+
+
+def test_a_plan_of_several_instruments_has_its_page(tmp_path: Path) -> None:
+    run = written(tmp_path / "run.jsonl", *CASES["mix"])
+    assert zerobeam("plan", "verify", run, "-o", tmp_path / "plan.yaml").status == 0
+    answer = zerobeam("check", tmp_path / "plan.yaml", "--picture", tmp_path / "plan.html")
+    assert answer.status in (0, 1), answer.err
+    text = plain(tmp_path / "plan.html")
+    assert Tracker.words.posture in (tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert not re.search(r"\b(laser|beam|servo|PSD)\b", text)
+
+
+def test_the_app_opens_and_fits_a_run_of_several_instruments(tmp_path: Path) -> None:
+    written(tmp_path / "run.jsonl", *CASES["mix"])
+    assert zerobeam("plan", "verify", tmp_path / "run.jsonl", "-o", tmp_path / "plan.yaml").status == 0
+    headers = {"X-Zerobeam": "1", "Authorization": "Bearer t"}
+    app = application(Folder(tmp_path), Access(token="t"))
+    with TestClient(app, base_url="http://127.0.0.1:8800", headers=headers) as client:
+        run = client.get("/api/run", params={"file": "run.jsonl"}).json()
+        assert (run["course"][-1]["recorded"], len(run["recorded"])) == (COUNT, 36)
+        fit = client.post("/api/refit", json={"run": "run.jsonl"}).json()
+        assert fit["verdict"] == "pass"
+        plan = client.get("/api/plan", params={"file": "plan.yaml"}).json()["plan"]
+        checked = client.post("/api/check", json={"plan": plan, "scene": True}).json()
+        postures = {row["posture"] for row in plan["postures_deg"]}
+        assert len(checked["scene"]) == len(postures)

@@ -320,8 +320,8 @@ class _Placed(Document):
 
 
 def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureScene]:
-    scene_plan, postures = aimed.plan, postures_of(aimed)
-    beam = scene_plan.header.instrument.beam
+    scene_plan, postures, problem = aimed.plan, postures_of(aimed), aimed.problem
+    names = [problem.targets[k] for k in problem.target_index.tolist()]
     joints = postures.joints * scene_plan.robot.display
     broken_in = [[broken for broken in violations if broken.posture == i] for i in range(len(joints))]
     return [
@@ -329,9 +329,14 @@ def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureSce
             joints_deg=rounded(joints[i], 9),
             skeleton=rounded(postures.arm[i], 3),
             tool=rounded(postures.origin[i], 3),
-            beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if beam else None,
-            target=rounded(postures.targets[scene_plan.target_index[i]], 3),
-            target_name=scene_plan.called[i],
+            beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if problem.tool.beam else None,
+            target=rounded(
+                postures.origin[i]
+                if problem.is_station(names[i])
+                else postures.targets[problem.target_index[i]],
+                3,
+            ),
+            target_name=names[i],
             reaches=bool(postures.reaches[i]),
             violations=[violation_words(one) for one in broken_in[i]],
             touches=[

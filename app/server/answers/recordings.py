@@ -119,10 +119,11 @@ def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
 
 def _states(run: Run) -> list[tuple[int, Solution]]:
     """How many measurements there were and what they determined, the last `_MOST` times, all at the end."""
-    count = len(run.shots)
-    if not count:
+    if not run.shots:
         return []
-    problem, first = Problem.from_run(run), max(1, count - _MOST + 1)
+    problem = Problem.from_run(run)
+    count = problem.shots  # postures, of what several instruments read at one
+    first = max(1, count - _MOST + 1)
     return [(k, so_far(problem.select(np.arange(k)))) for k in range(first, count + 1)]
 
 
