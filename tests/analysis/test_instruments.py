@@ -33,14 +33,21 @@ class Outcome:
     misfit: np.ndarray
 
 
-def outcome(kind: str, count: int, *, understated: float = 1.0, off_mm: float = 0.0) -> Outcome:
+def outcome(
+    kind: str,
+    count: int,
+    *,
+    understated: float = 1.0,
+    off_mm: float = 0.0,
+    joint_deg: float = JOINT_DEG,
+) -> Outcome:
     """A misfit has its z as well: the uncertainties of the fit, whatever becomes of them."""
     cell, rng = CELLS[kind], np.random.default_rng(3)
-    header = cell.header(geometry="exact", joint_deg=JOINT_DEG, understated=understated)
+    header = cell.header(geometry="exact", joint_deg=joint_deg, understated=understated)
     z, k, p, misfit = [], [], [], []
     with one_blas_thread():
         for _ in range(count):
-            arm = recorded(cell, POSTURES, rng, exact=True, joint_deg=JOINT_DEG, off_mm=off_mm)
+            arm = recorded(cell, POSTURES, rng, exact=True, joint_deg=joint_deg, off_mm=off_mm)
             solution = solve_run(Problem.of_measured(header, irb1600(), arm.joints, arm.measured), header)
             assert solution.converged
             z.append(_z(solution, arm.offsets))
@@ -83,6 +90,15 @@ def test_a_reading_whose_std_is_understated_fails_the_same_check(kind: str) -> N
     understated = outcome(kind, 6, understated=3.0)
     with pytest.raises(AssertionError):
         require_honest(understated)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", CELLS)
+def test_two_hundred_arms_of_every_kind(kind: str) -> None:
+    """And the control: a noise understated by a half fails the same check."""
+    require_honest(outcome(kind, 200))
+    with pytest.raises(AssertionError):
+        require_honest(outcome(kind, 200, understated=1.5, joint_deg=JOINT_DEG / 4))
 
 
 def test_a_reflector_off_its_tight_sigma_is_noticed() -> None:
