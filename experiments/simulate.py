@@ -108,7 +108,10 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
         joints = aimed.problem.joints[i] + rng.normal(size=n) * problem.noise.joint
         shift = np.zeros(problem.tool.residual_size)
         shift[recorded] = rng.normal(size=int(recorded.sum())) * stds[i, recorded]
-        readings = problem.tool.readings_of(aimed.problem.readings[i], shift)
+        readings = {
+            (part.instrument.label, part.variant): part.instrument.recorded(part.reading, shift[part.rows])
+            for part in problem.tool.read_at(aimed.problem.readings[i])
+        }
         for row in same:
             item = plan.measurements[row]
             content = {

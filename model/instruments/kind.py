@@ -124,13 +124,14 @@ class Measurement(NamedTuple):
 
 
 class PartRead(NamedTuple):
-    """What of a run reads at a posture: an instrument, its variant, the places of its unknowns among all, and
-    its own numbers of the reading (w,)."""
+    """What of a run reads at a posture: an instrument, its variant, the places of its unknowns among all,
+    its own numbers of the reading (w,), and where its components are in a residual."""
 
     instrument: Instrument
     variant: str
     unknowns: list[int]
     reading: Matrix
+    rows: slice
 
 
 class Misread(NamedTuple):
@@ -306,38 +307,6 @@ class Instrument(ABC):
         """What a measurement with this `reading` (w,) and `shift` (d,) records by `columns`."""
         return {}
 
-    def readings_of(
-        self, reading: Matrix, shift: Matrix
-    ) -> dict[tuple[str, str], dict[str, tuple[float, ...]]]:
-        """What is `recorded` at one posture, by the label and the variant that read there."""
-        return {(self.label, self.variants[0]): self.recorded(reading, shift)}
-
-    @property
-    def stands_at(self) -> Matrix:
-        """(f,) the f unknowns of its frame, about where it stands: for what is planned."""
-        return np.zeros(sum(unknown.group == "frame" for unknown in self.unknowns))
-
-    def placed(self, rng: np.random.Generator) -> Matrix:
-        """(f,) the unknowns of its frame, drawn at random: for a simulation."""
-        return self.stands_at
-
-    # Where it can be planned to measure
-
-    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix | None:
-        """(count, 3) mm in the base frame, to which its `point` is brought to measure a target; None for a
-        beam, and where it reads wherever the arm stands."""
-        return None
-
-    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
-        """(N,) where it cannot measure with the flange at `poses` (N, 4, 4), by the reason in words, a
-        clause."""
-        return {}
-
-    def in_sight(self, target: Target) -> Matrix | None:
-        """(3,) mm in the base frame: the way to it from the `point` must be free of arm and boxes; None where
-        there is no such way, or nobody says where it ends."""
-        return None
-
     def row(self, some: Sequence[Measurement], target: TargetEntry | None) -> tuple[Matrix, Matrix]:
         """Reading (w,) and shift (d,) of what is measured at one posture."""
         (item,) = some
@@ -359,7 +328,8 @@ class Instrument(ABC):
 
     def read_at(self, reading: Matrix) -> Iterator[PartRead]:
         """The parts that read where the `reading` is (w,)."""
-        yield PartRead(self, self.variants[0], list(range(len(self.unknowns))), reading)
+        unknowns = list(range(len(self.unknowns)))
+        yield PartRead(self, self.variants[0], unknowns, reading, slice(self.residual_size))
 
     @property
     def point(self) -> Matrix:
@@ -393,6 +363,32 @@ class Instrument(ABC):
     def outlines(self, target: Matrix, reading: Matrix, touched: Matrix) -> tuple[Matrix, ...]:
         """Lines (m, 3) that show a target which is no point; `touched` (N, 3) the points on the flange."""
         return ()
+
+    # What is planned, and simulated
+
+    @property
+    def stands_at(self) -> Matrix:
+        """(f,) the f unknowns of its frame, about where it stands: for what is planned."""
+        return np.zeros(sum(unknown.group == "frame" for unknown in self.unknowns))
+
+    def placed(self, rng: np.random.Generator) -> Matrix:
+        """(f,) the unknowns of its frame, drawn at random: for a simulation."""
+        return self.stands_at
+
+    def goals(self, rng: np.random.Generator, count: int, target: Target) -> Matrix | None:
+        """(count, 3) mm in the base frame, to which its `point` is brought to measure a target; None for a
+        beam, and where it reads wherever the arm stands."""
+        return None
+
+    def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
+        """(N,) where it cannot measure with the flange at `poses` (N, 4, 4), by the reason in words, a
+        clause."""
+        return {}
+
+    def in_sight(self, target: Target) -> Matrix | None:
+        """(3,) mm in the base frame: the way to it from the `point` must be free of arm and boxes; None where
+        there is no such way, or nobody says where it ends."""
+        return None
 
     # Where a fit starts
 

@@ -144,7 +144,8 @@ class Together(Instrument):
     def read_at(self, reading: Matrix) -> Iterator[PartRead]:
         for part in self._parts:
             if reading[part.number]:
-                yield PartRead(part.instrument, part.variant, part.unknowns, reading[part.reading])
+                numbers = reading[part.reading]
+                yield PartRead(part.instrument, part.variant, part.unknowns, numbers, part.rows)
 
     @cached_property
     def layout(self) -> ResidualLayout:
@@ -174,17 +175,6 @@ class Together(Instrument):
                 reading[part.reading] = part.instrument.reading(item.measured, item.sigma_mm, target)
                 shift[part.rows] = part.instrument.shift(item.measured)
         return reading, shift
-
-    def readings_of(
-        self, reading: Matrix, shift: Matrix
-    ) -> dict[tuple[str, str], dict[str, tuple[float, ...]]]:
-        return {
-            (part.instrument.label, part.variant): part.instrument.recorded(
-                reading[part.reading], shift[part.rows]
-            )
-            for part in self._parts
-            if reading[part.number]
-        }
 
     @property
     def stands_at(self) -> Matrix:

@@ -14,7 +14,7 @@ from zerobeam.model.files.plan import Means, Plan, read_plan, write_plan
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.likelihood.problem import Problem
 
-STATIONS = [name for name in CELLS if "laser" not in name and name != "probe"]
+STATIONS = [name for name in CELLS if "laser" not in name and name not in ("probe", "cube")]
 LOWER, UPPER = [-60, -20, -40, -90, -60, -120], [60, 50, 30, 90, 60, 120]
 
 
