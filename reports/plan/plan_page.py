@@ -104,7 +104,7 @@ def _places(plan: Plan, postures: Postures) -> Iterator[tuple[str, Matrix]]:
     """Targets that are points, by their places. Of an instrument that is to be set up nobody knows where."""
     for name, at in zip(plan.target_names, postures.targets, strict=False):
         entry = plan.header.targets.get(name)
-        if entry is None or entry.kind != "plane":
+        if entry is None or entry.normal is None:
             yield name, at
 
 
