@@ -20,7 +20,6 @@ from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.whole_file import write_whole
-from ...model.instruments.kind import TARGET_KEYS
 from ...words import numbers
 from ...words.geometry import check_lines
 from ...words.numbers import unit_of
@@ -105,7 +104,7 @@ def _places(plan: Plan, postures: Postures) -> Iterator[tuple[str, Matrix]]:
     """Targets that are points, by their places. Of an instrument that is to be set up nobody knows where."""
     for name, at in zip(plan.target_names, postures.targets, strict=False):
         entry = plan.header.targets.get(name)
-        if entry is None or "normal" not in TARGET_KEYS[entry.kind]:
+        if entry is None or entry.normal is None:
             yield name, at
 
 
