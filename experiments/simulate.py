@@ -102,7 +102,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
             meeting = next(each for each in problem.tool.each if each.met)
             raise RigFault(
                 f"posture {same[0]}: the {'wrist' if meeting.beam else 'arm'} cannot bring the"
-                f" {meeting.name} onto its target, which is {aimed.off_mm[i]:.0f} mm off. Choose one that"
+                f" {meeting.name} onto the target, which is {aimed.off_mm[i]:.0f} mm off. Choose one that"
                 " points nearer to it."
             )
         joints = aimed.problem.joints[i] + rng.normal(size=n) * problem.noise.joint

@@ -127,7 +127,7 @@ class InstrumentsStudy(StudyAnswer):
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
+class _SetupToPlan:
     """A setup of a file, by its index."""
 
     file: Path
@@ -150,7 +150,7 @@ def instruments_study(
     for setup in content.setups:
         with located(path):
             _header(content, setup)
-    pieces = [_Piece(path, index, seed) for index in range(len(content.setups))]
+    pieces = [_SetupToPlan(path, index, seed) for index in range(len(content.setups))]
     heading = heading_of("instruments", seed, setups=[setup.name for setup in content.setups])
     cases = tuple(each_piece(store, heading, SetupCase, _case, pieces, progress, processes))
     return InstrumentsStudy(
@@ -184,7 +184,7 @@ def _header(content: SetupsFile, setup: StatedSetup) -> Header:
     return validate(Header, keys, file=None, line=lambda _: None)
 
 
-def _case(piece: _Piece) -> SetupCase:
+def _case(piece: _SetupToPlan) -> SetupCase:
     content = read_model(SetupsFile, piece.file)
     setup = content.setups[piece.index]
     header, folder = _header(content, setup), piece.file.parent
