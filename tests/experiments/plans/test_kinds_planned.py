@@ -155,6 +155,13 @@ def test_a_cube_is_planned():
     assert not check_plan(plan).violations
 
 
+def test_a_face_with_an_angle_that_the_best_plan_leaves_out_is_named(refused):
+    far = {"far": {**FACES["side"], "guess_mm": [850, 0, 250], "sigma_mm": 5000, "sigma_deg": 60}}
+    header = header_of("plane", targets=FACES | far, angles=[{**CUBE[0], "between": ["top", "far"]}])
+    request = plan_request(header=header, target=None, shots=2, candidates=60)
+    assert "leaves out" in str(refused(make_plan, request, None, lambda stage, share: None))
+
+
 def test_a_reflector_faces_the_tracker():
     """Candidates for R1 have it within its acceptance; for R2, which is turned by hand, anyhow."""
     own, robot = header_of("tracker"), load_robot("irb1600", Path("."))
