@@ -20,15 +20,27 @@ robot: irb1600
 tool: {kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}
 noise: {joint_deg: 0.01, spot_mm: 0.05}
 """
+TRACKER = """\
+robot: irb1600
+instruments:
+  leica:
+    kind: tracker
+    guess_mm: [3000, 500, 800]
+    sigma_mm: {constant: 0.015, per_m: 0.006}
+    reflectors: {R1: {guess_mm: [60, 0, 80]}, R2: {guess_mm: [-40, 50, 80]}}
+noise: {joint_deg: 0.01}
+"""
 RUNS = ("monday", "tuesday", "wednesday")
 COMMANDS = (
     "demo -o .",
+    "plan optimal --header tracker.yaml --candidates 2000 -o tracker-plan.yaml --picture tracker.html",
     "plan optimal --header header.yaml --target 900,0,0 --candidates 2000 -o plan.yaml --picture plan.html",
     *(
         f"run plan.yaml --cell cell.yaml --seed {seed} --json -o {name}.jsonl"
         for seed, name in enumerate(RUNS, start=1)
     ),
     f"compare {' '.join(f'{name}.jsonl' for name in RUNS)} --json -o compare",
+    "study instruments --json -o instruments",
     "study table2 --json -o table2",
     "study patterns --runs 20 --json -o patterns",
 )
@@ -36,6 +48,8 @@ COMMANDS = (
 PAGES = (
     *(f"{name}/report.{kind}" for name in ("good", "x-pattern", "uncalibrated") for kind in ("html", "pdf")),
     "plan.html",
+    "tracker.html",
+    "instruments/study.html",
     "compare/compare.html",
     "table2/study.html",
     "patterns/study.html",
@@ -47,6 +61,7 @@ def make(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "cell.yaml").write_text(CELL, encoding="utf-8")
     (folder / "header.yaml").write_text(HEADER, encoding="utf-8")
+    (folder / "tracker.yaml").write_text(TRACKER, encoding="utf-8")
     for command in COMMANDS:
         done = subprocess.run(
             [sys.executable, "-c", "from zerobeam.cli import main; main()", *command.split()],

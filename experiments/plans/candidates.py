@@ -137,7 +137,8 @@ def candidates(
     lowest, highest = _one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
     measured = [[Measurement(*planned, {})]] * _BATCH
-    problem = Problem.of_measured(header, robot, np.zeros((_BATCH, robot.n)), measured, planned=True)
+    untied = header.model_copy(update={"distances": (), "angles": ()})  # the others are not measured here
+    problem = Problem.of_measured(untied, robot, np.zeros((_BATCH, robot.n)), measured, planned=True)
     problem = problem.with_geometry(NOMINAL)  # nominal: so the Jacobians are small
     x = problem.nominal()
     if target is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -170,6 +170,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
         if proposal is None:
             return MadePlan(request.kind, None, None, None, None, fewest, removed)
         postures, planned = proposal.postures, proposal.planned
+        _require_tied(header, {each.target for each in planned})
     else:
         name = _target_name(header)
         target = np.array(header.targets[name].guess_mm)
@@ -294,6 +295,18 @@ def _planned(header: Header, robot: Robot, label: str, targets: tuple[str, ...])
             argument="target",
         )
     return [Planned(label, variant, name) for name in targets or suited for variant in instrument.variants]
+
+
+def _require_tied(header: Header, measured: Collection[str | None]) -> None:
+    """BadInput where a distance or an angle is to a target that the chosen measurements leave out."""
+    pairs = [*(each.between for each in header.distances), *(each.between for each in header.angles)]
+    left = sorted({name for pair in pairs for name in pair} - set(measured))
+    if left:
+        raise BadInput(
+            f"the best plan of so many measurements leaves out {', '.join(left)}",
+            found="an angle or a distance to it in the header",
+            remedy="plan more measurements, or remove it from the header's angles and distances",
+        )
 
 
 def _means(header: Header, planned: Sequence[Planned]) -> tuple[Means, ...]:

@@ -18,7 +18,7 @@ from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.instruments.kind import Measurement
 from ...model.kinematics.robot import Robot
-from ...model.likelihood.problem import Problem
+from ...model.likelihood.problem import Problem, Whitened
 from ...words.observability import power_limit
 from ..processes import on_cluster
 from .candidates import CandidatePostures, Planned
@@ -112,7 +112,7 @@ class Planner:
         free = parameters.free
         whitened = self._problem.whiten(self._x)
         self._factor = whitened.factor
-        roots = self._problem.roots(whitened)
+        roots = self._with_ties(whitened)
         self._offsets = [item for item in parameters.items if item.group == "offset" and not item.held]
         if not self._offsets:
             raise BadInput("there is nothing to plan for: every offset is held", remedy="free some in `held`")
@@ -135,6 +135,14 @@ class Planner:
         self._unnoticed = tuple(
             each for each in powers(several, self._x, rank(several, self._x)) if each.harmful
         )
+
+    def _with_ties(self, whitened: Whitened) -> Matrix:
+        """(C, d, f) the roots of the candidates, by coordinates in which prior and ties together are a unit
+        prior. Ties are of targets alone, so that the offsets remain as they are."""
+        roots = self._problem.roots(whitened)
+        tied = whitened.jacobian[roots.shape[0] * roots.shape[1] :, self._problem.parameters.free]
+        lower = np.linalg.cholesky(np.eye(tied.shape[1]) + tied.T @ tied)
+        return np.asarray(np.linalg.solve(lower, roots.transpose(0, 2, 1)).transpose(0, 2, 1))
 
     def optimal(
         self,

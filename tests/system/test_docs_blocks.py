@@ -1,7 +1,7 @@
 """Every block of the documentation is run, or read as the file that it is, and prints what the page says.
 
 In the short form posteriors are drawn shorter, plans are chosen from fewer postures where a page does not say
-how many, only the README's report is written, four pages are left out; the long tests run all as it stands.
+how many, only the README's report is written, six pages are left out; the long tests run all as it stands.
 """
 
 from __future__ import annotations
@@ -45,7 +45,14 @@ SHORT = {
 }
 SLOW = {
     f"docs/{name}.md"
-    for name in ("tutorial", "how-to/uncalibrated-tool", "how-to/ur5e", "how-to/kr6", "how-to/cluster")
+    for name in (
+        "tutorial",
+        "how-to/uncalibrated-tool",
+        "how-to/ur5e",
+        "how-to/kr6",
+        "how-to/cluster",
+        "how-to/instruments",
+    )
 }
 # A page whose recordings are not ours to ship: where the reader puts what of the shared data.
 RECORDED = {"docs/tutorial.md": {"panda.urdf": "mukca/urdf/panda.urdf", "panda_2": "mukca/panda_2"}}
@@ -157,6 +164,13 @@ def test_most_pages_have_something_to_run() -> None:
 @pytest.mark.parametrize("name", sorted(set(RUN) - SLOW))
 def test_the_blocks_of_a_page_run_in_their_order(name: str, place: Callable[[str], Path]) -> None:
     assert carry_out(read(name), place(name), short=True, written=name == "README.md") >= 1
+
+
+def test_an_instrument_of_the_page_of_instruments(place: Callable[[str], Path]) -> None:
+    """Of the pages left out: one kind, from the header to the answer."""
+    name = "docs/how-to/instruments.md"
+    (section,) = (part for part in read(name).split("\n## ") if part.startswith("Pose camera"))
+    assert carry_out(section, place(name), short=True) == 3
 
 
 @pytest.mark.long

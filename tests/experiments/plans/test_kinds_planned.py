@@ -19,6 +19,7 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Means, Plan, read_plan
 from zerobeam.model.files.plan_file import Box
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.instruments.kind import Measurement
 from zerobeam.model.likelihood.problem import Problem
 
 LASER = {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
@@ -115,6 +116,50 @@ def test_the_touch_is_on_the_face():
         assert beside @ normal == pytest.approx(3.0, abs=1e-3)
         assert np.linalg.norm(beside - (beside @ normal) * normal) < 50 + 1e-3
         assert (pose[:3, 3] - tip) @ normal > 0
+
+
+CUBE = [{"between": ["top", "side"], "deg": 90, "sigma_deg": 0.003}]
+
+
+def test_the_right_angles_of_a_cube_count_in_a_plan():
+    """By the planner's information the offsets are as uncertain as by the full Jacobian with its ties."""
+    robot, loose = load_robot("irb1600", Path(".")), {}
+    for name, face in FACES.items():
+        loose[name] = {**face, "sigma_mm": 100}
+    tied = header_of("plane", targets=loose, angles=CUBE)
+    pools = [
+        candidates(tied, robot, None, 40, seed=i, planned=Planned("plane", target=name))
+        for i, name in enumerate(FACES)
+    ]
+    rows = np.arange(0, 80, 5)
+
+    def planned(header: Header) -> np.ndarray:
+        chosen = Planner(header, robot, {}, pools).candidates
+        return np.diag(np.linalg.inv(chosen.information(rows)))[chosen.offsets]
+
+    postures = np.concatenate([pool.postures for pool in pools])[rows]
+    measured = [[Measurement(*pools[row // 40].planned, {})] for row in rows]
+    problem = Problem.of_measured(tied, robot, postures, measured, planned=True)
+    free = problem.parameters.free
+    jacobian = problem.at_predicted(problem.nominal()).whiten(problem.nominal()).jacobian[:, free]
+    assert len(jacobian) == len(rows) + 1
+    variances = np.diag(np.linalg.inv(jacobian.T @ jacobian + np.eye(free.sum())))
+    np.testing.assert_allclose(planned(tied), variances[problem.parameters.group("offset")[free]], rtol=1e-6)
+    without = planned(header_of("plane", targets=loose))
+    assert (without / planned(tied)).max() > 1.1  # the control: the angle says something of the offsets
+
+
+def test_a_cube_is_planned():
+    plan = made(header_of("plane", angles=CUBE), candidates=60)
+    assert set(plan.targets) == set(FACES)
+    assert not check_plan(plan).violations
+
+
+def test_a_face_with_an_angle_that_the_best_plan_leaves_out_is_named(refused):
+    far = {"far": {**FACES["side"], "guess_mm": [850, 0, 250], "sigma_mm": 5000, "sigma_deg": 60}}
+    header = header_of("plane", targets=FACES | far, angles=[{**CUBE[0], "between": ["top", "far"]}])
+    request = plan_request(header=header, target=None, shots=2, candidates=60)
+    assert "leaves out" in str(refused(make_plan, request, None, lambda stage, share: None))
 
 
 def test_a_reflector_faces_the_tracker():
