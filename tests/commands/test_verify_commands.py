@@ -80,7 +80,7 @@ def test_a_run_of_another_plan_is_refused(tmp_path):
     asked = ["plan", "verify", GOOD, "-o", tmp_path / "verify.yaml"]
     assert "fewer postures" in zerobeam(*asked, "--shots", 8).refused()
     assert "no --header or --target" in zerobeam(*asked, "--target", "1,2,3").refused()
-    assert "takes --header and --target" in zerobeam("plan", "y", "-o", tmp_path / "y.yaml").refused()
+    assert "plan y takes --header" in zerobeam("plan", "y", "-o", tmp_path / "y.yaml").refused()
 
 
 HEADERS = {

@@ -294,7 +294,15 @@ def test_the_reference_has_every_public_name_at_its_home() -> None:
 
 def test_every_built_in_study_is_listed() -> None:
     listed = re.findall(r"^\| `([\w-]+)` \|", read("docs/studies.md"), flags=re.MULTILINE)
-    assert {*built_in_studies(), "coverage", "cell", "geometry", "table2", "wrong-models"} == set(listed)
+    assert {
+        *built_in_studies(),
+        "coverage",
+        "cell",
+        "geometry",
+        "table2",
+        "wrong-models",
+        "instruments",
+    } == set(listed)
 
 
 @pytest.fixture

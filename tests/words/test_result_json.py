@@ -72,7 +72,16 @@ def test_the_keys_are_those_of_the_design() -> None:
     assert {"converged", "iterations", "cost", "rms_mm", "chi2", "dof", "p_value"} <= set(
         answer["fits"]["likelihood"]
     )
-    assert {"shot", "target", "miss_mm", "whitened", "leave_one_out", "cooks"} == set(answer["shots"][0])
+    assert {
+        "shot",
+        "target",
+        "miss_mm",
+        "miss_deg",
+        "length_mm",
+        "whitened",
+        "leave_one_out",
+        "cooks",
+    } == set(answer["shots"][0])
     assert {"rank", "size", "condition", "observability", "null_space"} == set(answer["identifiability"])
     assert {"sha256", "seed", "versions"} <= set(answer["inputs"])
 

@@ -158,7 +158,7 @@ def test_likelihood_and_midpoint_stand_side_by_side() -> None:
 def test_distances_stand_next_to_what_was_stated() -> None:
     own = table(section(misfit(), "Fit quality"), "Distances")
     row = row_of(own, "left_1a and left_1b").replace("\u00a0", " ")
-    assert row == "50 mm | 0.2 mm | 49.91 mm | 0.11 mm"
+    assert row == "50 mm | 0.2 mm | 49.93 mm | 0.11 mm"
     (apart,) = hostile().distances
     lost = replace(hostile(), distances=(replace(apart, estimate=None, std=None),))
     assert NOT_DETERMINED in texts_of(table(section(lost, "Fit quality"), "Distances"))[0]
