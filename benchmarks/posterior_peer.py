@@ -157,6 +157,45 @@ def log_density(model: dict[str, Array]) -> Density:
     return value
 
 
+def moved_arm(values: jax.Array) -> tuple[list[Array], Array]:
+    """`dh_arm` with links 1 to 5 off by `values` (5, 3); the last one is nominal."""
+    fixed, last = dh_arm()
+    steps = zip(fixed[1:], values, strict=True)
+    return [fixed[0], *(moved_link(step, own) for step, own in steps)], last
+
+
+def tracker_density(model: dict[str, Array]) -> Density:
+    """log posterior of z (f,) of a tracker set, up to a constant: offsets, links, a reflector in the flange
+    frame, origin and rotation vector of the tracker's frame. `links` are the places of links 1 to 5 in x."""
+    joints, readings, free, variances = (model[k] for k in ("joints", "spots", "free", "variances"))
+    n = joints.shape[1]
+
+    def value(z: jax.Array) -> jax.Array:
+        x = jnp.asarray(model["mean"]).at[free].add(z * model["std"][free])
+        fixed, last = moved_arm(x[model["links"]].reshape(n - 1, 3))
+        reflector, stand, vector = x[-9:-6], x[-6:-3], x[-3:]
+        rotation, origin, angles = jnp.eye(3), jnp.zeros(3), joints + x[:n]
+        axes = []
+        for k in range(n):
+            origin = origin + rotation @ fixed[k][:3, 3]
+            rotation = rotation @ fixed[k][:3, :3]
+            axes.append((rotation[..., :, 2], origin))
+            c, s = jnp.cos(angles[:, k])[:, None], jnp.sin(angles[:, k])[:, None]
+            one, two, three = rotation[..., 0], rotation[..., 1], rotation[..., 2]
+            rotation = jnp.stack([c * one + s * two, c * two - s * one, three + 0 * c], axis=-1)
+        point = origin + rotation @ (last[:3, 3] + last[:3, :3] @ reflector)
+        angle = jnp.sqrt(vector @ vector)
+        k1, k2, k3 = vector / angle
+        cross = jnp.array([[0.0, -k3, k2], [k3, 0.0, -k1], [-k2, k1, 0.0]])
+        frame = jnp.eye(3) + jnp.sin(angle) * cross + (1 - jnp.cos(angle)) * cross @ cross
+        by_joints = jnp.stack([jnp.cross(axis, point - start) @ frame for axis, start in axes], axis=2)
+        covariance = jnp.einsum("ndk,nek,k->nde", by_joints, by_joints, variances[:-1])
+        miss = (point - stand) @ frame - readings
+        return -(squares(miss, covariance + variances[-1] * jnp.eye(3)) + z @ z) / 2
+
+    return value
+
+
 def beam(tool: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Point (3,) and axes across (3, 2) of a beam near the flange's x axis: tilts and shifts, or none."""
     point, y, z = jnp.array([0.0, 0.0, 65.0]), jnp.array([0.0, 1.0, 0.0]), jnp.array([0.0, 0.0, 1.0])
@@ -192,7 +231,8 @@ def main() -> None:
     chains, warmup, draws, seed = (int(v) for v in model["settings"])
     numpyro.set_host_device_count(chains)
     jax.config.update("jax_enable_x64", True)
-    value, centre, factor = log_density(model), model["centre"], model["factor"]
+    value = (tracker_density if "tracker" in model else log_density)(model)
+    centre, factor = model["centre"], model["factor"]
     checked = np.array(jax.jit(jax.vmap(value))(model["points"]))
 
     kernel = NUTS(potential_fn=lambda w: -value(centre + factor @ w))

@@ -1,11 +1,11 @@
 """How many effective draws of the posterior a second: by zerobeam, emcee's stock move, and NumPyro's NUTS?
 
 For the built-in run of 7 shots (8 unknowns), the one with an uncalibrated tool (11 unknowns) and, if the
-recordings are there, panda_2 (559 postures), with nominal links and with uncertain ones: the smallest bulk
-ESS of all unknowns, a second and over two cores, by one function of arviz-stats for all. All start from the
-same Laplace fit and live in coordinates whitened by it; burn-in is counted for zerobeam alone, compiling for
-none. The peer's log-density, written again in JAX, is first shown to be ours up to a constant; means and
-variances are compared afterwards.
+recordings are there, panda_2 (559 postures), with nominal links and with uncertain ones, and for simulated
+tracker sets of an arm with uncertain links: the smallest bulk ESS of all unknowns, a second and over two
+cores, by one function of arviz-stats for all. All start from the same Laplace fit and live in coordinates
+whitened by it; burn-in is counted for zerobeam alone, compiling for none. The peer's log-density, written
+again in JAX, is first shown to be ours up to a constant; means and variances are compared afterwards.
 
     python3 -m venv /tmp/nuts && /tmp/nuts/bin/pip install numpyro
     .venv/bin/python benchmarks/posterior_time.py --peers /tmp/nuts/bin/python
@@ -29,6 +29,8 @@ import numpy as np
 from analyse_time import ROOT, panda_2
 from arviz_stats.base import array_stats
 from threadpoolctl import threadpool_limits
+from tracker_peers import simulated
+from tracker_table import NOISE, header, problem_of
 
 from zerobeam.analysis.estimation.coordinates import FlangeCoordinates
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -36,6 +38,7 @@ from zerobeam.analysis.posterior.posterior import Whitening
 from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.geometry import Geometry
@@ -48,6 +51,7 @@ SAME = 1e-8  # of the range of log-densities
 LINKS = (0.3, 0.1)  # tolerances, mm and degrees
 TURNOVER = 2  # effective draws of a chain, at least
 MANY = 50  # shots: from here a tenth of the effective draws will do
+TRACKED = (60, 1000)  # measurements
 ROWS = 1000  # of one vectorised call
 PEERS_SIDE = Path(__file__).with_name("posterior_peer.py")
 
@@ -56,16 +60,33 @@ class Case:
     """One run, fitted, with the coordinates in which it is sampled."""
 
     def __init__(self, name: str, run: Path, urdf: str = "", *, links: bool = False) -> None:
-        self.name, self.urdf, self.links = name + (", with links" if links else ""), urdf, links
+        self.urdf, self.links = urdf, links
         read = read_run(run)
         exact = read.header.model_copy(update={"geometry": "exact"})  # as the peers' model is
         problem = Problem.from_run(dataclasses.replace(read, header=exact))
-        self.problem = problem.with_geometry(Geometry.of_links(problem.robot, *LINKS)) if links else problem
+        free = Geometry.of_links(problem.robot, *LINKS)
+        self._around(
+            name + (", with links" if links else ""), problem.with_geometry(free) if links else problem
+        )
+
+    def _around(self, name: str, problem: Problem) -> None:
+        """The fit of a problem, and the coordinates whitened by it."""
+        self.name, self.problem = name, problem
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)
         self.size = self.density.size
         self._coordinates = FlangeCoordinates(self.density)
         self._whitening = Whitening.around(self.fit, self._coordinates)
+
+    @property
+    def arm_of_peer(self) -> dict[str, Matrix]:
+        """What the peer's arm is, and what was read."""
+        return {
+            "urdf": np.array(self.urdf),
+            "links": np.array(self.links),
+            "spots": self.problem.spots,
+            "target_index": self.problem.target_index,
+        }
 
     def parameters(self, w: Matrix) -> Matrix:
         """x (W, p) of whitened coordinates (W, f)."""
@@ -73,6 +94,32 @@ class Case:
 
     def log_density(self, w: Matrix) -> Matrix:
         return self.density.log_posterior(self.parameters(w))
+
+
+class TrackerCase(Case):
+    """A simulated set of a tracker, of an arm with uncertain links."""
+
+    def __init__(self, count: int) -> None:
+        truth = simulated(np.random.default_rng(SEED), count, NOISE)
+        robot = load_robot("irb1600", ROOT)
+        self._around(
+            f"tracker, {count} measurements", problem_of(header(), robot, truth.joints, truth.measured)
+        )
+
+    @property
+    def arm_of_peer(self) -> dict[str, Matrix]:
+        names = list(self.problem.parameters.names)
+        thirds = ("d", "beta", "d", "d", "d")  # the axes of joints 2 and 3 are parallel
+        links = [
+            names.index(f"link{i}.{axis}")
+            for i, third in enumerate(thirds, start=1)
+            for axis in ("a", "alpha", third)
+        ]
+        return {
+            "tracker": np.array(True),
+            "links": np.array(links),
+            "spots": self.problem.readings[:, :3],
+        }
 
 
 class Found(NamedTuple):
@@ -148,11 +195,8 @@ def nuts(case: Case, python: Path, warmup: int, draws: int) -> Found | None:
     parameters, distances = problem.parameters, problem.distances
     points = case.parameters(2 * np.random.default_rng(SEED).normal(size=(20, case.size)))
     model = {
-        "urdf": np.array(case.urdf),
-        "links": np.array(case.links),
+        **case.arm_of_peer,
         "joints": problem.joints,
-        "spots": problem.spots,
-        "target_index": problem.target_index,
         "variances": problem.noise.variances,
         "mean": parameters.prior_mean,
         "std": parameters.prior_std,
@@ -263,6 +307,8 @@ def cases(folder: Path) -> Iterator[Case]:
             yield Case(run.title, run.path)
         if run.name == "good":
             yield Case(run.title, run.path, links=True)
+    for count in TRACKED:
+        yield TrackerCase(count)
     data = Path(os.environ.get("ZEROBEAM_SHARED_DATA", ROOT.parent / "shared" / "data")).resolve()
     if (data / "mukca" / "panda_2").is_dir():
         for links in (False, True):

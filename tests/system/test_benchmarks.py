@@ -10,6 +10,7 @@ from zerobeam.experiments.demos import demo_runs
 
 fit_time = load_script(BENCHMARKS, "fit_time")
 fit_peers = load_script(BENCHMARKS, "fit_peers")
+TRACKED = (float(np.radians(0.002)), 0.05)  # noise of a tracker set, rad and mm
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +92,19 @@ def posterior_time():
 def test_the_sampled_coordinates_are_whitened(posterior_time, name, size):
     case = posterior_time.Case(name, next(run.path for run in demo_runs() if run.name == name))
     assert case.size == size
-    w = 0.1 * np.random.default_rng(2).normal(size=(20, size))
-    fall = case.log_density(np.zeros((1, size))) - case.log_density(w)
+    whitened_at_the_mode(case)
+
+
+def test_a_trackers_coordinates_are_whitened(posterior_time):
+    case = posterior_time.TrackerCase(40)
+    assert case.size == 27
+    assert len(case.arm_of_peer["links"]) == 15
+    whitened_at_the_mode(case)
+
+
+def whitened_at_the_mode(case):
+    w = 0.1 * np.random.default_rng(2).normal(size=(20, case.size))
+    fall = case.log_density(np.zeros((1, case.size))) - case.log_density(w)
     np.testing.assert_allclose(fall, (w**2).sum(axis=1) / 2, rtol=0.02)
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(fall, ((1.1 * w) ** 2).sum(axis=1) / 2, rtol=0.02)
@@ -110,3 +122,66 @@ def test_found_draws_are_told_with_their_errors(posterior_time):
     np.testing.assert_allclose(moments["variances"][0], 1.0, atol=5 * np.sqrt(2 / 20_000))
     # Each draw twice: half as many effective ones.
     assert posterior_time.Found(np.repeat(draws, 2, axis=1), 1.0).ess() == pytest.approx(20_000, rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def tracker_table():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(BENCHMARKS)
+        yield load_script(BENCHMARKS, "tracker_table")
+
+
+@pytest.fixture(scope="module")
+def tracker_peers(tracker_table):
+    return tracker_table.tracker_peers
+
+
+def test_data_without_noise_give_the_parameters_back(tracker_table, tracker_peers):
+    """Rows of Denavit and Hartenberg, as pybotics has them, to 1e-9 rad and mm."""
+    truth = tracker_peers.simulated(np.random.default_rng(3), 40, (0.0, 0.0), held=1, beta=False)
+    off = tracker_table.departures(truth, truth.measured)
+    assert {"delta2", "delta5", "link3.d", "link2.beta", "link5.alpha", "leica.R1.z"} <= off.keys()
+    assert max(map(abs, off.values())) < 1e-9
+    # Negative control: one coordinate of one measurement is off by a micrometre.
+    wrong = truth.measured.copy()
+    wrong[7, 1] += 1e-3
+    assert max(map(abs, tracker_table.departures(truth, wrong).values())) > 1e-6
+
+
+def test_the_peers_tracker_jacobian_is_that_of_differences(tracker_peers):
+    truth = tracker_peers.simulated(np.random.default_rng(4), 5, TRACKED, held=1)
+    x = truth.x + np.append(np.zeros(24), [0.1, -0.2, 0.3, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
+    exact = truth.model.jacobian(truth.joints, x)
+    for k, step in enumerate(1e-6 * np.eye(33)):
+        by = truth.model.positions(truth.joints, x + step) - truth.model.positions(truth.joints, x - step)
+        np.testing.assert_allclose(exact[:, :, k], by / 2e-6, atol=1e-4)
+
+
+def test_the_peers_start_is_the_best_frame_of_nominal_links(tracker_peers):
+    truth = tracker_peers.simulated(np.random.default_rng(5), 60, TRACKED, held=1)
+    noise = np.array(TRACKED)
+    data = tracker_peers.started(
+        tracker_peers.IRB1600, truth.joints, truth.measured, truth.held_joints, noise
+    )
+    left = (data.model.positions(data.joints, data.start) - data.measured).ravel()
+    by = data.model.jacobian(data.joints, data.start)[:, :, 24:].reshape(-1, 9)
+    cosines = np.abs(by.T @ left) / np.linalg.norm(by, axis=0) / np.linalg.norm(left)
+    assert cosines.max() < 1e-6
+    assert data.sigma > noise[1]
+
+
+def test_a_simulated_tracker_set_is_solved_within_its_uncertainty(tracker_table, tracker_peers):
+    """And joints that never move are unidentifiable."""
+    rng, robot = np.random.default_rng(6), tracker_table.load_robot("irb1600", BENCHMARKS)
+    header = tracker_table.header()
+    for still in ((), tracker_table.STILL):
+        truth = tracker_peers.simulated(rng, 60, tracker_table.NOISE, held=20, still=still)
+        problem = tracker_table.problem_of(header, robot, truth.joints, truth.measured)
+        answer = tracker_table.ours(problem, header, truth.held_joints)
+        if still:
+            assert answer.says.startswith("degenerate")
+            assert np.isnan(answer.std[2:5]).all()
+            continue
+        z = ((answer.offsets - truth.x[3:24:4]) / answer.std)[tracker_table.COMPARED]
+        assert np.abs(z).max() < 4
+        assert tracker_table.rms(answer.positions - truth.held) < 0.1
