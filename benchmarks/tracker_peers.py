@@ -154,6 +154,7 @@ def simulated(
     held_joints = rng.uniform(LOWER, UPPER, size=(held, 6))
     measured = model.positions(q, x, tilt) + noise[1] * rng.normal(size=(count, 3))
     recorded = q + noise[0] * rng.normal(size=q.shape)
+    recorded[:, list(still)] = q[:, list(still)]  # an encoder that does not move reads the same
     return Truth(recorded, measured, held_joints, model.positions(held_joints, x, tilt), model, x, tilt)
 
 

@@ -120,7 +120,8 @@ def ours(problem: Problem, stated: Header, held_joints: Matrix) -> Answer:
 
 
 def departures(truth: tracker_peers.Truth, positions: Matrix) -> dict[str, float]:
-    """By how much the parameters of a fit to positions without noise are off, rad and mm, by name."""
+    """By how much the free parameters of arm and reflector, fitted to positions without noise, are off, rad
+    and mm, by name."""
     stated = header(EXACT)
     problem = problem_of(stated, load_robot("irb1600", ROOT), truth.joints, positions)
     rows, reflector = truth.x[:24].reshape(6, 4), truth.x[30:]
@@ -128,8 +129,9 @@ def departures(truth: tracker_peers.Truth, positions: Matrix) -> dict[str, float
     for i, row in enumerate(rows, start=1):
         names = (f"link{i}.a", f"link{i}.alpha", f"link{i}.d", f"delta{i}")
         right |= {f"link{i}.beta": 0.0} | dict(zip(names, row.tolist(), strict=True))
-    fitted = zip(problem.parameters.names, fit_likelihood(problem, starts=0).x, strict=True)
-    return {name: float(value) - right[name] for name, value in fitted if name in right}
+    fitted = fit_likelihood(problem, starts=0).x.tolist()
+    free = zip(problem.parameters.names, fitted, problem.parameters.free, strict=True)
+    return {name: value - right[name] for name, value, is_free in free if is_free and name in right}
 
 
 def theirs(
@@ -197,30 +199,39 @@ def simulated_table(python: Path | None, count: int, *, beta: bool) -> None:
     """Sets of arms whose parallel axes are tilted about y by `beta`, which DH rows cannot state, or not."""
     rng = np.random.default_rng(SEED)
     truths = [tracker_peers.simulated(rng, COUNT, NOISE, beta=beta) for _ in range(count)]
-    still = tracker_peers.simulated(rng, COUNT, NOISE, still=STILL, beta=beta)
     robot, stated = load_robot("irb1600", ROOT), header()
-    every = [*truths, still]
-    problems = [problem_of(stated, robot, one.joints, one.measured) for one in every]
+    problems = [problem_of(stated, robot, one.joints, one.measured) for one in truths]
     ours(problems[0], stated, truths[0].held_joints)  # kernels are compiled
-    answers = [ours(p, stated, one.held_joints) for p, one in zip(problems, every, strict=True)]
-    fits = [fit_seconds(problem) for problem in problems[:-1]]
-    yardstick = float(np.median([a.seconds for a in answers[:-1]]))
+    answers = [ours(p, stated, one.held_joints) for p, one in zip(problems, truths, strict=True)]
+    fits = [fit_seconds(problem) for problem in problems]
+    yardstick = float(np.median([a.seconds for a in answers]))
     print(f"{count} simulated arms, parallel axes {'tilted' if beta else 'as nominal'}:")
     print("held-out rms | offsets 2 to 5, rms | 95 % intervals that hold | core | ratio")
-    print(line("zerobeam", answers[:-1], truths, yardstick), f"| the fit alone {np.median(fits):.3f} s")
-    remarks = [f"{'zerobeam':14s} {answers[-1].says}"]
+    print(line("zerobeam", answers, truths, yardstick), f"| the fit alone {np.median(fits):.3f} s")
     for peer in tracker_peers.PEERS if python else ():
-        some = every[: FEW.get(peer, count)]
-        sets = [(one.joints, one.measured, one.held_joints) for one in [*some, still]]
+        some = truths[: FEW.get(peer, count)]
+        sets = [(one.joints, one.measured, one.held_joints) for one in some]
         answered = theirs(python, peer, tracker_peers.IRB1600, sets, NOISE)
-        if answered is None:
-            continue
-        row = line(peer, answered[:-1], some, yardstick)
-        print(row, "|", answered[0].says, f"| {len(some)} arms", flush=True)
-        last = answered[-1]
-        std = "states none" if last.std is None else np.array2string(np.degrees(last.std), precision=3)
-        remarks.append(f"{peer:14s} {last.says}; std of the offsets, deg: {std}")
-    print(f"joints {', '.join(str(k + 1) for k in STILL)} never move:", *remarks, sep="\n  ")
+        if answered is not None:
+            row = line(peer, answered, some, yardstick)
+            print(row, "|", answered[0].says, f"| {len(some)} arms", flush=True)
+
+
+def degenerate_lines(python: Path | None) -> None:
+    """What is said of a set in which joints never move."""
+    truth = tracker_peers.simulated(np.random.default_rng(SEED), COUNT, NOISE, still=STILL, beta=False)
+    stated = header()
+    problem = problem_of(stated, load_robot("irb1600", ROOT), truth.joints, truth.measured)
+    answers = {"zerobeam": ours(problem, stated, truth.held_joints)}
+    for peer in tracker_peers.PEERS if python else ():
+        sets = [(truth.joints, truth.measured, truth.held_joints)]
+        answered = theirs(python, peer, tracker_peers.IRB1600, sets, NOISE)
+        if answered is not None:
+            (answers[peer],) = answered
+    print(f"joints {', '.join(str(k + 1) for k in STILL)} never move:")
+    for name, one in answers.items():
+        std = "none" if one.std is None else np.array2string(np.degrees(one.std), precision=3)
+        print(f"  {name:14s} {one.says}; stds of the offsets, deg: {std}")
 
 
 def fit_seconds(problem: Problem) -> float:
@@ -232,7 +243,7 @@ def fit_seconds(problem: Problem) -> float:
 
 def large_line(python: Path) -> None:
     """The fit of many measurements, next to pyceres' with exact Jacobians."""
-    truth = tracker_peers.simulated(np.random.default_rng(SEED), LARGE, NOISE)
+    truth = tracker_peers.simulated(np.random.default_rng(SEED), LARGE, NOISE, beta=False)
     problem = problem_of(header(), load_robot("irb1600", ROOT), truth.joints, truth.measured)
     fit_seconds(problem)
     spent = min(fit_seconds(problem) for _ in range(5))
@@ -324,6 +335,7 @@ def main() -> None:
     with threadpool_limits(limits=1, user_api="blas"):
         for beta in (False, True):
             simulated_table(wanted.peers, wanted.sets, beta=beta)
+        degenerate_lines(wanted.peers)
         if wanted.peers is not None:
             large_line(wanted.peers)
             exact_line(wanted.peers)
