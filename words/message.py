@@ -469,9 +469,17 @@ def _remedy(cause: Cause, row: ParameterResult) -> str:
 
 
 def _plan(case: _Case) -> str | None:
-    """The command that plans measurements of the run's target, None where it has several."""
-    targets = case.header.get("targets")
-    if not case.run or not isinstance(targets, dict) or len(targets) != 1:
+    """The command that plans measurements by the run's instrument, None where it has several, or a tool that
+    has several targets."""
+    targets, stations = case.header.get("targets") or {}, case.header.get("instruments") or {}
+    if not case.run or not isinstance(targets, dict) or not isinstance(stations, dict):
+        return None
+    if stations:
+        planned = len(stations) == 1 and case.header.get("tool") is None
+        known = all(isinstance(row, dict) and row.get("guess_mm") for row in targets.values())
+        command = f"zerobeam plan optimal --header {run_argument(case.run)} -o plan.yaml"
+        return command if planned and known else None
+    if len(targets) != 1:
         return None
     ((target, target_row),) = targets.items()
     guess = target_row.get("guess_mm") if isinstance(target_row, dict) else None

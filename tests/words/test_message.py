@@ -31,7 +31,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result
 from zerobeam.words import numbers
-from zerobeam.words.message import message, message_so_far, tone
+from zerobeam.words.message import _Case, _plan, message, message_so_far, tone
 from zerobeam.words.next_steps import next_steps
 from zerobeam.words.result_json import to_json
 
@@ -240,3 +240,34 @@ def printed(found: zb.Analysed) -> str:
     console = Console(width=400, file=StringIO())
     print_result(console, found.result)
     return cast(StringIO, console.file).getvalue()
+
+
+@pytest.mark.parametrize(
+    ("header", "command"),
+    [
+        (
+            {"tool": {}, "targets": {"psd": {"guess_mm": [900, 0, 0]}}},
+            "--header run.jsonl --target=900,0,0 -o",
+        ),
+        ({"instruments": {"leica": {}}}, "--header run.jsonl -o"),
+        ({"instruments": {"bar": {}}, "targets": {"s1": {"guess_mm": [1, 2, 3]}}}, "--header run.jsonl -o"),
+        ({"instruments": {"bar": {}}, "targets": {"s1": {"guess_mm": None}}}, None),
+        ({"instruments": {"leica": {}}, "tool": {}, "targets": {"psd": {"guess_mm": [900, 0, 0]}}}, None),
+        ({"instruments": {"leica": {}, "bar": {}}}, None),
+    ],
+)
+def test_a_plan_is_suggested_by_a_command_that_is_taken(header: dict, command: str | None) -> None:
+    """Of several instruments nobody has said how many measurements each makes."""
+    case = _Case(
+        verdict="pass",
+        stopped=None,
+        parameters=(),
+        null_space=(),
+        misfit=None,
+        k=2.0,
+        findings=(),
+        run="run.jsonl",
+        header=header,
+    )
+    suggested = _plan(case)
+    assert suggested is None if command is None else f"zerobeam plan optimal {command} plan.yaml" == suggested
