@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 import scipy
@@ -87,12 +87,10 @@ class ImplausibleNoise:
 
 
 @dataclass(frozen=True)
-class NominalContradicted:
-    """Links within typical tolerances explain what nominal geometry leaves: `factor` is the root of the mean
-    square that they explain (`rank` degrees of freedom) over the mean square that is left (`dof`). The
-    residuals are `before` times the stated noise with nominal links, and `after` with links."""
-
-    kind: ClassVar[str] = "nominal_geometry"
+class FTest:
+    """`factor` is the root of the mean square that some columns explain (`rank` degrees of freedom) over the
+    mean square that is left (`dof`). The residuals are `before` and `after` times the stated noise (root mean
+    squares)."""
 
     factor: float
     rank: int
@@ -100,6 +98,17 @@ class NominalContradicted:
     p_value: float
     before: float
     after: float
+
+    @property
+    def significant(self) -> bool:
+        return self.p_value < LACK_OF_FIT and self.factor > DISAGREES
+
+
+@dataclass(frozen=True)
+class NominalContradicted(FTest):
+    """Links within typical tolerances explain what nominal geometry leaves."""
+
+    kind: ClassVar[str] = "nominal_geometry"
 
 
 @dataclass(frozen=True)
@@ -268,7 +277,7 @@ class _Left:
         columns = columns * self.once[:, None]
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
-    def explained(self, columns: Matrix) -> _FTest | None:
+    def explained(self, columns: Matrix) -> FTest | None:
         """By columns of `beside`: what they explain is exactly chi-squared, independent of what is left
         (Seber & Lee, Linear Regression Analysis, 2003, section 4.3). None without degrees of freedom."""
         explains = _range_of(columns)
@@ -282,23 +291,7 @@ class _Left:
         ratio = drop / rank / within
         before = float(np.sqrt(square / (dof + rank)))
         p_value = float(scipy.special.fdtrc(rank, dof, ratio))
-        return _FTest(float(np.sqrt(ratio)), rank, dof, p_value, before, float(np.sqrt(within)))
-
-
-class _FTest(NamedTuple):
-    """An F-test of columns: `factor` is the root of F. The residuals are `before` and `after` times the
-    stated noise (root mean squares)."""
-
-    factor: float
-    rank: int
-    dof: int
-    p_value: float
-    before: float
-    after: float
-
-    @property
-    def significant(self) -> bool:
-        return self.p_value < LACK_OF_FIT and self.factor > DISAGREES
+        return FTest(float(np.sqrt(ratio)), rank, dof, p_value, before, float(np.sqrt(within)))
 
 
 def _contradicted_links(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
@@ -309,7 +302,7 @@ def _contradicted_links(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
     left = _Left.of(fit)
     explained = left.explained(left.beside(links))
     if explained is not None and explained.significant:
-        yield NominalContradicted(*explained)
+        yield NominalContradicted(**vars(explained))
 
 
 def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
@@ -330,8 +323,8 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
         by_one = [float(((_range_of(columns).T @ left.residual) ** 2).sum()) for columns in by_group]
         most = groups[int(np.argmax(by_one))].name
         names = tuple(group.name for group in groups)
-        factor, rank, dof, p_value, *_ = explained
-        yield PlacementsDisagree(names, most, factor, rank, dof, p_value, _geometry(problem))
+        figures = (explained.factor, explained.rank, explained.dof, explained.p_value)
+        yield PlacementsDisagree(names, most, *figures, _geometry(problem))
 
 
 def _geometry(problem: Problem) -> Geometry:

@@ -144,7 +144,7 @@ class AcceptancePrediction:
         for name, value in more.items():
             i = parameters.index(name)
             x[i] += value / parameters.items[i].display
-        x = self._with_places(x)
+        x = self._new.with_places(x, lambda at: self._whitened(at)[:2])
         residual, jacobian, whitened, covariance = self._whitened(x)
         free = _left_of(jacobian[:, self._new.placed])
         in_mm = block_diag(*whitened.factor)[:, self._read] / self._scale
@@ -152,20 +152,6 @@ class AcceptancePrediction:
         predicted = float(np.sqrt(self.problem.length_squares(squares).mean()))
         rms = self.problem.rms_mm(whitened.residual_mm)
         return PredictedResiduals(free.T @ residual, free.T @ jacobian, rms, predicted)
-
-    def _with_places(self, x: Matrix) -> Matrix:
-        """x (p,) with the places where the measurements fit best."""
-        placed = self._new.placed
-        tried = []
-        for start in self._new.starts(x):
-            there = start.copy()
-            for _ in range(self._new.steps):
-                residual, jacobian = self._whitened(there)[:2]
-                step = np.linalg.lstsq(jacobian[:, placed], residual, rcond=None)[0]
-                there[placed] -= step * self.problem.parameters.prior_std[placed]
-            residual = self._whitened(there)[0]
-            tried.append((float(residual @ residual), there))
-        return min(tried, key=lambda one: one[0])[1]
 
     def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
         """Residual (M,) of what was read and scaled Jacobian (M, p) in the roots of C; and C (M, M) in stds

@@ -109,21 +109,12 @@ def _errors(solution: Solution, recorded: Problem) -> tuple[Matrix, Matrix]:
     """(N,) the lengths of the residuals of nominal geometry without offsets, with targets and frames where
     they fit best, and their standard deviations by the noise; mm."""
     old, new = solution.problem, NewMeasurements.of(solution, recorded)
-    problem, placed = new.problem, new.placed
+    problem = new.problem
     x = problem.nominal()
     for item in old.parameters.items:
         if item.name in problem.parameters.names and item.group in _CARRIED[problem.recorded]:
             x[problem.parameters.index(item.name)] = solution.fit.x[old.parameters.index(item.name)]
-    tried = []
-    for start in new.starts(x):
-        there = start.copy()
-        for _ in range(new.steps):
-            residual, jacobian = _in_mm(problem, there)
-            step = np.linalg.lstsq(jacobian[:, placed], residual, rcond=None)[0]
-            there[placed] -= step * problem.parameters.prior_std[placed]
-        residual, _ = _in_mm(problem, there)
-        tried.append((float(residual @ residual), there))
-    whitened = problem.whiten(min(tried, key=lambda one: one[0])[1])
+    whitened = problem.whiten(new.with_places(x, lambda at: _in_mm(problem, at)))
     noise = np.sqrt(problem.length_squares((whitened.factor**2).sum(axis=2)) / solution.fit.weight)
     return problem.length_mm(whitened.residual_mm), noise
 

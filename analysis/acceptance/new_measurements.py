@@ -6,7 +6,7 @@ measurements fit best. So is a part of an instrument that the calibration never 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,12 +39,21 @@ class NewMeasurements:
         problem = replace(carried, weights=np.ones(carried.shots))
         return cls(problem, parameters.group("target") | frames)
 
-    @property
-    def steps(self) -> int:
-        """How many steps there are to the places."""
-        return _STEPS_FROM_FAR if self.problem.recorded else _STEPS
+    def with_places(self, x: Matrix, whitened: Callable[[Matrix], tuple[Matrix, Matrix]]) -> Matrix:
+        """x (p,) with the places where the measurements fit best. `whitened` gives the residual (M,) at x and
+        its scaled Jacobian (M, p)."""
+        tried = []
+        for start in self._starts(x):
+            there = start.copy()
+            for _ in range(_STEPS_FROM_FAR if self.problem.recorded else _STEPS):
+                residual, jacobian = whitened(there)
+                step = np.linalg.lstsq(jacobian[:, self.placed], residual, rcond=None)[0]
+                there[self.placed] -= step * self.problem.parameters.prior_std[self.placed]
+            residual, _ = whitened(there)
+            tried.append((float(residual @ residual), there))
+        return min(tried, key=lambda one: one[0])[1]
 
-    def starts(self, x: Matrix) -> Iterator[Matrix]:
+    def _starts(self, x: Matrix) -> Iterator[Matrix]:
         """Where the places may be, at x (p,) for all else: as the measurements alone have them, and where an
         instrument has read, at x as well."""
         there = x.copy()

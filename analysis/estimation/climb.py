@@ -39,9 +39,8 @@ class CompiledClimb:
     """The climb of one density's rows, all steps in one call of C (climb.c).
 
     For what most runs are: known noise, no stated distances or angles. From Python a step of a few
-    measurements takes
-    ten times as long as what it computes. Everything else climbs in Python, by the same formulas; up to
-    rounding the numbers are the same.
+    measurements takes ten times as long as what it computes. Everything else climbs in Python, by the same
+    formulas; up to rounding the numbers are the same.
     """
 
     def __init__(self, library: ctypes.CDLL, density: Density, coordinates: FlangeCoordinates) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -81,6 +81,13 @@ class CandidatePostures:
     def reasons(self) -> str:
         """`in_words`, and where too few are left the decisive constraint first."""
         return self.in_words() if self.alone is None else f"{self.in_words()}. {self.alone.in_words()}"
+
+
+def pools_in_words(pools: Sequence[CandidatePostures]) -> str:
+    """What became of the candidates, of each instrument, target and reflector if there are several."""
+    if len(pools) == 1:
+        return pools[0].in_words()
+    return "; ".join(f"{pool.planned.in_words()}: {pool.in_words()}" for pool in pools)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from ...model.files.whole_file import refuse_existing
 from ...model.kinematics.robot import Robot
 from ...words import numbers
 from ...words.observability import no_plan_sentence, power_sentences
-from .candidates import CandidatePostures, Planned, candidates
+from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
 from .patterns import pattern
@@ -157,7 +157,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     if request.kind == "optimal":
         shares = portions(request)
         pools = candidate_pools(request, header, robot, shares, lambda share: tell("candidates", share))
-        removed = _removed(pools)
+        removed = pools_in_words(pools)
         tell("choice", 0.0)
         planner = Planner(header, robot, {}, pools)
         if request.tolerance is None:
@@ -244,14 +244,7 @@ def candidate_pools(
                 found="; ".join(pool.reasons() for pool in pools[first:]),
                 remedy="loosen the condition without which most would be left, or put the target elsewhere",
             )
-    return [pool for pool in pools if len(pool.postures)]
-
-
-def _removed(pools: Sequence[CandidatePostures]) -> str:
-    """What became of the candidates, of each instrument, target and reflector if there are several."""
-    if len(pools) == 1:
-        return pools[0].in_words()
-    return "; ".join(f"{pool.planned.in_words()}: {pool.in_words()}" for pool in pools)
+    return pools
 
 
 def _planned(header: Header, robot: Robot, label: str, targets: tuple[str, ...]) -> list[Planned]:

@@ -21,7 +21,7 @@ from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, Whitened
 from ...words.observability import power_limit
 from ..processes import on_cluster
-from .candidates import CandidatePostures, Planned
+from .candidates import CandidatePostures, Planned, pools_in_words
 
 _UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
 _EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
@@ -94,11 +94,10 @@ class Planner:
         pools: Sequence[CandidatePostures],
     ) -> None:
         """`targets` are the numbers (3,) of those of which the header does not say them."""
-        for pool in pools:
-            if len(pool.postures) == 0:
-                raise BadInput("no posture is fit for a plan", found=pool.in_words(), remedy=_LOOSEN)
+        self._removed = pools_in_words(pools)
         self._robot, self._postures = robot, np.concatenate([pool.postures for pool in pools])
-        self._removed = "; ".join(pool.in_words() for pool in pools)
+        if not len(self._postures):
+            raise BadInput("no posture is fit for a plan", found=self._removed, remedy=_LOOSEN)
         self._planned = [pool.planned for pool in pools for _ in pool.postures]
         self._labels = tuple(dict.fromkeys(each.instrument for each in self._planned))
         measured = [[Measurement(*each, {})] for each in self._planned]
@@ -130,8 +129,8 @@ class Planner:
         self._all_determined = bool(determined[self._columns].all())
         groups = np.array([self._labels.index(each.instrument) for each in self._planned])
         self.candidates = Candidates(roots, offsets, groups)
-        some = np.unique(np.linspace(0, len(self._postures) - 1, _SEVERAL).astype(int))
-        several = self._problem.select(some if len(self._labels) > 1 else np.arange(len(some)))
+        step = len(self._postures) // _SEVERAL if len(pools) > 1 else 1  # some of every pool
+        several = self._problem.select(np.arange(len(self._postures))[:: max(step, 1)][:_SEVERAL])
         self._unnoticed = tuple(
             each for each in powers(several, self._x, rank(several, self._x)) if each.harmful
         )
@@ -165,7 +164,7 @@ class Planner:
                 allowed=", ".join(self._labels),
             )
         counts = [by_label[label] for label in self._labels]
-        for count, group in zip(counts, range(len(counts)), strict=True):
+        for group, count in enumerate(counts):
             if count < 1:
                 raise BadInput("a plan has at least one measurement", found=count)
             if count > (self.candidates.group == group).sum():

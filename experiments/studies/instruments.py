@@ -24,7 +24,6 @@ from ...analysis.diagnostics.tcp_positions import (
     within_limits,
 )
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.outlook import predicted_covariance
 from ...model.arrays import Matrix, Progress
@@ -225,9 +224,9 @@ def _predicted(
 ) -> SetupPlan:
     measured = [[Measurement(*each, {})] for each in proposal.planned]
     planned = Problem.of_measured(header, robot, proposal.postures, measured, planned=True)
+    x = planned.nominal()
+    problem = planned.at_predicted(x)
     with one_blas_thread():
-        x = planned.nominal()
-        problem = aim(planned, x, servo_joints(planned)).problem.at_predicted(x)
         covariance, status = predicted_covariance(problem, x), identify(problem, x).status
     parameters = problem.parameters
     offsets = [item for item in parameters.items if item.group == "offset"]

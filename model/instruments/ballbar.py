@@ -122,8 +122,7 @@ class Ballbar(TipStation):
     def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
         if self.range is None:
             return {}
-        sockets = poses[:, :3, :3] @ self.tip + poses[:, :3, 3]
-        length = np.linalg.norm(sockets - target.numbers, axis=1) + (self.bias or 0.0)
+        length = np.linalg.norm(self.tips(poses) - target.numbers, axis=1) + (self.bias or 0.0)
         return {
             "the length is out of the range of the bar": (length < self.range[0]) | (length > self.range[1])
         }

@@ -136,9 +136,9 @@ class Dial(TipStation):
         return points_on(target, rng, count) + travel * plane_normal(target)
 
     def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
-        normal, turn = plane_normal(target), poses[:, :3, :3]
-        slope = -(turn @ self.direction @ normal)
-        above = (turn @ self.tip + poses[:, :3, 3]) @ normal - target.numbers[0]
+        normal = plane_normal(target)
+        slope = -(poses[:, :3, :3] @ self.direction @ normal)
+        above = self.tips(poses) @ normal - target.numbers[0]
         travel = above / np.maximum(slope, _LEAST_SLOPE)
         outside = (travel < self.range[0]) | (travel > self.range[1])
         return {

@@ -83,8 +83,8 @@ class StatedStand(FileModel):
     frame: StatedFrame = Field(default="free", description="free, or where its frame is in the base frame")
     guess_mm: Vector | None = Field(
         default=None,
-        description="about where an instrument with a free frame stands, base frame, millimetres: for plans,"
-        " which keep the line of sight free",
+        description="approximate position of an instrument with a free frame, base frame, millimetres: for"
+        " plans, which keep the line of sight free",
     )
 
     @model_validator(mode="after")

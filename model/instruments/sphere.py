@@ -77,8 +77,7 @@ class SphereProbe(BallTipStation):
         return np.asarray(target.numbers + self._apart(target) * directions(rng, count))
 
     def prevented(self, poses: Matrix, target: Target, variant: str) -> dict[str, Mask]:
-        tips = poses[:, :3, :3] @ self.tip + poses[:, :3, 3]
-        outward = tips - target.numbers
+        outward = self.tips(poses) - target.numbers
         outward /= np.linalg.norm(outward, axis=1, keepdims=True)
         return {"the probe comes through the ball": self.through(poses, outward)}
 

@@ -111,9 +111,9 @@ class TipStation(Station):
         """(3, 1) mm in the flange frame."""
         return ca.SX(self.tip) if self.tip_std is None else unknowns[:3]
 
-    def tips(self, poses: Matrix, unknowns: Matrix) -> Matrix:
-        """(N, 3) mm in the base frame, of flange poses (N, 4, 4)."""
-        tip = self.tip if self.tip_std is None else unknowns[:3]
+    def tips(self, poses: Matrix, unknowns: Matrix | None = None) -> Matrix:
+        """(N, 3) mm in the base frame, of flange poses (N, 4, 4); of the stated tip without `unknowns`."""
+        tip = self.tip if self.tip_std is None or unknowns is None else unknowns[:3]
         return np.asarray(poses[:, :3, :3] @ tip + poses[:, :3, 3])
 
     def ray(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:

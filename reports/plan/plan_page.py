@@ -252,7 +252,7 @@ def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
 
 def _about_postures(check: Check, postures: Postures) -> str:
     if not postures.met:
-        return "The joints are those of the plan: what is measured is read wherever the arm stands."
+        return "The joints are those of the plan. The instrument reads in every posture."
     off_mm = max(posture.off_mm for posture in check.postures)
     text = (
         "The joints are those of the aimed postures: the servo turns the arm until the beam hits the target."
