@@ -15,9 +15,12 @@ from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import refuse_existing
 from ...model.parsing.confinement import resolved
+from .kept import Kept
+from .versions import version_of
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them
+_KINDS = Kept(2 * MOST_FILES)
 _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 
@@ -29,6 +32,7 @@ class FolderFile(JsonDocument):
     kind: str = Field(description="run, plan, header, robot, result, cell, sensors, obstacles or other")
     bytes: int
     modified: str = Field(description="ISO 8601, UTC")
+    version: str = Field(description="changes with the file; what If-Match takes when it is replaced")
 
 
 class Folder:
@@ -89,10 +93,14 @@ class Folder:
             modified = datetime.fromtimestamp(facts.st_mtime, UTC).isoformat(timespec="seconds")
             rows.append((facts.st_mtime_ns, path, facts.st_size, modified))
         rows.sort(key=lambda row: (-row[0], row[1]))
-        return [
-            FolderFile(path=path, kind=kind_of(self.root / path), bytes=size, modified=modified)
-            for _, path, size, modified in rows[:MOST_FILES]
-        ]
+        files = []
+        for _, path, size, modified in rows[:MOST_FILES]:
+            try:
+                kind, version = _KINDS.of(self.root / path, kind_of), version_of(self.root / path)
+            except OSError:  # gone meanwhile, or not to be read
+                kind, version = "other", ""
+            files.append(FolderFile(path=path, kind=kind, bytes=size, modified=modified, version=version))
+        return files
 
     def _regular(self) -> Iterator[tuple[str, os.stat_result]]:
         count = 0
@@ -137,6 +145,6 @@ def kind_of(path: Path) -> str:
         return schema[1].decode()
     yaml = path.suffix.lower() in {".yaml", ".yml"}
     keys = set(re.findall(rb"^(\w+):", head, re.M))
-    if yaml and keys >= {b"robot", b"tool", b"noise"}:
+    if yaml and b"robot" in keys and (keys >= {b"tool", b"noise"} or b"instruments" in keys):
         return "header"
     return "obstacles" if yaml and keys and keys <= {b"floor_mm", b"boxes", b"thickness_mm"} else "other"
