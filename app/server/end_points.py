@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
-from .answers import history, imports, plans, posteriors, recordings, refits, results, robots
+from .answers import history, home, imports, plans, posteriors, recordings, refits, results, robots
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine
 from .jobs import JobBrief, JobWhole
@@ -18,6 +18,7 @@ from .requests import EndPoint, ErrorAnswer
 from .versions import ConflictAnswer, WrittenFile
 
 END_POINTS: list[EndPoint] = [
+    *home.END_POINTS,
     *imports.END_POINTS,
     *robots.END_POINTS,
     *plans.END_POINTS,
