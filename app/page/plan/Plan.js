@@ -71,7 +71,7 @@ export function usePlanKeys() {
 /** The message of the plan that is open. */
 export function PlanMessage() {
   const found = answer.value;
-  if (!found) return null;
+  if (!found?.message) return null;
   return html`<${Message} verdict=${found.verdict === "violated" ? "misfit" : found.verdict} message=${found.message} action=${found.action} pending=${pending.value} />`;
 }
 
