@@ -43,7 +43,8 @@ def main() -> None:
 def fetched(package: str) -> bytes:
     """The archive of a package, from the registry that npm is set to."""
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run(["npm", "pack", "--silent", package], cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        command = ["npm", "pack", "--silent", package]
+        subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
         return next(Path(folder).glob("*.tgz")).read_bytes()
 
 

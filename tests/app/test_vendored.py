@@ -1,4 +1,4 @@
-"""Other people's files in the page are those of their packages, with their licences, and no others are there."""
+"""Files of other people in the page are those of their packages, with their licences; no others are there."""
 
 from __future__ import annotations
 

@@ -1,0 +1,63 @@
+// The page: what the address names, below one bar.
+import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
+import { useSignal } from "@preact/signals";
+import { go, route, STEPS, toImport, toJob } from "./core/route.js";
+import { calibration, failed, fault, home, notice } from "./core/store.js";
+import { capital } from "./core/words.js";
+import { Home } from "./home/Home.js";
+import { Conflict } from "./parts/Conflict.js";
+import { Leaving } from "./parts/Leaving.js";
+
+/** What a step needs is fetched when it is opened. @type {Record<string, () => Promise<any>>} */
+const VIEWS = {
+  new: () => import("./home/New.js").then((module) => module.New),
+  import: () => import("./import/Import.js").then((module) => module.Import),
+  cell: () => import("./cell/Cell.js").then((module) => module.Cell),
+  plan: () => import("./plan/Plan.js").then((module) => module.Plan),
+  measure: () => import("./measure/Measure.js").then((module) => module.Measure),
+  result: () => import("./result/Result.js").then((module) => module.Result),
+};
+
+/** @param {{of: string}} props */
+function View({ of }) {
+  const loaded = useSignal(/** @type {{of: string, view: any} | null} */ (null));
+  useEffect(() => { VIEWS[of]().then((view) => { loaded.value = { of, view }; }, failed); }, [of]);
+  return loaded.value?.of === of ? html`<${loaded.value.view} />` : html`<p class="muted" role="status">…</p>`;
+}
+
+/** Where the calibration is: its four steps. */
+function Rail() {
+  const { name, step } = route.value, known = calibration.value;
+  const counts = { cell: "", plan: known?.files.plan.length ?? 0, measure: known?.files.run.length ?? 0, result: known?.files.result.length ?? 0 };
+  return html`
+    <nav class="rail" aria-label="Steps of the calibration">
+      ${STEPS.map((one, i) => html`
+        <a key=${one} href=${toJob(name, one)} aria-current=${one === step ? "step" : undefined}><b>${i + 1}</b> ${capital(one)}${Number(counts[one]) > 1 && html` <small>${counts[one]}</small>`}</a>`)}
+    </nav>`;
+}
+
+export function App() {
+  const { view, name, step } = route.value, known = calibration.value;
+  const titles = { home: "Calibrations", new: "New calibration", import: "Import a recording", job: `${name === "." ? "This folder" : name}: ${step}` };
+  useEffect(() => { document.title = `${titles[view]} – zerobeam`; }, [view, name, step]);
+  const missing = view === "job" && home.value !== null && known === null;
+  return html`
+    <a class="skip" href="#content" onClick=${(/** @type {Event} */ event) => { event.preventDefault(); document.getElementById("content")?.focus(); }}>To the content</a>
+    <header class="top">
+      <a class="brand" href="#/" aria-current=${view === "home" ? "page" : undefined}>zerobeam</a>
+      ${view === "job" ? html`<h1>${name === "." ? "This folder" : name}</h1><p class="muted about">${known && [known.model ?? known.robot, known.serial, known.state.text].filter(Boolean).join(" · ")}</p>` : html`<h1>${titles[view]}</h1>`}
+      ${view === "home" ? html`<a class="button" href=${toImport()}>Import a recording</a>` : html`<a class="button" href="#/">All calibrations</a>`}
+    </header>
+    ${fault.value && html`<p class="fault" role="alert">${fault.value} <button type="button" onClick=${() => { fault.value = ""; }}>Close</button></p>`}
+    <div class=${`body ${view}`}>
+      ${view === "job" && html`<${Rail} />`}
+      <main id="content" tabindex="-1">
+        ${missing ? html`<p>There is no calibration of this name in the folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p>`
+          : view === "home" ? html`<${Home} />` : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
+      </main>
+    </div>
+    <p class="notice" role="status">${notice.value}</p>
+    <${Conflict} />
+    <${Leaving} />`;
+}

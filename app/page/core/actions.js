@@ -1,0 +1,42 @@
+// What the button beside a message does: a job, postures that are applied, or a step that is opened. The server says which.
+import { begin, well } from "./jobs.js";
+import { change, file, open, plan } from "./editing.js";
+import { failed, refresh } from "./store.js";
+import { go, route, toJob } from "./route.js";
+
+/**
+ * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: any[], targets?: Record<string, any>} | {kind: "step", step: import("./route.js").Step}} Deed
+ * @typedef {{text: string, label: string | null, does: Deed | null}} ActionFacts
+ */
+
+/** @param {string[]} command */
+export const outOf = (command) => command.find((word) => word.startsWith("--out="))?.slice("--out=".length) ?? "";
+
+/** @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun */
+export async function doAction(deed, begun) {
+  const { name } = route.value;
+  if (deed.kind === "step") go(toJob(name, deed.step, deed.step === "plan" || deed.step === "cell" ? file.value : ""));
+  else if (deed.kind === "postures") apply(deed);
+  else {
+    const job = await begin(deed.command);
+    begun(job);
+    const ended = await job.ended;
+    await refresh();
+    if (!well(ended)) return;
+    const out = outOf(deed.command);
+    if (deed.then === "plan" && out) go(toJob(name, "plan", out));
+    else if (deed.then === "result" && out) go(toJob(name, "result", `${out.replace(/\/+$/, "")}/result.json`));
+  }
+}
+
+/** The suggested postures become those of the plan: they can be undone. @param {{postures_deg: any[], targets?: Record<string, any>}} suggested */
+function apply({ postures_deg, targets }) {
+  if (plan.value === null) {
+    open(file.value).catch(failed);
+    return;
+  }
+  change(null, (content) => {
+    content.postures_deg = postures_deg;
+    if (targets) content.targets = { ...content.targets, ...targets };
+  });
+}

@@ -1,0 +1,120 @@
+// What the server is asked: JSON, and errors as {what, found, allowed, to_do, key}.
+
+/**
+ * @typedef {{what: string, found?: string | null, allowed?: string | null, to_do?: string | null, key?: (string | number)[] | null}} ErrorFacts
+ */
+
+export class Refused extends Error {
+  /**
+   * @param {ErrorFacts} facts
+   * @param {number} status of the answer, 0 where none came
+   * @param {unknown} current what a file holds now, where another version was expected
+   */
+  constructor(facts, status = 0, current = undefined) {
+    super(facts.what);
+    this.facts = facts;
+    this.status = status;
+    this.current = current;
+    this.key = facts.key ?? [];
+  }
+
+  get text() {
+    const { what, found, allowed, to_do } = this.facts;
+    return [what, found && `found: ${found}`, allowed && `allowed: ${allowed}`, to_do && `to do: ${to_do}`].filter(Boolean).join("; ");
+  }
+}
+
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {unknown} [body]
+ * @param {Record<string, string>} [headers]
+ */
+async function asked(method, path, body, headers = {}) {
+  const raw = body instanceof Blob;
+  /** @type {Record<string, string>} */
+  const sent = { ...(body === undefined ? {} : { "Content-Type": raw ? "application/octet-stream" : "application/json" }), ...(method === "GET" ? {} : { "X-Zerobeam": "1" }), ...headers };
+  let answer;
+  try {
+    answer = await fetch(path, {
+      method,
+      headers: sent,
+      body: body === undefined || raw ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
+    });
+  } catch {
+    throw new Refused({ what: "the server does not answer", to_do: "is zerobeam app still running? What is shown may be outdated" });
+  }
+  if (answer.status === 304) return null;
+  let content = null;
+  try {
+    content = await answer.json();
+  } catch { /* an answer that is no JSON is said below */ }
+  if (answer.ok && content !== null) return content;
+  throw new Refused(content?.error ?? { what: `the server answered ${answer.status}` }, answer.status, content?.current);
+}
+
+/** @param {string} path @returns {Promise<any>} */
+export const get = (path) => asked("GET", path);
+/** @param {string} path @param {unknown} body @returns {Promise<any>} */
+export const post = (path, body) => asked("POST", path, body);
+/** @param {string} path @returns {Promise<any>} */
+export const remove = (path) => asked("DELETE", path, {});
+
+/**
+ * Writes: in place of the `version` that was read; a new file without one.
+ * @param {string} path @param {unknown} body @param {string | null} [version] @returns {Promise<any>}
+ */
+export const put = (path, body, version = null) => asked("PUT", path, body, version === null ? { "If-None-Match": "*" } : { "If-Match": `"${version}"` });
+
+/** What an end point says of a file. @param {string} point @param {string} file @returns {Promise<any>} */
+export const getFile = (point, file) => get(`/api/${point}?file=${encodeURIComponent(file)}`);
+
+/** @param {string} file */
+export const downloadOf = (file) => `/api/file?file=${encodeURIComponent(file)}`;
+/** @param {string} file */
+export const pageOf = (file) => `/report/${file.split("/").map(encodeURIComponent).join("/")}`;
+
+const LARGEST_UPLOAD = 64e6; // bytes, as the server has it
+
+/** A new file of the folder, under a name that no other has. @param {string} name @param {Blob} content */
+export async function upload(name, content) {
+  if (content.size > LARGEST_UPLOAD) {
+    throw new Refused({ what: "the file is too large to be sent", found: `${(content.size / 1e6).toFixed(0)} MB`, allowed: "at most 64 MB", to_do: "copy it into the folder of the app" });
+  }
+  return put(downloadOf(name), content);
+}
+
+/**
+ * Asks for the newest state only, and says with an answer whether it is still the newest: one request is under way, what came meanwhile is left out, and between two the page is painted.
+ * @template T
+ * @param {() => Promise<T | null>} ask
+ * @param {(answer: T, newest: boolean) => void} shown
+ * @param {(error: Refused) => void} refused
+ */
+export function latest(ask, shown, refused) {
+  let wanted = false, waiting = false, busy = false;
+  async function go() {
+    waiting = false;
+    if (busy || !wanted) return;
+    wanted = false;
+    busy = true;
+    try {
+      const answer = await ask();
+      if (answer !== null) shown(answer, !wanted);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      refused(error);
+    } finally {
+      busy = false;
+      if (wanted) soon();
+    }
+  }
+  function soon() {
+    if (!waiting) requestAnimationFrame(go);
+    waiting = true;
+  }
+  return () => {
+    wanted = true;
+    if (!busy && !waiting) queueMicrotask(go);
+  };
+}

@@ -1,0 +1,235 @@
+// The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of it.
+import { batch, computed, effect, signal } from "@preact/signals";
+import { get, getFile, latest, post, put, Refused } from "./api.js";
+import { failed, files, refresh, say, versionOf } from "./store.js";
+
+/**
+ * @typedef {{joints_deg: number[], target?: string, [key: string]: unknown}} StatedPosture
+ * @typedef {{robot: any, tool: any, noise: any, postures_deg: (number[] | StatedPosture)[], targets?: Record<string, any>, constraints?: any, geometry?: any, [key: string]: any}} PlanContent
+ * @typedef {{version: string | null, content: PlanContent}} OnDisk
+ * @typedef {{plan: string, base: string | null, content: PlanContent, when: string}} Draft
+ */
+
+const MOST_STEPS = 200; // that can be undone
+
+/** @type {import("@preact/signals").Signal<string>} the plan file, "" where none is open */
+export const file = signal("");
+/** @type {import("@preact/signals").Signal<PlanContent | null>} */
+export const plan = signal(null);
+/** @type {import("@preact/signals").Signal<any>} the arm of the plan (zerobeam/arm/1, drawn) */
+export const arm = signal(null);
+/** @type {import("@preact/signals").Signal<any>} the last answer of a check, null where there is none */
+export const answer = signal(null);
+/** Whether the plan has been changed since the answer. */
+export const pending = signal(false);
+/** @type {import("@preact/signals").Signal<Refused | null>} why the plan cannot be checked, or not be saved */
+export const wrong = signal(null);
+/** @type {import("@preact/signals").Signal<number | null>} the posture that is chosen; null: all alike */
+export const chosen = signal(0);
+/** @type {import("@preact/signals").Signal<OnDisk | "gone" | null>} what the file holds now, where that is not what was opened */
+export const conflict = signal(null);
+/** @type {import("@preact/signals").Signal<string>} since when a draft that was found is of */
+export const restored = signal("");
+
+/** @type {import("@preact/signals").Signal<{before: PlanContent[], after: PlanContent[]}>} */
+const past = signal({ before: [], after: [] });
+/** @type {import("@preact/signals").Signal<{version: string | null, text: string}>} the file as it was read or written last */
+const disk = signal({ version: null, text: "" });
+let merging = ""; // the key of the last change: typing on is one step
+
+export const canUndo = computed(() => past.value.before.length > 0);
+export const canRedo = computed(() => past.value.after.length > 0);
+export const unsaved = computed(() => plan.value !== null && JSON.stringify(plan.value) !== disk.value.text);
+
+/** @param {PlanContent} content @param {number} i */
+export const jointsOf = (content, i) => { const posture = content.postures_deg[i]; return Array.isArray(posture) ? posture : posture.joints_deg; };
+
+const draftKey = (/** @type {string} */ name) => `zerobeam:draft:${name}`;
+
+/** @param {string} name @returns {Draft | null} */
+function draftOf(name) {
+  try {
+    const found = JSON.parse(localStorage.getItem(draftKey(name)) ?? "null");
+    return found && typeof found === "object" && Array.isArray(found.content?.postures_deg) ? found : null;
+  } catch {
+    return null;
+  }
+}
+
+const ask = latest(
+  async () => {
+    const content = plan.value, name = file.value;
+    if (content === null) return null;
+    const found = await post("/api/check", { plan: content, scene: true, file: name });
+    return name === file.value ? found : null;
+  },
+  (found, newest) => batch(() => {
+    answer.value = found;
+    wrong.value = null;
+    if (newest) pending.value = false;
+  }),
+  (error) => batch(() => {
+    answer.value = null;
+    wrong.value = error;
+    pending.value = false;
+  }),
+);
+
+/** Opens a plan file: what it holds, or the draft that was left of it. @param {string} name */
+export async function open(name) {
+  const found = await getFile("plan", name);
+  const draft = draftOf(name);
+  const text = JSON.stringify(found.plan);
+  const differs = draft !== null && JSON.stringify(draft.content) !== text;
+  batch(() => {
+    file.value = name;
+    arm.value = found.robot;
+    disk.value = { version: found.version, text };
+    plan.value = differs ? draft.content : found.plan;
+    past.value = { before: differs ? [found.plan] : [], after: [] };
+    answer.value = null;
+    wrong.value = null;
+    chosen.value = 0;
+    pending.value = true;
+    restored.value = differs ? draft.when : "";
+    conflict.value = differs && draft.base !== found.version ? { version: found.version, content: found.plan } : null;
+    merging = "";
+  });
+  ask();
+}
+
+/** No plan is open any more. */
+export function close() {
+  batch(() => {
+    file.value = "";
+    plan.value = arm.value = answer.value = wrong.value = conflict.value = null;
+    restored.value = "";
+  });
+}
+
+/**
+ * Changes the plan. Changes of the same `key` that follow each other are one step (a slider that is dragged); null is a step of its own.
+ * @param {string | null} key @param {(plan: PlanContent) => void} edit
+ */
+export function change(key, edit) {
+  const now = plan.value;
+  if (now === null) return;
+  const next = structuredClone(now);
+  edit(next);
+  if (JSON.stringify(next) === JSON.stringify(now)) return;
+  const goesOn = key !== null && key === merging;
+  merging = key ?? "";
+  set(next, { before: goesOn ? past.value.before : [...past.value.before, now].slice(-MOST_STEPS), after: [] });
+}
+
+/** @param {PlanContent} next @param {{before: PlanContent[], after: PlanContent[]}} steps */
+function set(next, steps) {
+  batch(() => {
+    plan.value = next;
+    past.value = steps;
+    pending.value = true;
+    if (chosen.value !== null) chosen.value = Math.min(chosen.value, next.postures_deg.length - 1);
+  });
+  ask();
+}
+
+export function undo() {
+  const { before, after } = past.value, now = plan.value, back = before.at(-1);
+  if (now === null || back === undefined) return;
+  merging = "";
+  set(back, { before: before.slice(0, -1), after: [now, ...after] });
+}
+
+export function redo() {
+  const { before, after } = past.value, now = plan.value;
+  if (now === null || !after.length) return;
+  merging = "";
+  set(after[0], { before: [...before, now], after: after.slice(1) });
+}
+
+/** Writes the plan; where the file has changed meanwhile, `conflict` says so and nothing is written. @param {string} [as] another file, a new one */
+export async function save(as = file.value) {
+  const content = plan.value;
+  if (content === null) return false;
+  const text = JSON.stringify(content), same = as === file.value;
+  try {
+    const done = await put("/api/plan", { file: as, plan: content }, same ? disk.value.version : null);
+    forget(file.value);
+    batch(() => {
+      file.value = done.file;
+      disk.value = { version: done.version, text };
+      conflict.value = null;
+      restored.value = "";
+      wrong.value = null;
+    });
+    say(`Saved as ${done.file}.`);
+    await refresh();
+    return true;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    if (error.status === 412 && same) conflict.value = /** @type {OnDisk | null} */ (error.current) ?? "gone";
+    else wrong.value = error;
+    return false;
+  }
+}
+
+/** What the file holds takes the place of what is edited: it can be undone. */
+export function takeTheirs() {
+  const theirs = conflict.value, now = plan.value;
+  if (theirs === null || theirs === "gone" || now === null) return;
+  forget(file.value);
+  batch(() => {
+    disk.value = { version: theirs.version, text: JSON.stringify(theirs.content) };
+    conflict.value = null;
+    restored.value = "";
+  });
+  set(theirs.content, { before: [...past.value.before, now], after: [] });
+}
+
+/** What is edited takes the place of what the file holds now. */
+export async function keepMine() {
+  const theirs = conflict.value;
+  if (theirs === null) return false;
+  disk.value = { ...disk.value, version: theirs === "gone" ? null : theirs.version };
+  conflict.value = null;
+  return save();
+}
+
+/** The edits are given up: the plan is as the file has it. */
+export function discard() {
+  const text = disk.value.text, now = plan.value;
+  if (!text || now === null) return;
+  forget(file.value);
+  restored.value = "";
+  set(JSON.parse(text), { before: [...past.value.before, now], after: [] });
+}
+
+/** @param {string} name */
+function forget(name) {
+  try { localStorage.removeItem(draftKey(name)); } catch { /* a browser that keeps nothing has nothing to forget */ }
+}
+
+// What is not saved is kept by the browser: it survives a reload and the end of either program.
+effect(() => {
+  if (!file.value || plan.value === null) return;
+  if (!unsaved.value) { forget(file.value); return; }
+  const draft = { plan: file.value, base: disk.value.version, content: plan.value, when: new Date().toISOString() };
+  try { localStorage.setItem(draftKey(file.value), JSON.stringify(draft)); } catch { /* a full or closed store: leaving the page still asks */ }
+});
+
+// A change of the file that is open is noticed: taken where nothing is lost by it, else shown beside the edits.
+effect(() => {
+  const name = file.value, listed = files.value, version = versionOf(name);
+  if (!name || !listed.length || disk.peek().version === null || version === disk.peek().version || conflict.peek() !== null) return;
+  if (version === null) { conflict.value = "gone"; return; }
+  get(`/api/plan?file=${encodeURIComponent(name)}`).then((found) => {
+    if (file.peek() !== name || found.version === disk.peek().version) return;
+    conflict.value = { version: found.version, content: found.plan };
+    if (!unsaved.peek()) {
+      takeTheirs();
+      say(`${name} was changed outside of this page: it is shown as it is now.`);
+    }
+  }, failed);
+});
+
+addEventListener("beforeunload", (event) => { if (unsaved.peek()) event.preventDefault(); });

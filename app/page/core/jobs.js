@@ -1,0 +1,93 @@
+// Commands that the server carries out: begun, followed through lost connections and reloads, ended.
+import { signal } from "@preact/signals";
+import { get, post, Refused, remove } from "./api.js";
+
+/**
+ * @typedef {{id: string, command: string[], state: "waiting" | "running" | "done" | "stopped" | "failed", share: number, stage: string,
+ *   left_s: number | null, left_at_least: boolean, status: number | null, asks: "lines" | "confirm" | null, log: string[], answer: any,
+ *   lost: boolean, gone: boolean}} JobState `lost`: no connection; `gone`: the server does not know it any more
+ * @typedef {{id: string, state: import("@preact/signals").Signal<JobState>, ended: Promise<JobState>, cancel: () => Promise<void>, say: (text: string) => Promise<void>, close: () => void}} Followed
+ */
+
+const AGAIN_MS = 1500; // until a server that was ended is asked whether it is there again
+const OVER = ["done", "stopped", "failed"];
+
+/** @param {{state: string}} job */
+export const over = (job) => OVER.includes(job.state);
+
+/** Whether a job did what was asked: a verdict is an answer, a refused export none. @param {JobState} job */
+export const well = (job) => job.state === "done" && !(job.command[0] === "export" && job.status === 1);
+
+/**
+ * Begins a command. @param {string[]} command @param {{password?: string, run?: (event: any) => void}} [how]
+ */
+export async function begin(command, { password, run } = {}) {
+  const { id } = await post("/api/jobs", { command, ...(password ? { password } : {}) });
+  return follow(id, run);
+}
+
+/**
+ * Follows a job; `run` hears the events of a run, from its begin. @param {string} id @param {(event: any) => void} [run] @returns {Followed}
+ */
+export function follow(id, run = () => {}) {
+  const path = `/api/jobs/${encodeURIComponent(id)}`;
+  /** @type {import("@preact/signals").Signal<JobState>} */
+  const state = signal({ id, command: [], state: "waiting", share: 0, stage: "", left_s: null, left_at_least: false, status: null, asks: null, log: [], answer: null, lost: false, gone: false });
+  /** @type {(job: JobState) => void} */
+  let resolve = () => {};
+  /** @type {Promise<JobState>} */
+  const ended = new Promise((done) => { resolve = done; });
+  /** @type {EventSource | null} */
+  let source = null;
+  let closed = false, timer = 0;
+  const change = (/** @type {Partial<JobState>} */ more) => { state.value = { ...state.value, ...more }; };
+
+  function close() {
+    closed = true;
+    clearTimeout(timer);
+    source?.close();
+  }
+
+  function listen() {
+    source = new EventSource(`${path}/events`);
+    /** @param {string} kind @param {(data: any) => void} then */
+    const on = (kind, then) => source?.addEventListener(kind, (event) => then(JSON.parse(/** @type {MessageEvent} */ (event).data)));
+    source.addEventListener("open", () => change({ lost: false }));
+    on("progress", change);
+    on("log", (line) => change({ log: [...state.value.log, line] }));
+    on("run", run);
+    on("end", (job) => {
+      close();
+      change({ ...job, lost: false });
+      resolve(state.value);
+    });
+    source.addEventListener("error", () => {
+      change({ lost: true });
+      // Refused, not merely cut off: a server that was started anew does not know this job.
+      if (source?.readyState === EventSource.CLOSED) ask();
+    });
+  }
+
+  async function ask() {
+    if (closed) return;
+    try {
+      const job = await get(path);
+      if (closed) return;
+      change({ ...job, log: [], lost: false });
+      listen();
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      if (closed) return;
+      if (error.status === 404) {
+        close();
+        change({ state: "stopped", gone: true });
+        resolve(state.value);
+      } else {
+        change({ lost: true });
+        timer = setTimeout(ask, AGAIN_MS);
+      }
+    }
+  }
+  ask();
+  return { id, state, ended, close, cancel: async () => { await remove(path); }, say: async (text) => { await post(`${path}/line`, { text }); } };
+}

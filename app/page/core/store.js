@@ -1,0 +1,103 @@
+// What the whole page shares: the folder's files and calibrations, kept up to date, and what is said of faults.
+import { computed, signal } from "@preact/signals";
+import { get, Refused } from "./api.js";
+import { route } from "./route.js";
+
+/**
+ * @typedef {{path: string, kind: string, bytes: number, modified: string, version: string}} FolderFile
+ * @typedef {{name: string, vendor: string | null, model: string | null}} BuiltIn
+ * @typedef {{header: string[], plan: string[], run: string[], result: string[], obstacles: string[], cell: string[], sensors: string[]}} CalibrationFiles
+ * @typedef {{name: string, robot: string | null, maker: string | null, model: string | null, serial: string | null, instrument: string | null,
+ *   files: CalibrationFiles, state: {kind: string, text: string, verdict?: string | null, recorded?: number | null, of?: number | null, file?: string | null},
+ *   due: {date: string, overdue: boolean, text: string} | null, simulated: boolean, modified: string}} Calibration
+ */
+
+const EVERY_MS = 2000; // the folder is looked at, while the page is visible
+
+/** @type {import("@preact/signals").Signal<FolderFile[]>} */
+export const files = signal([]);
+/** @type {import("@preact/signals").Signal<BuiltIn[]>} */
+export const robots = signal([]);
+/** @type {import("@preact/signals").Signal<{calibrations: Calibration[], left_out: number} | null>} */
+export const home = signal(null);
+/** @type {import("@preact/signals").Signal<string>} */
+export const fault = signal("");
+/** Said by a screen reader, and shown for some seconds. @type {import("@preact/signals").Signal<string>} */
+export const notice = signal("");
+
+/** The calibration that is open; null where there is none of this name. */
+export const calibration = computed(() => home.value?.calibrations.find((one) => one.name === route.value.name) ?? null);
+
+/** @param {unknown} error */
+export function failed(error) {
+  if (!(error instanceof Refused)) throw error;
+  fault.value = error.text;
+}
+
+/** Carries work out, and says at the top of the page where it is refused. @template T @param {() => Promise<T>} work @returns {Promise<T | undefined>} */
+export async function attempt(work) {
+  try {
+    fault.value = "";
+    return await work();
+  } catch (error) {
+    failed(error);
+    return undefined;
+  }
+}
+
+let silence = 0;
+/** @param {string} text */
+export function say(text) {
+  clearTimeout(silence);
+  notice.value = text;
+  silence = setTimeout(() => { notice.value = ""; }, 8000);
+}
+
+/** The version of a file as the folder has it; null where it is gone. @param {string} path */
+export const versionOf = (path) => files.value.find((file) => file.path === path)?.version ?? null;
+
+/** @param {string} kind */
+export const ofKind = (kind) => files.value.filter((file) => file.kind === kind).map((file) => file.path);
+
+/** A name that no file has. @param {string} name */
+export function freeName(name) {
+  const taken = new Set(files.value.map((file) => file.path));
+  const dot = name.lastIndexOf("."), cut = dot > name.lastIndexOf("/") + 1 ? dot : name.length;
+  for (let k = 1; ; k++) {
+    const other = k === 1 ? name : `${name.slice(0, cut)}-${k}${name.slice(cut)}`;
+    if (!taken.has(other)) return other;
+  }
+}
+
+/** Looks at the folder now: after a file was written. */
+export async function refresh() {
+  const [found, calibrations] = await Promise.all([get("/api/files"), get("/api/home")]);
+  files.value = found;
+  home.value = calibrations;
+}
+
+/** Begins to look at the folder, as long as somebody looks at the page. */
+export async function begin() {
+  await attempt(async () => {
+    [robots.value] = await Promise.all([get("/api/robots"), refresh()]);
+  });
+  const look = async () => {
+    if (document.visibilityState === "visible") {
+      try {
+        const found = await get("/api/files");
+        const was = files.value.map((file) => file.path + file.version).join();
+        if (found.map((/** @type {FolderFile} */ file) => file.path + file.version).join() !== was) {
+          files.value = found;
+          home.value = await get("/api/home");
+        }
+      } catch (error) {
+        if (!(error instanceof Refused)) throw error;
+      }
+    }
+    setTimeout(look, EVERY_MS);
+  };
+  setTimeout(look, EVERY_MS);
+}
+
+/** The folder of a calibration as file names begin. @param {string} name */
+export const inside = (name) => (name === "." ? "" : `${name}/`);

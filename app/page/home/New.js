@@ -1,0 +1,92 @@
+// A new calibration: arm, instrument, and where the target is. The server has the defaults, makes the plan and checks it.
+import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
+import { useSignal } from "@preact/signals";
+import { get, post, Refused } from "../core/api.js";
+import { begin, well } from "../core/jobs.js";
+import { go, toJob } from "../core/route.js";
+import { attempt, failed, home, ofKind, refresh, robots } from "../core/store.js";
+import { Choice } from "../parts/Choice.js";
+import { Fold } from "../parts/Fold.js";
+import { JobProgress } from "../parts/JobProgress.js";
+import { NumberField } from "../parts/NumberField.js";
+import { TextField } from "../parts/TextField.js";
+
+/**
+ * @typedef {{name: string, words: string, about: string}} Word
+ * @typedef {{instruments: Word[], places: Word[]}} Choices
+ */
+
+/** The built-in arms by maker, then robot files of the folder. @returns {[string, [string, string][]][]} */
+export function robotGroups() {
+  const makers = [...new Set(robots.value.map((one) => one.vendor ?? "other"))].sort();
+  /** @type {[string, [string, string][]][]} */
+  const groups = makers.map((maker) => [maker, robots.value.filter((one) => (one.vendor ?? "other") === maker).map((one) => [one.name, one.model ?? one.name])]);
+  return [...groups, ["files of this folder", ofKind("robot").filter((path) => !path.endsWith(".urdf")).map((path) => [path, path])]];
+}
+
+export function New() {
+  const choices = useSignal(/** @type {Choices | null} */ (null));
+  const robot = useSignal(""), instrument = useSignal("laser"), place = useSignal("front"), name = useSignal(""), serial = useSignal("");
+  const point = useSignal(/** @type {(number | null)[]} */ ([null, null, null]));
+  const measurements = useSignal(/** @type {number | null} */ (null));
+  const wrong = useSignal(/** @type {Refused | null} */ (null));
+  /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
+  const job = useSignal(null);
+  useEffect(() => { get("/api/calibrations/choices").then((found) => { choices.value = found; }, failed); }, []);
+  if (choices.value === null) return html`<p class="muted">…</p>`;
+  const { instruments, places } = choices.value;
+  const taken = new Set(home.value?.calibrations.map((one) => one.name));
+  const stem = robot.value.replace(/^.*\//, "").replace(/\.\w+$/, "") || "calibration";
+  let proposed = stem;
+  for (let k = 2; taken.has(proposed); k++) proposed = `${stem}-${k}`;
+  const make = (/** @type {Event} */ event) => {
+    event.preventDefault();
+    attempt(async () => {
+      wrong.value = null;
+      try {
+        const made = await post("/api/calibrations", {
+          name: name.value.trim() || proposed, robot: robot.value, instrument: instrument.value,
+          place: { kind: place.value, ...(place.value === "point" ? { point_mm: point.value.map((one) => one ?? 0) } : {}) },
+          ...(serial.value.trim() ? { serial: serial.value.trim() } : {}), ...(measurements.value ? { measurements: measurements.value } : {}),
+        });
+        job.value = await begin(made.command);
+        const ended = await job.value.ended;
+        await refresh();
+        if (well(ended)) go(toJob(made.name, "plan"));
+      } catch (error) {
+        if (!(error instanceof Refused)) throw error;
+        wrong.value = error;
+      }
+    });
+  };
+  const at = (/** @type {string} */ key) => (wrong.value?.key[0] === key ? wrong.value.text : "");
+  const known = ["name", "robot", "serial"].includes(String(wrong.value?.key[0]));
+  const busy = job.value !== null && !["done", "stopped", "failed"].includes(job.value.state.value.state);
+  return html`
+    <form class="new" onSubmit=${make}>
+      <fieldset><legend><b>1</b> Which arm?</legend>
+        <${Choice} label="Robot" value=${robot.value} groups=${robotGroups()} none="choose an arm" onValue=${(/** @type {string} */ value) => { robot.value = value; }} />
+        ${at("robot") && html`<p class="error" role="alert">${at("robot")}</p>`}
+        <p class="muted">Not in the list: put its robot file or URDF into the folder; <code>zerobeam robot</code> shows what is expected.</p>
+      </fieldset>
+      <fieldset class="cards"><legend><b>2</b> Which instrument?</legend>
+        ${instruments.map((one) => html`<label class="option" key=${one.name}><input type="radio" name="instrument" value=${one.name} checked=${one.name === instrument.value} onChange=${() => { instrument.value = one.name; }} /> <b>${one.words}</b><span>${one.about}</span></label>`)}
+      </fieldset>
+      <fieldset class="cards"><legend><b>3</b> Where is the target?</legend>
+        ${places.map((one) => html`<label class="option" key=${one.name}><input type="radio" name="place" value=${one.name} checked=${one.name === place.value} onChange=${() => { place.value = one.name; }} /> <b>${one.words}</b><span>${one.about}</span></label>`)}
+        ${place.value === "point" && html`<div class="fields">${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" value=${point.value[i]} onValue=${(/** @type {number} */ value) => { point.value = point.value.map((one, k) => (k === i ? value : one)); }} />`)}</div>`}
+      </fieldset>
+      <${Fold} title="Name, serial number, number of measurements">
+        <div class="fields">
+          <${TextField} label="Name of the calibration" value=${name.value} placeholder=${proposed} error=${at("name")} onValue=${(/** @type {string} */ value) => { name.value = value; }} />
+          <${TextField} label="Serial number of the arm" value=${serial.value} error=${at("serial")} onValue=${(/** @type {string} */ value) => { serial.value = value; }} />
+          <${NumberField} label="Measurements" value=${measurements.value} optional whole least=${2} placeholder="as few as are enough" onValue=${(/** @type {number | null} */ value) => { measurements.value = value; }} />
+        </div>
+      <//>
+      ${wrong.value && !known && html`<p class="error" role="alert">${wrong.value.text}</p>`}
+      ${at("name") && html`<p class="error" role="alert">${at("name")}</p>`}
+      <p class="bar"><button class="main" disabled=${busy || !robot.value}>Make the plan</button>${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
+      ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
+    </form>`;
+}

@@ -1,0 +1,39 @@
+// The plan that is open was changed elsewhere meanwhile: both are shown, and one is chosen. Nothing is written before.
+import { html } from "htm/preact";
+import { useSignal } from "@preact/signals";
+import { conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
+import { freeName } from "../core/store.js";
+import { Dialog } from "./Dialog.js";
+
+const MOST = 30; // differences that are shown
+
+/** The values at which two contents differ, by their key. @param {any} mine @param {any} theirs @param {string} [key] @returns {[string, string, string][]} */
+function differences(mine, theirs, key = "") {
+  if (JSON.stringify(mine) === JSON.stringify(theirs)) return [];
+  const inner = (/** @type {any} */ value) => value !== null && typeof value === "object";
+  if (!inner(mine) || !inner(theirs)) return [[key, short(mine), short(theirs)]];
+  const keys = [...new Set([...Object.keys(mine), ...Object.keys(theirs)])];
+  return keys.flatMap((one) => differences(mine[one], theirs[one], key ? `${key} / ${one}` : one));
+}
+const short = (/** @type {unknown} */ value) => { const text = value === undefined ? "—" : JSON.stringify(value); return text.length > 60 ? `${text.slice(0, 57)}…` : text; };
+
+export function Conflict() {
+  const theirs = conflict.value, busy = useSignal(false);
+  if (theirs === null || !unsaved.value) return null;
+  const rows = theirs === "gone" ? [] : differences(plan.value, theirs.content);
+  const during = (/** @type {() => unknown} */ work) => async () => { busy.value = true; await work(); busy.value = false; };
+  const copy = freeName(file.value.replace(/(\.ya?ml)?$/, "-mine.yaml"));
+  return html`
+    <${Dialog} title=${theirs === "gone" ? "The plan's file is gone" : "The plan's file was changed meanwhile"} onClose=${() => { conflict.value = null; }}>
+      <p>${theirs === "gone" ? `${file.value} was deleted or moved outside of this page. Your changes are still here.` : `${file.value} was changed in another window or program since it was opened here. Nothing is written until you choose.`}</p>
+      ${rows.length > 0 && html`
+        <div class="scroll" tabindex="0" role="region" aria-label="Differences"><table><thead><tr><th scope="col">value</th><th scope="col">yours</th><th scope="col">in the file</th></tr></thead>
+          <tbody>${rows.slice(0, MOST).map(([key, mine, other]) => html`<tr><th scope="row">${key}</th><td>${mine}</td><td>${other}</td></tr>`)}</tbody></table></div>
+        ${rows.length > MOST && html`<p class="muted">And ${rows.length - MOST} more.</p>`}`}
+      <p class="bar">
+        <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Keep mine"}</button>
+        ${theirs !== "gone" && html`<button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
+        <button type="button" disabled=${busy.value} onClick=${during(() => save(copy))}>Save mine as ${copy}</button>
+      </p>
+    <//>`;
+}

@@ -1,0 +1,39 @@
+// The one message of an answer, as the server words it: what is known, why not more, what to do, and the button that does it.
+import { html } from "htm/preact";
+import { useSignal } from "@preact/signals";
+import { doAction } from "../core/actions.js";
+import { attempt } from "../core/store.js";
+import { JobProgress } from "./JobProgress.js";
+
+/**
+ * @typedef {{verdict: string, worst: {text: string} | null, cause: string | null, action: {text: string, command: string | null}, cautions: string[]}} MessageFacts
+ * @typedef {import("../core/actions.js").ActionFacts} ActionFacts
+ */
+
+/**
+ * @param {{verdict: string, message: MessageFacts, action?: ActionFacts | null, simulated?: boolean, pending?: boolean, children?: unknown}} props
+ */
+export function Message({ verdict, message, action = null, simulated = false, pending = false, children = null }) {
+  const { cause, worst, cautions } = message;
+  /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
+  const job = useSignal(null);
+  const act = () => attempt(async () => {
+    if (action?.does) await doAction(action.does, (begun) => { job.value = begun; });
+  });
+  return html`
+    <section class=${`message verdict ${verdict}${pending ? " pending" : ""}`} aria-label="Verdict" aria-busy=${pending}>
+      <div role="status">
+        <p class="word">${message.verdict}${simulated && html` <strong class="simulated">SIMULATED</strong>`}</p>
+        ${cause && html`<p>${cause}</p>`}
+        ${worst && html`<p>${worst.text}</p>`}
+      </div>
+      <div class="do">
+        <p><b>What to do: </b>${message.action.text}</p>
+        ${action?.does && html`<button type="button" class="main" disabled=${pending} onClick=${act}>${action.label}</button>`}
+        ${!action?.does && message.action.command && html`<pre class="commands" tabindex="0" aria-label="Command"><code>${message.action.command}</code></pre>`}
+      </div>
+      ${job.value && html`<${JobProgress} job=${job.value} title=${action?.label ?? ""} />`}
+      ${cautions.length > 0 && html`<details><summary>${cautions.length === 1 ? "1 caution" : `${cautions.length} cautions`}</summary><ul>${cautions.map((one) => html`<li>${one}</li>`)}</ul></details>`}
+      ${children}
+    </section>`;
+}
