@@ -656,6 +656,7 @@ class ReadResult(DocumentPart):
     diagnosis: tuple[SentenceDocument, ...] = ()
     notes: tuple[str, ...]
     next_steps: NextSteps | None = None
+    conformity: Conformity | None = None
     inputs: Inputs
 
     @property

@@ -10,13 +10,15 @@ from typing import Any, Literal
 from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
-from .answers import history, imports, plans, posteriors, recordings, refits, results, robots
+from .answers import history, home, imports, plans, posteriors, recordings, refits, results, robots
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine
 from .jobs import JobBrief, JobWhole
 from .requests import EndPoint, ErrorAnswer
+from .versions import ConflictAnswer, WrittenFile
 
 END_POINTS: list[EndPoint] = [
+    *home.END_POINTS,
     *imports.END_POINTS,
     *robots.END_POINTS,
     *plans.END_POINTS,
@@ -30,6 +32,13 @@ END_POINTS: list[EndPoint] = [
 
 _ID = {"name": "id", "in": "path", "required": True, "schema": {"type": "string"}}
 _FILE = {"name": "file", "in": "query", "required": True, "schema": {"type": "string"}}
+_IF_MATCH = {
+    "name": "If-Match",
+    "in": "header",
+    "required": False,
+    "description": "the version of the file that is replaced; a new file needs none",
+    "schema": {"type": "string"},
+}
 _CHANGES = {"name": "X-Zerobeam", "in": "header", "required": True, "schema": {"const": "1"}}
 _REF = "#/components/schemas/{model}"
 Schema = dict[str, Any]  # a part of an OpenAPI document
@@ -53,7 +62,13 @@ _OTHERS = [
     _Operation(
         "/api/archive", "get", "A zip archive of the report that a result belongs to.", parameters=(_FILE,)
     ),
-    _Operation("/api/file", "put", "Writes a new file: what is sent, as it is.", parameters=(_FILE,)),
+    _Operation(
+        "/api/file",
+        "put",
+        "Writes a file as it is sent: a new one, or in place of one that is no run and no result.",
+        parameters=(_FILE, _IF_MATCH),
+        returned=TypeAdapter(WrittenFile),
+    ),
     _Operation("/api/jobs", "get", "The jobs, the newest first.", returned=TypeAdapter(list[JobBrief])),
     _Operation("/api/jobs", "post", "Begins a job: its id.", AskedJob),
     _Operation("/api/jobs/{id}", "get", "A job.", parameters=(_ID,), returned=TypeAdapter(JobWhole)),
@@ -79,12 +94,19 @@ _OTHERS = [
 @cache
 def description() -> Schema:
     """The OpenAPI document, made of the models that read what is sent and write what comes back."""
-    queries = [tuple({**_FILE, "name": name} for name in point.query) for point in END_POINTS]
+    queries = [
+        (*({**_FILE, "name": name} for name in point.query), *((_IF_MATCH,) if point.conditional else ()))
+        for point in END_POINTS
+    ]
     operations = [
         _Operation(point.path, point.method.lower(), point.says, point.sent, query, point.returned)
         for point, query in zip(END_POINTS, queries, strict=True)
     ] + _OTHERS
-    sent = {each.sent for each in operations if each.sent is not None} | {PlanFile, ErrorAnswer}
+    sent = {each.sent for each in operations if each.sent is not None} | {
+        PlanFile,
+        ErrorAnswer,
+        ConflictAnswer,
+    }
     adapters: list[tuple[str, Literal["validation"], TypeAdapter[Any]]] = [
         (model.__name__, "validation", TypeAdapter[Any](model))
         for model in sorted(sent, key=lambda model: model.__name__)
@@ -122,6 +144,9 @@ def _described(operation: _Operation, content: Schema) -> Schema:
         "parameters": [*operation.parameters, *([_CHANGES] if operation.method != "get" else [])],
         "responses": {"201" if made else "200": answer, "default": refusal},
     }
+    if _IF_MATCH in operation.parameters:
+        conflict = {"description": "The file is another version.", "content": _json_of(ConflictAnswer)}
+        described["responses"]["412"] = conflict
     if operation.sent is not None:
         described["requestBody"] = {"required": True, "content": _json_of(operation.sent)}
     return described

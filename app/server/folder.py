@@ -7,7 +7,8 @@ import re
 import stat
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 from pydantic import Field
 
@@ -15,9 +16,13 @@ from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import refuse_existing
 from ...model.parsing.confinement import resolved
+from .kept import Kept
+from .versions import version_of
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them
+_TYPES = {".yaml", ".yml", ".json", ".jsonl", ".urdf"}  # of files that have a kind
+_KINDS = Kept(MOST_SEEN)
 _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 
@@ -29,6 +34,15 @@ class FolderFile(JsonDocument):
     kind: str = Field(description="run, plan, header, robot, result, cell, sensors, obstacles or other")
     bytes: int
     modified: str = Field(description="ISO 8601, UTC")
+    version: str = Field(description="changes with the file; what If-Match takes when it is replaced")
+
+
+class KindOfFile(NamedTuple):
+    """A file below the folder of the app: its path, kind, and when it was modified, ISO 8601, UTC."""
+
+    path: str
+    kind: str
+    modified: str
 
 
 class Folder:
@@ -84,15 +98,35 @@ class Folder:
 
         Neither hidden files nor what symbolic links lead to, `MOST_FILES` at the most.
         """
-        rows = []
-        for path, facts in self._regular():
-            modified = datetime.fromtimestamp(facts.st_mtime, UTC).isoformat(timespec="seconds")
-            rows.append((facts.st_mtime_ns, path, facts.st_size, modified))
-        rows.sort(key=lambda row: (-row[0], row[1]))
-        return [
-            FolderFile(path=path, kind=kind_of(self.root / path), bytes=size, modified=modified)
-            for _, path, size, modified in rows[:MOST_FILES]
-        ]
+        files = []
+        for path, facts in self._newest()[:MOST_FILES]:
+            size, modified = facts.st_size, _moment(facts)
+            try:
+                kind, version = _KINDS.of(self.root / path, kind_of), version_of(self.root / path)
+            except OSError:  # gone meanwhile, or not to be read
+                kind, version = "other", ""
+            files.append(FolderFile(path=path, kind=kind, bytes=size, modified=modified, version=version))
+        return files
+
+    def of_kinds(self, kinds: frozenset[str]) -> list[KindOfFile]:
+        """All files of these kinds, newest first."""
+        files = []
+        for path, facts in self._newest():
+            if PurePosixPath(path).suffix.lower() in _TYPES:
+                try:
+                    kind = _KINDS.of(self.root / path, kind_of)
+                except OSError:
+                    continue  # gone meanwhile
+                if kind in kinds:
+                    files.append(KindOfFile(path, kind, _moment(facts)))
+        return files
+
+    def has_suffix(self, suffixes: frozenset[str]) -> bool:
+        """Whether there is a file with such an end of its name."""
+        return any(PurePosixPath(path).suffix.lower() in suffixes for path, _ in self._regular())
+
+    def _newest(self) -> list[tuple[str, os.stat_result]]:
+        return sorted(self._regular(), key=lambda row: (-row[1].st_mtime_ns, row[0]))
 
     def _regular(self) -> Iterator[tuple[str, os.stat_result]]:
         count = 0
@@ -113,6 +147,10 @@ class Folder:
                     yield self.called(path), facts
 
 
+def _moment(facts: os.stat_result) -> str:
+    return datetime.fromtimestamp(facts.st_mtime, UTC).isoformat(timespec="seconds")
+
+
 def _writable_name(name: str) -> bool:
     """Whether JSON in UTF-8 can carry it."""
     try:
@@ -124,7 +162,7 @@ def _writable_name(name: str) -> bool:
 
 def kind_of(path: Path) -> str:
     """A file by its first bytes: run, plan, header, robot, result, cell, sensors, obstacles or other."""
-    if path.suffix.lower() not in {".yaml", ".yml", ".json", ".jsonl", ".urdf"}:
+    if path.suffix.lower() not in _TYPES:
         return "other"
     if path.suffix.lower() == ".urdf":
         return "robot"
@@ -137,6 +175,6 @@ def kind_of(path: Path) -> str:
         return schema[1].decode()
     yaml = path.suffix.lower() in {".yaml", ".yml"}
     keys = set(re.findall(rb"^(\w+):", head, re.M))
-    if yaml and keys >= {b"robot", b"tool", b"noise"}:
+    if yaml and b"robot" in keys and (keys >= {b"tool", b"noise"} or b"instruments" in keys):
         return "header"
     return "obstacles" if yaml and keys and keys <= {b"floor_mm", b"boxes", b"thickness_mm"} else "other"

@@ -24,7 +24,8 @@ class EndPoint:
     """`answer` is called with the folder, and with what was sent as the model `sent`, or with the texts of
     the query by the names in `query` (empty where one is missing). It returns a model, or raises a
     ZerobeamError.
-    A coroutine function waits for a process of its own; others are called one at a time.
+    A coroutine function waits for a process of its own; others are called one at a time. One that is
+    `conditional` replaces files: it is also called with the Precondition of the request.
     """
 
     path: str
@@ -33,6 +34,7 @@ class EndPoint:
     answer: Callable[..., Any]
     sent: type[BaseModel] | None = None
     query: tuple[str, ...] = ()
+    conditional: bool = False
 
     @cached_property
     def returned(self) -> TypeAdapter[Any]:

@@ -25,19 +25,31 @@ from starlette.routing import Route
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
-from ...model.parsing.reading import LARGEST_YAML, parse_json
+from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
 from ...reports.output.html import TEMPLATES, sheet
 from ...reports.style import typeface
 from .answers.results import read_result, report_files
 from .end_points import END_POINTS, description
-from .folder import Folder
+from .folder import Folder, kind_of
 from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
 from .requests import EndPoint, as_model, error_answer, require_plain
+from .versions import (
+    Conflict,
+    ConflictAnswer,
+    Precondition,
+    WrittenFile,
+    etag,
+    matches,
+    replacing,
+    version_of,
+    version_of_bytes,
+)
 
 _PAGE = Path(__file__).parents[1] / "page"
 PATIENCE_S = 120.0  # for the body of a request
+_SHOWN_TEXT = 10**6  # bytes
 _PLACES = ("import", "robot", "plan", "measure", "result")  # in the order in which they are shown
 _ALONE = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
@@ -130,22 +142,26 @@ class _AppServer:
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
             async with self.places:
+                of: list[Any] = [request.query_params.get(name, "") for name in point.query]
                 if point.sent is not None:
-                    return await self._calculated(
-                        request, point, as_model(point.sent, await _content(request))
-                    )
-                texts = [request.query_params.get(name, "") for name in point.query]
-                return await self._calculated(request, point, *texts)
+                    of.append(as_model(point.sent, await _content(request)))
+                if point.conditional:
+                    of.append(Precondition.of(request.headers))
+                return await self._calculated(request, point, *of)
 
         return answered
 
     async def files(self, request: Request) -> Response:
         files = await asyncio.to_thread(self.folder.files)
-        return JSONResponse([file.to_json() for file in files])
+        return _unless_known(request, JSONResponse([file.to_json() for file in files]))
 
     async def download(self, request: Request) -> Response:
         path = self.folder.file(request.query_params.get("file", ""))
-        return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+        version = await asyncio.to_thread(version_of, path)
+        headers = {"etag": etag(version)}
+        if matches(request.headers.get("if-none-match", ""), version):
+            return Response(status_code=304, headers=headers)
+        return FileResponse(path, media_type="application/octet-stream", filename=path.name, headers=headers)
 
     async def archive(self, request: Request) -> Response:
         """The files of a result's report as a zip archive."""
@@ -161,12 +177,22 @@ class _AppServer:
         return StreamingResponse(archive(files), media_type="application/zip", headers=headers)
 
     async def upload(self, request: Request) -> Response:
-        """A new file; who comes while two are under way waits, for each is in memory until it is whole."""
-        path = self.folder.new(request.query_params.get("file", ""))
+        """A new file, or in place of one that is no run and no result; who comes while two are under way
+        waits, for each is in memory until it is whole."""
+        precondition = Precondition.of(request.headers)
+        path = self.folder.inside(request.query_params.get("file", ""))
+        there = path.exists()
+        if there and (not path.is_file() or kind_of(path) in ("run", "result")):
+            self.folder.new(self.folder.called(path))
         async with self.uploads:
             content = await _body(request, LARGEST_BODY)
-            await asyncio.to_thread(write_whole, path, content)
-        return JSONResponse({"file": self.folder.called(path), "bytes": len(content)}, status_code=201)
+            await asyncio.to_thread(self._replace, path, content, precondition)
+        written = WrittenFile(file=self.folder.called(path), bytes=len(content), version=version_of(path))
+        return JSONResponse(written.to_json(), status_code=200 if there else 201)
+
+    def _replace(self, path: Path, content: bytes, precondition: Precondition) -> None:
+        with replacing(path, precondition, lambda: _text_of(path)) as force:
+            write_whole(path, content, force=force)
 
     async def report(self, request: Request) -> Response:
         """The way to a page of the folder, with a ticket for the links in it."""
@@ -228,24 +254,50 @@ class _AppServer:
 
     async def refuse(self, request: Request, error: Exception) -> Response:
         assert isinstance(error, ZerobeamError)
+        if isinstance(error, Conflict):
+            facts = error_answer(error, self.folder.without).error
+            return JSONResponse(ConflictAnswer(error=facts, current=error.current).to_json(), status_code=412)
         status = 400 if isinstance(error, BadInput) else 422
         return JSONResponse(error_answer(error, self.folder.without).to_json(), status_code=status)
 
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return JSONResponse(point.plain(await point.answer(self.folder, *of)))
+                return _with_version(point.plain(await point.answer(self.folder, *of)))
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
             loop = asyncio.get_running_loop()
             work = functools.partial(self._confined, point, *of)
-            return JSONResponse(await loop.run_in_executor(self.thread, work))
+            return _with_version(await loop.run_in_executor(self.thread, work))
 
     def _confined(self, point: EndPoint, *of: Any) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
         with confined(self.folder.root):
             return point.plain(point.answer(self.folder, *of))
+
+
+def _with_version(answer: Any) -> JSONResponse:
+    """An answer, with the version of the file that it is made of as its ETag."""
+    version = answer.get("version") if isinstance(answer, dict) else None
+    return JSONResponse(answer, headers={} if version is None else {"etag": etag(version)})
+
+
+def _unless_known(request: Request, answer: JSONResponse) -> Response:
+    """The answer with its ETag; without a body where that is what the request has."""
+    version = version_of_bytes(bytes(answer.body))
+    answer.headers["etag"] = etag(version)
+    if matches(request.headers.get("if-none-match", ""), version):
+        return Response(status_code=304, headers={"etag": etag(version)})
+    return answer
+
+
+def _text_of(path: Path) -> str | None:
+    """The text of a file that is shown beside another version of it; None of what is no text."""
+    try:
+        return read_text(path, _SHOWN_TEXT)[0]
+    except BadInput:
+        return None
 
 
 async def _body(request: Request, largest: int) -> bytes:

@@ -810,10 +810,10 @@ def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/p
     return {"schema": schema, **{key: value for key, value in content.items() if key != "schema"}}
 
 
-def write_header(path: Path, header: Header) -> None:
-    """Write a header as a YAML file of its own, whole; BadInput if the path exists."""
+def write_header(path: Path, header: Header, *, force: bool = False) -> None:
+    """Write a header as a YAML file of its own, whole; over another one with `force` only."""
     content = header.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
-    write_whole(path, schema_line(path, "header") + yaml_text(short_in_one_line(content)))
+    write_whole(path, schema_line(path, "header") + yaml_text(short_in_one_line(content)), force=force)
 
 
 def check_header(

@@ -103,7 +103,9 @@ def test_a_plan_is_read_and_written_back(client: TestClient, content: dict[str, 
         "via_deg": [[0, 0, 0, 0, 10, 0]],
     }
     for file in ("plan.yaml", "sub/new.yaml"):
-        answer = client.put("/api/plan", json={"file": file, "plan": content})
+        now = client.get("/api/file", params={"file": file}).headers.get("etag")
+        headers = {} if now is None else {"if-match": now}
+        answer = client.put("/api/plan", json={"file": file, "plan": content}, headers=headers)
         assert (answer.status_code, answer.json()["file"]) == (200, file)
         after = read_plan(root / file)
         turned = np.degrees(after.postures - before.postures)
@@ -278,9 +280,11 @@ def test_obstacles_are_written_read_and_what_touches_them_is_said(
     checked = client.post("/api/check", json={"plan": content, "scene": True, "obstacles": high}).json()
     assert [place["touches"] for place in checked["scene"]] == [["cell"]] * 7
 
+    headers: dict[str, str] = {}
     for _ in range(2):  # the second time over its own
-        answer = client.put("/api/obstacles", json={"file": "cell.yaml", "obstacles": cell})
-        assert (answer.status_code, answer.json()) == (200, {"file": "cell.yaml"})
+        answer = client.put("/api/obstacles", json={"file": "cell.yaml", "obstacles": cell}, headers=headers)
+        assert (answer.status_code, answer.json()["file"]) == (200, "cell.yaml")
+        headers = {"if-match": answer.headers["etag"]}
     assert client.get("/api/obstacles", params={"file": "cell.yaml"}).json()["obstacles"] == cell
     kinds = {row["path"]: row["kind"] for row in client.get("/api/files").json()}
     assert kinds["cell.yaml"] == "obstacles"

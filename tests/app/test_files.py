@@ -11,18 +11,19 @@ from starlette.testclient import TestClient
 def test_a_file_is_written_and_comes_back_as_it_was(client: TestClient, root: Path) -> None:
     content = bytes(range(256))
     answer = client.put("/api/file", params={"file": "sub/log.csv"}, content=content)
-    assert (answer.status_code, answer.json()) == (201, {"file": "sub/log.csv", "bytes": 256})
+    assert answer.status_code == 201
+    assert (answer.json()["file"], answer.json()["bytes"]) == ("sub/log.csv", 256)
     assert (root / "sub/log.csv").read_bytes() == content
     back = client.get("/api/file", params={"file": "sub/log.csv"})
     assert back.content == content
     assert "attachment" in back.headers["content-disposition"]
 
 
-@pytest.mark.parametrize("name", ["plan.yaml", "none/log.csv", "sub"])
+@pytest.mark.parametrize("name", ["run.jsonl", "none/log.csv", "sub"])
 def test_nothing_is_replaced(client: TestClient, root: Path, name: str) -> None:
     before = {path: path.read_bytes() for path in root.parent.rglob("*") if path.is_file()}
-    answer = client.put("/api/file", params={"file": name}, content=b"x")
-    assert answer.status_code == 400
+    answer = client.put("/api/file", params={"file": name}, content=b"x", headers={"if-match": "*"})
+    assert answer.status_code == (412 if name == "none/log.csv" else 400)
     assert answer.json()["error"]["what"]
     assert {path: path.read_bytes() for path in root.parent.rglob("*") if path.is_file()} == before
 

@@ -147,8 +147,10 @@ def test_a_header_is_checked_written_and_read(client: TestClient, root: Path) ->
     back = client.get("/api/header", params={"file": "sub/h.yaml"}).json()
     assert {key: back["header"][key] for key in GOOD} == GOOD
     assert "postures_deg" not in client.get("/api/header", params={"file": "plan.yaml"}).json()["header"]
-    error = refused(client, "PUT", "/api/header", asked)
-    assert (error["key"], "exists already" in error["what"]) == (["file"], True)
+    taken = client.put("/api/header", json=asked)
+    assert (taken.status_code, "exists already" in taken.json()["error"]["what"]) == (412, True)
+    error = refused(client, "PUT", "/api/header", asked | {"file": "plan.yaml"})
+    assert error["key"] == ["file"]
 
 
 WRONG: list[tuple[dict[str, Any], list[str | int]]] = [

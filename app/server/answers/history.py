@@ -15,8 +15,9 @@ from ....model.files.json_document import JsonDocument, is_none
 from ....reports.run.inputs import origin_of
 from ....words.wording import clipped
 from ..folder import Folder
+from ..kept import Kept
 from ..requests import EndPoint
-from .results import Kept, read_result, sha256_of
+from .results import read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
 MOST_RESULTS = 300

@@ -24,8 +24,9 @@ from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import FileModel, as_tuple, validate
-from ..folder import Folder
+from ..folder import Folder, kind_of
 from ..requests import Content, EndPoint, Refused, keyed, noted, refused
+from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
 from . import contents_process
 from .robots import require_robot_inside, rounded, whole_ref
 
@@ -131,13 +132,13 @@ class HeaderUse(JsonDocument):
     notes: list[str]
 
 
-class WrittenHeader(HeaderUse):
+class WrittenHeader(HeaderUse, Versioned):
     """A header that was written."""
 
     file: str
 
 
-class ReadHeader(JsonDocument):
+class ReadHeader(Versioned):
     """The header of a header file or a plan, as it is stated."""
 
     file: str
@@ -228,7 +229,13 @@ def header(folder: Folder, name: str) -> ReadHeader:
         check_header(read, robot, file=path, line=document.line)
     plain = header_content(read, "zerobeam/plan/1")
     del plain["schema"]
-    return ReadHeader(file=folder.called(path), header=plain, target=read.only_target, notes=notes)
+    return ReadHeader(
+        version=version_of_sum(document.sha256),
+        file=folder.called(path),
+        header=plain,
+        target=read.only_target,
+        notes=notes,
+    )
 
 
 def check(folder: Folder, request: AskedHeader) -> HeaderUse:
@@ -236,14 +243,18 @@ def check(folder: Folder, request: AskedHeader) -> HeaderUse:
     return _checked(folder, request)[1]
 
 
-def write(folder: Folder, request: AskedHeader) -> WrittenHeader:
-    """Write a header as a new file, whole or not at all."""
+def write(folder: Folder, request: AskedHeader, precondition: Precondition) -> WrittenHeader:
+    """Write a header as a new file or over a header, whole or not at all; nothing else is ever replaced, nor
+    another version than the one that was read."""
     if Path(request.file).suffix.lower() not in {".yaml", ".yml"}:
         raise _wrong(("file",), "a header cannot have this name", request.file, "a name that ends in .yaml")
-    path = _at(("file",), lambda: folder.new(request.file))
+    path = _at(("file",), lambda: folder.inside(request.file))
+    if path.exists() and kind_of(path) != "header":
+        raise _wrong(("file",), "something else has this name", request.file, "a new file, or a header")
     read, use = _checked(folder, request)
-    write_header(path, read)
-    return WrittenHeader(file=folder.called(path), **dict(use))
+    with replacing(path, precondition, lambda: header(folder, request.file)) as force:
+        write_header(path, read, force=force)
+    return WrittenHeader(version=version_of(path), file=folder.called(path), **dict(use))
 
 
 def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, HeaderUse]:
@@ -324,6 +335,13 @@ END_POINTS = [
     ),
     EndPoint("/api/header/schema", "GET", "JSON Schema of a header.", schema),
     EndPoint("/api/header", "GET", "The header of a header file or plan.", header, query=("file",)),
-    EndPoint("/api/header", "PUT", "Writes a header as a new file.", write, AskedHeader),
+    EndPoint(
+        "/api/header",
+        "PUT",
+        "Writes a header: a new file, or in place of a header.",
+        write,
+        AskedHeader,
+        conditional=True,
+    ),
     EndPoint("/api/header/check", "POST", "Whether a header can be used.", check, AskedHeader),
 ]

@@ -23,7 +23,7 @@ from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
-from ....model.parsing.validation import FileModel, as_tuple
+from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
@@ -33,6 +33,7 @@ from ....words.result_json import check_json
 from ....words.verdict import violation_words
 from ..folder import Folder
 from ..requests import NOWHERE, Content, EndPoint, keyed, noted
+from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
 from .robots import DrawnArm, arm_of, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
@@ -78,7 +79,7 @@ class AskedPlan(FileModel):
     plan: Content = Field(description="the content of a plan file (zerobeam/plan/1)")
 
 
-class ReadPlan(JsonDocument):
+class ReadPlan(Versioned):
     """A plan file."""
 
     file: str
@@ -88,7 +89,7 @@ class ReadPlan(JsonDocument):
     notes: list[str]
 
 
-class WrittenPlan(JsonDocument):
+class WrittenPlan(Versioned):
     """A plan that was written."""
 
     file: str
@@ -154,14 +155,14 @@ class WithoutOne(JsonDocument):
     rest: WithoutPosture | None
 
 
-class ReadObstacles(JsonDocument):
+class ReadObstacles(Versioned):
     """An obstacles file."""
 
     file: str
     obstacles: Obstacles
 
 
-class WrittenObstacles(JsonDocument):
+class WrittenObstacles(Versioned):
     """Obstacles that were written."""
 
     file: str
@@ -178,6 +179,7 @@ def plan(folder: Folder, name: str) -> ReadPlan:
         ref = whole_ref(folder, read.header.robot, path.parent)
         arm = shown_arm(ref, [(read.postures[0] * read.robot.display).tolist()])
     return ReadPlan(
+        version=version_of_sum(document.sha256),
         file=folder.called(path),
         plan=document.data,
         targets=list(read.called),
@@ -186,8 +188,9 @@ def plan(folder: Folder, name: str) -> ReadPlan:
     )
 
 
-def write(folder: Folder, request: AskedPlan) -> WrittenPlan:
-    """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced."""
+def write(folder: Folder, request: AskedPlan, precondition: Precondition) -> WrittenPlan:
+    """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced, nor
+    another version than the one that was read."""
     path = _yaml_path(folder, request.file, "a plan")
     if path.exists():
         document = read_yaml(path)
@@ -197,17 +200,19 @@ def write(folder: Folder, request: AskedPlan) -> WrittenPlan:
     rows = written.postures * written.robot.display
     via = [between * written.robot.display for between in written.via]
     # What degrees lose on the way to radians and back is far below what a file states.
-    write_plan(
-        path,
-        written.header,
-        np.round(rows, 9),
-        written.targets,
-        means=written.means,
-        via_deg=via,
-        constraints=written.constraints,
-        force=path.exists(),
-    )
-    return WrittenPlan(file=folder.called(path), notes=[*notes, *written.warnings])
+    with replacing(path, precondition, lambda: plan(folder, request.file)) as force:
+        write_plan(
+            path,
+            written.header,
+            np.round(rows, 9),
+            written.targets,
+            means=written.means,
+            via_deg=via,
+            constraints=written.constraints,
+            force=force,
+        )
+    notes = [*notes, *written.warnings]
+    return WrittenPlan(version=version_of(path), file=folder.called(path), notes=notes)
 
 
 def check(folder: Folder, request: AskedCheck) -> CheckAnswer:
@@ -242,16 +247,23 @@ def without(folder: Folder, request: AskedWithout) -> list[WithoutOne]:
 def obstacles(folder: Folder, name: str) -> ReadObstacles:
     """An obstacles file: its content."""
     path = folder.inside(name)
-    return ReadObstacles(file=folder.called(path), obstacles=read_obstacles(path))
+    document = read_yaml(path)
+    content = validate(Obstacles, document.data, file=path, line=document.line)
+    version = version_of_sum(document.sha256)
+    return ReadObstacles(version=version, file=folder.called(path), obstacles=content)
 
 
-def write_obstacles_file(folder: Folder, request: AskedObstacles) -> WrittenObstacles:
-    """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced."""
+def write_obstacles_file(
+    folder: Folder, request: AskedObstacles, precondition: Precondition
+) -> WrittenObstacles:
+    """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced, nor another
+    version than the one that was read."""
     path = _yaml_path(folder, request.file, "obstacles")
     if path.exists():
         read_obstacles(path)
-    write_obstacles(path, request.obstacles, force=path.exists())
-    return WrittenObstacles(file=folder.called(path))
+    with replacing(path, precondition, lambda: obstacles(folder, request.file)) as force:
+        write_obstacles(path, request.obstacles, force=force)
+    return WrittenObstacles(version=version_of(path), file=folder.called(path))
 
 
 def _yaml_path(folder: Folder, file: str, content: str) -> Path:
@@ -369,7 +381,14 @@ def _null_motion(checked: Check) -> list[NullMotion]:
 
 END_POINTS = [
     EndPoint("/api/plan", "GET", "A plan: its content, targets, robot and notes.", plan, query=("file",)),
-    EndPoint("/api/plan", "PUT", "Writes a plan: a new file, or in place of a plan.", write, AskedPlan),
+    EndPoint(
+        "/api/plan",
+        "PUT",
+        "Writes a plan: a new file, or in place of a plan.",
+        write,
+        AskedPlan,
+        conditional=True,
+    ),
     EndPoint("/api/check", "POST", "A check (zerobeam/check/1); with `scene` more.", check, AskedCheck),
     EndPoint("/api/without", "POST", "What a plan is without each of its postures.", without, AskedWithout),
     EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, query=("file",)),
@@ -379,5 +398,6 @@ END_POINTS = [
         "Writes obstacles: a new file, or in place of obstacles.",
         write_obstacles_file,
         AskedObstacles,
+        conditional=True,
     ),
 ]

@@ -18,9 +18,9 @@ from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import FileModel, as_tuple
 from ....words.wording import shown
 from ..folder import Folder
+from ..kept import Kept
 from ..requests import EndPoint
 from .refits import FittedRun, fitted
-from .results import Kept
 
 MOST_DRAWS = 2000  # shown
 MOST_RESIDUALS = 600_000  # draws times measurements, computed for them

@@ -24,7 +24,7 @@ from ..started_runs import StartedRuns
 _MOST = 20  # of its measurements after each of which u is said
 _MOST_RUNS = 5  # that are offered to be resumed
 _LARGEST = 2 * 10**6  # bytes of a run file that is read while somebody waits
-_PLAN_HASH = "plan sha256"  # in the provenance of a run that was carried out
+PLAN_HASH = "plan sha256"  # in the provenance of a run that was carried out
 _BY_HAND = "by hand"
 
 
@@ -130,7 +130,7 @@ def _states(run: Run) -> list[tuple[int, Solution]]:
 def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:
     """The command that goes on with a run, its plan, or why there is none."""
     provenance = run.header.provenance
-    plan = _of_hash(folder, "plan", provenance.get(_PLAN_HASH))
+    plan = _of_hash(folder, "plan", provenance.get(PLAN_HASH))
     if plan is None:
         return None, None, "the plan that it was begun with is not in this folder, or has changed"
     command = StartedRuns(folder).command(name)

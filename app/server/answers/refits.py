@@ -23,8 +23,8 @@ from ....words.message import solution_headline
 from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document
 from ..folder import Folder
+from ..kept import Kept
 from ..requests import EndPoint, Refused
-from .results import Kept
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from ....analysis.answer.document import ReadResult, from_json
 from ....analysis.answer.result import RESULT_SCHEMA
@@ -17,6 +16,7 @@ from ....model.parsing.reading import parse_json, read_text
 from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
+from ..kept import Kept
 from ..requests import EndPoint
 
 LARGEST_RESULT = 16 * 10**6  # bytes
@@ -29,30 +29,6 @@ _SHOWN = {
 }
 _SENTENCES = {"verdict", "message", "coverage_factor", "headline", "notes", "next_steps", "posterior"}
 _SHOWN_OF_A_SHOT = ("shot", "target", "whitened", "leave_one_out", "cooks")
-
-Value = TypeVar("Value")
-
-
-class Kept:
-    """What was made of files, until they change; the oldest is forgotten."""
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._made: OrderedDict[tuple[str, int, int], Any] = OrderedDict()
-
-    def of(self, path: Path, make: Callable[[Path], Value]) -> Value:
-        """What `make` makes of the file as it is now."""
-        facts = path.stat()
-        key = (str(path), facts.st_mtime_ns, facts.st_size)
-        if key not in self._made:
-            made = make(path)
-            self._made[key] = made
-            while len(self._made) > self._most:
-                self._made.popitem(last=False)
-        self._made.move_to_end(key)
-        value: Value = self._made[key]
-        return value
-
 
 _RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
 

@@ -1,0 +1,144 @@
+"""Versions of files: who replaces a file says which version it was made from, so that no work is lost."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import Field
+
+from ...model.errors import BadInput
+from ...model.files.json_document import JsonDocument
+from .kept import Kept
+from .requests import Content, ErrorAnswer
+
+MOST_HASHED = 16 * 10**6  # bytes; a larger file has its version by size and time
+_DIGITS = 32
+_VERSIONS = Kept(8000)
+
+
+class Versioned(JsonDocument):
+    """What is made of one file."""
+
+    version: str = Field(description="of the file: what If-Match takes when it is replaced")
+
+
+class WrittenFile(Versioned):
+    """A file that was written as it was sent."""
+
+    file: str
+    bytes: int
+
+
+class CurrentFile(Versioned):
+    """What a file holds now."""
+
+    content: Content | str | None = Field(
+        description="what GET answers, the text of a file that is sent as it is; null where it is neither"
+    )
+
+
+class ConflictAnswer(ErrorAnswer):
+    """A refusal: the file is not the one that was to be replaced."""
+
+    current: CurrentFile | None = Field(description="null where there is no file any more")
+
+
+class Conflict(BadInput):
+    """A file is not the version that was to be replaced; `current` is what is there."""
+
+    current: CurrentFile | None = None
+
+
+@dataclass(frozen=True)
+class Precondition:
+    """What a request that writes says of the file that is there: the headers If-Match and If-None-Match."""
+
+    match: str | None = None
+    none_match: str | None = None
+
+    @classmethod
+    def of(cls, headers: Mapping[str, str]) -> Precondition:
+        return cls(headers.get("if-match"), headers.get("if-none-match"))
+
+
+def version_of_bytes(content: bytes) -> str:
+    """The version of a file of this content, `MOST_HASHED` at the most."""
+    return version_of_sum(hashlib.sha256(content).hexdigest())
+
+
+def version_of_sum(sha256: str) -> str:
+    """The version of a file of this SHA-256."""
+    return sha256[:_DIGITS]
+
+
+def version_of(path: Path) -> str:
+    """The version of a file; OSError where it cannot be read."""
+    return _VERSIONS.of(path, _version)
+
+
+def _version(path: Path) -> str:
+    facts = path.stat()
+    if facts.st_size > MOST_HASHED:
+        return f"{facts.st_size:x}-{facts.st_mtime_ns:x}-{facts.st_ino:x}"[:_DIGITS]
+    return version_of_bytes(path.read_bytes())
+
+
+def etag(version: str) -> str:
+    """A version as the header ETag has it."""
+    return f'"{version}"'
+
+
+def matches(header: str, version: str) -> bool:
+    """Whether If-Match or If-None-Match names this version."""
+    names = [name.strip().removeprefix("W/").strip('"') for name in header.split(",")]
+    return "*" in names or version in names
+
+
+@contextmanager
+def replacing(
+    path: Path, precondition: Precondition, current: Callable[[], JsonDocument | str | None]
+) -> Iterator[bool]:
+    """Within, the file may be written: whether it takes the place of one that is there.
+
+    Conflict where it is not the one that `precondition` states, also where a new file's name is taken
+    meanwhile. `current` reads what is there.
+    """
+    there = path.exists()
+    match, none_match = precondition.match, precondition.none_match
+    if match is not None and not there:
+        raise Conflict(
+            "the file is no longer there",
+            found=path.name,
+            remedy="save under a new name, or as a new file of this name",
+            file=path,
+        )
+    if there and (match is None or none_match is not None or not matches(match, _version(path))):
+        raise _conflict(path, changed=match is not None, current=current)
+    try:
+        yield there
+    except BadInput:
+        if not there and path.exists():
+            raise _conflict(path, changed=False, current=current) from None
+        raise
+
+
+def _conflict(path: Path, *, changed: bool, current: Callable[[], JsonDocument | str | None]) -> Conflict:
+    error = Conflict(
+        "the file has changed since it was read" if changed else "the file exists already",
+        found=path.name,
+        allowed="the version that is there, in If-Match" if changed else "a name that is free, or If-Match",
+        remedy="look at both, and keep one of them or choose another name",
+        file=path,
+    )
+    version = _version(path)
+    try:
+        content = current()
+    except BadInput:
+        content = None
+    plain = content.to_json() if isinstance(content, JsonDocument) else content
+    error.current = CurrentFile(version=version, content=plain)
+    return error

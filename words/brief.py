@@ -1,0 +1,61 @@
+"""The state of a calibration in one line: what a list of many says of each."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from ..analysis.answer.document import ReadResult
+from ..analysis.status import Verdict
+from . import numbers
+from .provenance import is_simulated
+from .verdict import VERDICT_WORDS
+from .wording import clipped, counted
+
+Tone = Verdict | Literal["held"]
+
+
+def planned_words(measurements: int) -> str:
+    """Of a plan without a run."""
+    return f"planned: {counted(measurements, 'measurement')}"
+
+
+def recorded_words(recorded: int, of: int | None, *, under_way: bool) -> str:
+    """Of a run without a result; `of` is the number that its plan has, None where that is not known."""
+    if under_way and of is not None:
+        return f"measured {recorded} of {of}"
+    return f"measured: {counted(recorded, 'measurement')}"
+
+
+def result_words(result: ReadResult) -> str:
+    """The verdict's word, and how well the least well determined offset is known."""
+    word = VERDICT_WORDS[result.verdict]
+    if simulated(result):
+        word = f"Simulated: {word.lower()}"
+    if result.verdict == "misfit":
+        return f"{word}: the model does not describe the measurements"
+    worst = None if result.message is None else result.message.worst
+    if worst is None:
+        return word
+    name = _short(worst.name)
+    if worst.value is None:
+        return f"{word}: {name} is not determined"
+    return f"{word}: U ≤ {numbers.spread(worst.value, numbers.unit_of(worst.unit))} ({name})"
+
+
+def result_tone(result: ReadResult) -> Tone:
+    """How it is coloured: a pass is one of a robot that was measured, and that meets what it must."""
+    if result.verdict != "pass":
+        return result.verdict
+    if simulated(result):
+        return "held"
+    judged = result.conformity
+    return "pass" if judged is None or judged.decision == "conforms" else "weak"
+
+
+def simulated(result: ReadResult) -> bool:
+    """Whether no robot was measured."""
+    return is_simulated(result.inputs.provenance)
+
+
+def _short(offset: str) -> str:
+    return f"J{number}" if (number := offset.removeprefix("delta")).isdecimal() else clipped(offset)
