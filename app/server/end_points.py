@@ -10,7 +10,19 @@ from typing import Any, Literal
 from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
-from .answers import history, home, imports, plans, posteriors, recordings, refits, results, robots
+from .answers import (
+    exports,
+    history,
+    home,
+    imports,
+    new_folders,
+    plans,
+    posteriors,
+    recordings,
+    refits,
+    results,
+    robots,
+)
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine
 from .jobs import JobBrief, JobWhole
@@ -27,6 +39,8 @@ END_POINTS: list[EndPoint] = [
     *refits.END_POINTS,
     *posteriors.END_POINTS,
     *history.END_POINTS,
+    *exports.END_POINTS,
+    *new_folders.END_POINTS,
 ]
 
 
