@@ -38,6 +38,7 @@ docs: .venv/installed-docs
 lint: style
 	@$(TYPES)
 
+# The page of the app is checked where Node is.
 # mypy wants to find the package under its name, and an editable install hides it: link the rooms.
 style: .venv/installed-test
 	@$(BIN)/ruff check --quiet .
@@ -47,6 +48,7 @@ style: .venv/installed-test
 		ln -s "$(CURDIR)/$${part%/}" build/typing/zerobeam/; done
 	@PYTHONPATH=build/typing $(BIN)/lint-imports --no-cache --no-logo >build/imports.txt || \
 		{ cat build/imports.txt; exit 1; }
+	@.ci/page/check
 
 format: .venv/installed-test
 	@$(BIN)/ruff check --quiet --fix .

@@ -58,10 +58,15 @@ def typed_arm(
 
 
 def shown_arm(
-    ref: str | UrdfRef, joints_deg: Sequence[Sequence[float]], *, j3: J3 | None = "link"
+    ref: str | UrdfRef,
+    joints_deg: Sequence[Sequence[float]],
+    *,
+    j3: J3 | None = None,
+    as_in_files: bool = True,
 ) -> ShownArm:
-    """A robot with joint values (n,) in degrees (mm), joint 1 first, in each posture, joint 3 from link 2 as
-    in files (`j3` None: as the pendant counts it); BadInput where there are not n."""
+    """A robot with joint values (n,) in degrees (mm), joint 1 first, in each posture; BadInput where there are
+    not n. Its pendant counts joint 3 by `j3` (None: as the robot file states); the values are so counted, too,
+    unless they are `as_in_files`, from link 2."""
     robot = load_robot(ref)
     pendant = Pendant(robot, j3)
     for values in joints_deg:
@@ -72,7 +77,8 @@ def shown_arm(
                 allowed=robot.n,
             )
     typed = [np.array(values, dtype=float) for values in joints_deg]
-    return _shown(ref, pendant, [pendant.between_links(values) / robot.display for values in typed])
+    linked = typed if as_in_files else [pendant.between_links(values) for values in typed]
+    return _shown(ref, pendant, [values / robot.display for values in linked])
 
 
 def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> ShownArm:

@@ -5,6 +5,7 @@ import { post } from "../core/api.js";
 import { begin, well } from "../core/jobs.js";
 import { toImport, toJob, go } from "../core/route.js";
 import { attempt, home, refresh } from "../core/store.js";
+import { counted } from "../core/words.js";
 import { JobProgress } from "../parts/JobProgress.js";
 
 /** @typedef {import("../core/store.js").Calibration} Calibration */
@@ -55,11 +56,11 @@ export function Home() {
         <label class="grow"><span class="label">Search</span><input type="search" value=${search.value} placeholder="name, arm, serial number, verdict" onInput=${(/** @type {any} */ event) => { search.value = event.target.value; sessionStorage.setItem("zerobeam:search", search.value); }} /></label>
         <label><span class="label">Sorted by</span><select value=${order.value} onChange=${(/** @type {any} */ event) => { order.value = event.target.value; }}>${Object.keys(ORDERS).map((one) => html`<option value=${one} selected=${one === order.value}>${one}</option>`)}</select></label>
       </div>
-      <p class="muted" role="status">${rows.length === total ? `${total} calibrations` : `${rows.length} of ${total} calibrations`}${home.value?.left_out ? `; ${home.value.left_out} files of the folder are not listed` : ""}</p>
+      <p class="muted" role="status">${rows.length === total ? counted(total, "calibration") : `${rows.length} of ${counted(total, "calibration")}`}${home.value?.left_out ? `; ${home.value.left_out} files of the folder are not listed` : ""}</p>
       <ul class="calibrations">
         ${rows.slice(0, all.value ? rows.length : MOST).map((one) => html`
           <li key=${one.name}><a href=${next(one)}>
-            <span class="name"><b>${one.name === "." ? "This folder" : one.name}</b><small>${[one.model ?? one.robot, one.serial && `No. ${one.serial}`, one.instrument].filter(Boolean).join(" · ")}</small></span>
+            <span class="name"><b>${one.name === "." ? "This folder" : one.name}</b><small>${[one.model ?? one.robot, one.serial && !one.serial.startsWith("none") && `No. ${one.serial}`, one.instrument].filter(Boolean).join(" · ")}</small></span>
             <span class=${`state ${one.state.verdict ?? one.state.kind}`}><span>${one.state.text}</span>${one.simulated && html`<small class="simulated">SIMULATED</small>`}</span>
             <span class=${`due${one.due?.overdue ? " overdue" : ""}`}>${one.due?.text ?? ""}</span>
             <time datetime=${one.modified}>${one.modified.slice(0, 16).replace("T", " ")}</time>

@@ -39,6 +39,10 @@ class AskedRobot(FileModel):
         description="what joint 3 is counted from: link 2, as in files; the ground; or as the robot file"
         " states of the pendant",
     )
+    as_in_files: bool = Field(
+        default=False,
+        description="joints_deg are those of a file, joint 3 from link 2, whatever j3 says of what is shown",
+    )
 
 
 class AskedMeshes(FileModel):
@@ -93,7 +97,8 @@ def robot(folder: Folder, request: AskedRobot) -> DrawnArm:
     with noted() as notes:
         ref = whole_ref(folder, request.robot, folder.root)
         j3 = None if request.j3 == "pendant" else request.j3
-        arm = shown_arm(ref, [] if request.joints_deg is None else [request.joints_deg], j3=j3)
+        joints = [] if request.joints_deg is None else [request.joints_deg]
+        arm = shown_arm(ref, joints, j3=j3, as_in_files=request.as_in_files)
     return arm_of(arm, notes)
 
 

@@ -1,0 +1,107 @@
+// Another plan by the command `plan`: the best of many candidate postures, or a pattern of the paper.
+import { html } from "htm/preact";
+import { signal, useSignal } from "@preact/signals";
+import { getFile, put, Refused } from "../core/api.js";
+import { parsedList } from "../core/decimal.js";
+import { answer, chosen, plan } from "../core/editing.js";
+import { begin, over, well } from "../core/jobs.js";
+import { go, route, toJob } from "../core/route.js";
+import { attempt, calibration, failed, freeName, inside, ofKind, refresh } from "../core/store.js";
+import { sentence } from "../core/words.js";
+import { Choice } from "../parts/Choice.js";
+import { Fold } from "../parts/Fold.js";
+import { JobProgress } from "../parts/JobProgress.js";
+import { NumberField } from "../parts/NumberField.js";
+import { TextField } from "../parts/TextField.js";
+
+const OF_PLAN = " "; // the header of the plan that is open: no file has this name
+
+/** What is asked for; null: not stated. */
+const wish = signal({
+  kind: "optimal", target: /** @type {(number | null)[]} */ ([null, null, null]), shots: /** @type {number | null} */ (null), tolerance: /** @type {number | null} */ (null), most: /** @type {number | null} */ (30),
+  criterion: "A", candidates: /** @type {number | null} */ (10000), facing: "0, 0, 1", acceptance: /** @type {number | null} */ (60), shortest: /** @type {number | null} */ (200), longest: /** @type {number | null} */ (2000),
+  margin: /** @type {number | null} */ (5), obstacles: "", seed: /** @type {number | null} */ (0),
+});
+
+/** What all measurements have in common, as a header file beside the plan states it. @param {import("../core/editing.js").PlanContent} content */
+function headerOf(content) {
+  const { schema, postures_deg, constraints, targets, ...header } = content;
+  const names = Object.keys(targets ?? {});
+  return names.length === 1 && ["psd", "socket"].includes(names[0]) ? { ...header, targets } : header;
+}
+
+/** The header of the plan that is open, as a file: a new one, or the same. @param {string} out */
+async function headerFile(out) {
+  const name = out.replace(/\.ya?ml$/, "-header.yaml"), header = headerOf(/** @type {any} */ (plan.value));
+  try {
+    await put("/api/header", { file: name, header });
+  } catch (error) {
+    if (!(error instanceof Refused) || error.status === 0) throw error;
+    const same = await getFile("header", name).catch(() => null);
+    if (JSON.stringify(same?.header) !== JSON.stringify(header)) throw error;
+  }
+  return name;
+}
+
+/** @param {string} header @param {string} out @param {number[] | null} target @returns {string[]} */
+function words(header, out, target) {
+  const now = wish.value, best = now.kind === "optimal";
+  /** @type {[string, unknown][]} */
+  const options = [["--header", header], ["--out", out], ["--target", target?.join(",")]];
+  if (!best || now.tolerance === null) options.push(["--shots", now.shots]);
+  if (best) {
+    if (now.tolerance !== null) options.push(["--tolerance", now.tolerance], ["--max-shots", now.most]);
+    options.push(["--criterion", now.criterion], ["--candidates", now.candidates], ["--facing", now.facing.trim() === "any" ? "any" : parsedList(now.facing)?.join(",")], ["--acceptance", now.acceptance],
+      ["--beam", now.shortest === null || now.longest === null ? null : `${now.shortest},${now.longest}`], ["--margin", now.margin], ["--obstacles", now.obstacles], ["--seed", now.seed]);
+  }
+  return ["plan", now.kind, ...options.filter(([, value]) => value !== "" && value !== null && value !== undefined).map(([name, value]) => `${name}=${value}`)];
+}
+
+export function Making() {
+  const headers = [...(plan.value ? [[OF_PLAN, "of the plan that is open"]] : []), ...[...new Set([...(calibration.value?.files.header ?? []), ...ofKind("header")])].map((one) => [one, one])];
+  const header = useSignal(headers[0]?.[0] ?? ""), out = useSignal("");
+  /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
+  const job = useSignal(null);
+  const lines = useSignal(/** @type {string[]} */ ([]));
+  const now = wish.value, best = now.kind === "optimal";
+  const set = (/** @type {Partial<typeof wish.value>} */ more) => { wish.value = { ...wish.value, ...more }; };
+  const proposed = freeName(`${inside(route.value.name)}plan.yaml`);
+  const there = answer.value?.scene?.[chosen.value ?? 0]?.target;
+  if (!headers.length) return html`<p class="muted">A plan needs a header (robot, instrument and noise). Begin with a <a href="#/new">new calibration</a>.</p>`;
+  const make = (/** @type {Event} */ event) => {
+    event.preventDefault();
+    attempt(async () => {
+      lines.value = [];
+      const to = out.value.trim() || proposed, stated = now.target.every((one) => one !== null) ? /** @type {number[]} */ (now.target) : there ? there.map((/** @type {number} */ v) => Number(v.toFixed(3))) : null;
+      const from = header.value === OF_PLAN ? await headerFile(to) : header.value;
+      job.value = await begin(words(from, to, stated));
+      const ended = await job.value.ended;
+      await refresh();
+      if (!well(ended) || !ended.answer) return;
+      lines.value = [...ended.answer.said, ...(ended.answer.removed ? [ended.answer.removed] : [])];
+      if (ended.answer.plan !== null) go(toJob(route.value.name, "plan", to));
+    }).catch(failed);
+  };
+  const number = (/** @type {string} */ label, /** @type {keyof typeof wish.value} */ key, /** @type {any} */ more = {}) => html`<${NumberField} label=${label} value=${now[key]} optional onValue=${(/** @type {number | null} */ value) => set({ [key]: value })} ...${more} />`;
+  return html`
+    <form class="making" onSubmit=${make}>
+      <div class="fields">
+        <${Choice} label="Kind" value=${now.kind} groups=${[["", [["optimal", "optimal"], ["x", "X-Pattern"], ["y", "Y-Pattern"]]]]} onValue=${(/** @type {string} */ kind) => set({ kind })} />
+        <${Choice} label="Header" value=${header.value} groups=${[["", headers]]} onValue=${(/** @type {string} */ value) => { header.value = value; }} />
+        ${number("Measurements", "shots", { whole: true, least: 2, placeholder: "as usual" })}
+        ${best && number("… or as few as reach u, °", "tolerance", { least: 0 })}
+        ${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" optional value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"} onValue=${(/** @type {number | null} */ value) => set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
+        <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
+      </div>
+      ${best && html`<${Fold} title="Constraints and search"><div class="fields">
+        <${TextField} label="Normal of the target, or any" value=${now.facing} error=${now.facing.trim() === "any" || parsedList(now.facing)?.length === 3 ? "" : "allowed: three numbers, or any"} onValue=${(/** @type {string} */ facing) => set({ facing })} />
+        ${number("Largest angle to it", "acceptance", { unit: "°" })}${number("Shortest beam", "shortest", { unit: "mm" })}${number("Longest beam", "longest", { unit: "mm" })}${number("Margin to limits", "margin", { unit: "°", least: 0 })}
+        <${Choice} label="Obstacles" value=${now.obstacles} none="none" groups=${[["", ofKind("obstacles").map((one) => [one, one])]]} onValue=${(/** @type {string} */ obstacles) => set({ obstacles })} />
+        <${Choice} label="Criterion" value=${now.criterion} groups=${[["", [["A", "A: mean variance"], ["D", "D: generalised variance"], ["E", "E: largest variance"]]]]} onValue=${(/** @type {string} */ criterion) => set({ criterion })} />
+        ${number("At most, with u", "most", { whole: true, least: 2 })}${number("Candidates", "candidates", { whole: true, least: 10 })}${number("Random seed", "seed", { whole: true, least: 0 })}
+      </div><//>`}
+      <p class="bar"><button class="main" disabled=${job.value !== null && !over(job.value.state.value)}>Make the plan</button></p>
+      ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
+      <ul class="lines">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
+    </form>`;
+}

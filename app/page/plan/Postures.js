@@ -1,0 +1,81 @@
+// The postures as a strip: what each is, and what the plan would be without it.
+import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
+import { computed, signal } from "@preact/signals";
+import { latest, post } from "../core/api.js";
+import { answer, arm, change, chosen, file, jointsOf, pending, plan } from "../core/editing.js";
+import { failed } from "../core/store.js";
+import { fixed, named, WORDS } from "../core/words.js";
+
+const MOST = 30; // postures that the server leaves out in one answer
+
+/** What the plan is without each of its postures, by its number. @type {import("@preact/signals").Signal<Map<number, any>>} */
+const without = signal(new Map());
+const ask = latest(async () => {
+  const content = plan.value;
+  if (content === null || answer.value === null || pending.value) return null;
+  const count = content.postures_deg.length;
+  const postures = count <= MOST ? Array.from({ length: count }, (_, i) => i) : chosen.value === null ? [] : [chosen.value];
+  return postures.length ? post("/api/without", { plan: content, postures, file: file.value }) : [];
+}, (rows) => { without.value = new Map(rows.map((/** @type {any} */ row) => [row.posture, row.rest])); }, failed);
+
+/** How many times larger the uncertainty of the offsets is without a posture, at the most; Infinity where one is lost. @param {any} rest */
+function loss(rest) {
+  const rows = answer.value?.parameters.filter((/** @type {any} */ row) => row.group === "offset" && !row.held && row.std !== null) ?? [];
+  if (!rest) return null;
+  return Math.max(1, ...rows.map((/** @type {any} */ row) => (rest.std[row.name] === null ? Infinity : rest.std[row.name] / row.std)));
+}
+
+/** @param {any} rest */
+function lost(rest) {
+  const rows = answer.value?.parameters.filter((/** @type {any} */ row) => row.group === "offset" && !row.held && row.std !== null) ?? [];
+  return rows.filter((/** @type {any} */ row) => rest.std[row.name] === null).map((/** @type {any} */ row) => named(row.name));
+}
+
+const rows = computed(() => (plan.value?.postures_deg ?? []).map((_, i) => {
+  const scene = answer.value?.scene[i], off = answer.value?.postures[i], rest = without.value.get(i), factor = loss(rest);
+  const misses = !scene ? "" : !off.hit ? "the target cannot be hit" : !scene.reaches ? "target behind the laser" : scene.violations[0] ?? "";
+  const adds = rest === null ? "gives what no other gives" : factor === null ? "" : factor === Infinity ? `without it: ${lost(rest).join(", ")} not determined` : `without it: u × ${factor < 1.005 ? "1.00" : Number(factor.toPrecision(3))}${rest.verdict !== answer.value.verdict ? `, ${WORDS[rest.verdict]?.toLowerCase()}` : ""}`;
+  return { i, target: scene?.target_name ?? "", misses, adds, share: factor === null ? (rest === null ? 1 : 0) : factor === Infinity ? 1 : Math.min(1, Math.log2(factor)), off: off?.hit && off.off_mm >= 0.05 ? `${fixed(off.off_mm, 1)} mm beside the target before aiming` : "" };
+}));
+
+/** A posture beside the chosen one; `turn` degrees at joint 1, so that it adds something. @param {number} turn */
+const another = (turn) => change(null, (content) => {
+  const i = chosen.value ?? content.postures_deg.length - 1, copy = structuredClone(content.postures_deg[i]), joint = arm.value.joints[0];
+  const joints = Array.isArray(copy) ? copy : copy.joints_deg;
+  joints[0] += (joints[0] + turn > joint.upper ? -1 : 1) * turn;
+  content.postures_deg.splice(i + 1, 0, copy);
+  chosen.value = i + 1;
+});
+/** @param {number} by */
+const move = (by) => change(null, (content) => {
+  const i = chosen.value ?? 0, [posture] = content.postures_deg.splice(i, 1);
+  content.postures_deg.splice(i + by, 0, posture);
+  chosen.value = i + by;
+});
+const drop = () => change(null, (content) => { content.postures_deg.splice(chosen.value ?? 0, 1); });
+
+export function Postures() {
+  const count = rows.value.length, i = chosen.value;
+  useEffect(() => { if (!pending.value) ask(); }, [answer.value, pending.value, count > MOST ? i : 0]);
+  return html`
+    <div class="strip-head">
+      <h2 id="postures-title">${count} measurements</h2>
+      <div class="bar" role="toolbar" aria-label="Measurements">
+        <button type="button" aria-pressed=${i === null} onClick=${() => { chosen.value = i === null ? 0 : null; }}>All</button>
+        <button type="button" onClick=${() => another(15)}>Add</button>
+        <button type="button" onClick=${() => another(0)}>Duplicate</button>
+        <button type="button" disabled=${count < 2 || i === null} onClick=${drop}>Remove</button>
+        <button type="button" disabled=${!i} aria-label="Move to the left" onClick=${() => move(-1)}>‹ Move</button>
+        <button type="button" disabled=${i === null || i >= count - 1} aria-label="Move to the right" onClick=${() => move(1)}>Move ›</button>
+      </div>
+    </div>
+    <ol class="strip" aria-labelledby="postures-title">
+      ${rows.value.map((row) => html`
+        <li key=${row.i}><button type="button" class=${row.misses ? "misses" : ""} aria-current=${row.i === i ? "true" : undefined} onClick=${() => { chosen.value = row.i; }} title=${plan.value ? jointsOf(plan.value, row.i).map((v) => fixed(v, 1)).join(", ") : ""}>
+          <b>${row.i + 1}</b> <span class="of">${row.target}</span>
+          <meter min="0" max="1" value=${row.share} aria-label="What it adds"></meter>
+          <small>${row.misses || row.adds || row.off}</small>
+        </button></li>`)}
+    </ol>`;
+}

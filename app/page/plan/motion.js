@@ -1,0 +1,48 @@
+// The arm moves along a null-space direction: how it can be off without any measurement showing it.
+import { signal } from "@preact/signals";
+import { post } from "../core/api.js";
+import { answer, chosen, file, plan } from "../core/editing.js";
+import { attempt } from "../core/store.js";
+import { robotFrom } from "./picture.js";
+
+const STEPS = 6; // poses to each side
+
+/** @typedef {[number, number, number]} Vec */
+/** Which direction is shown, and its frames. @type {import("@preact/signals").Signal<{direction: number, frames: any[], period_s: number} | null>} */
+export const motion = signal(null);
+
+const minus = (/** @type {number[]} */ a, /** @type {number[]} */ b) => a.map((v, i) => v - b[i]);
+const dot = (/** @type {number[]} */ a, /** @type {number[]} */ b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (/** @type {number[]} */ a, /** @type {number[]} */ b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+/** v turned by a unit quaternion, or turned back. @param {number[]} quaternion @param {number[]} v */
+function turned([w, x, y, z], v, back = false) {
+  const q = back ? [-x, -y, -z] : [x, y, z];
+  const t = cross(q, v).map((c) => 2 * c), u = cross(q, t);
+  return v.map((c, i) => c + w * t[i] + u[i]);
+}
+
+/** Shows a direction until it is asked for again. @param {number} direction */
+export const play = (direction) => attempt(async () => {
+  if (motion.value?.direction === direction) { motion.value = null; return; }
+  const content = plan.value, place = answer.value?.scene[chosen.value ?? 0], along = answer.value?.null_motion[direction];
+  if (content === null || !place || !along) return;
+  const shares = Array.from({ length: 2 * STEPS + 1 }, (_, i) => (i - STEPS) / STEPS);
+  const robot = robotFrom(content.robot, file.value);
+  const arms = await Promise.all(shares.map((share) => post("/api/robot", { robot, joints_deg: place.joints_deg.map((/** @type {number} */ v, /** @type {number} */ i) => v + share * along.joints_deg[i]) })));
+  const rest = arms[STEPS].poses[0];
+  // Laser and flange are one rigid body; the beam ends nearest to the moved target.
+  const tool = turned(rest.quaternion_wxyz, minus(place.tool, rest.xyz_mm), true);
+  const beam = place.beam && turned(rest.quaternion_wxyz, minus(place.beam[1], place.beam[0]), true);
+  const frames = arms.map((arm, i) => {
+    const pose = arm.poses[0], from = turned(pose.quaternion_wxyz, tool).map((v, k) => v + pose.xyz_mm[k]);
+    if (!beam) return { skeleton: arm.skeleton, axes: arm.axes, links: arm.links, tool: from, beam: null };
+    const target = place.target.map((/** @type {number} */ v, /** @type {number} */ k) => v + shares[i] * (along.others[`${place.target_name}.${"xyz"[k]}`] ?? 0));
+    const ray = turned(pose.quaternion_wxyz, beam), length = Math.max(0, dot(minus(target, from), ray) / dot(ray, ray));
+    return { skeleton: arm.skeleton, axes: arm.axes, links: arm.links, tool: from, beam: [from, from.map((v, k) => v + length * ray[k])] };
+  });
+  motion.value = { direction, frames, period_s: 2.4 };
+});
+
+/** Whether a direction moves a joint. @param {number} direction */
+export const moves = (direction) => Boolean(answer.value?.null_motion?.[direction]?.joints_deg.some((/** @type {number} */ v) => v !== 0));

@@ -1,0 +1,98 @@
+// What the scene shows of the plan that is open, and what is done to the plan in it.
+import { computed, effect, signal } from "@preact/signals";
+import { latest, post, Refused } from "../core/api.js";
+import { answer, arm, change, chosen, file, jointsOf, plan } from "../core/editing.js";
+import { failed } from "../core/store.js";
+
+/** @typedef {import("../scene/types.js").Scene3D} Scene3D */
+
+/** A robot file is named from the plan's folder in the plan, and from the app's folder elsewhere. @param {any} ref @param {string} planFile */
+export function robotFrom(ref, planFile) {
+  const folder = planFile.slice(0, planFile.lastIndexOf("/") + 1);
+  if (typeof ref === "object") return { ...ref, urdf: folder + ref.urdf };
+  return /\.(yaml|yml|json|urdf)$/.test(ref) ? folder + ref : ref;
+}
+
+/** The meshes of the plan's URDF; undefined where it has none. @type {import("@preact/signals").Signal<any[] | undefined>} */
+export const meshes = signal(undefined);
+/** What is left out of them. @type {import("@preact/signals").Signal<string[]>} */
+export const meshNotes = signal([]);
+let meshesOf = "";
+effect(() => {
+  const ref = plan.value?.robot, key = typeof ref === "object" ? JSON.stringify(robotFrom(ref, file.value)) : "";
+  if (key === meshesOf) return;
+  meshesOf = key;
+  meshes.value = undefined;
+  meshNotes.value = [];
+  if (!key) return;
+  post("/api/meshes", { robot: JSON.parse(key) }).then((found) => {
+    if (meshesOf !== key) return;
+    meshes.value = found.meshes;
+    meshNotes.value = found.notes;
+  }, (error) => {
+    if (!(error instanceof Refused)) throw error;
+    meshNotes.value = [error.text];
+  });
+});
+
+/** @param {number} i */
+export const postureName = (i) => `measurement ${i + 1}`;
+
+/** @type {import("@preact/signals").ReadonlySignal<Scene3D | null>} */
+export const picture = computed(() => {
+  const found = answer.value, body = arm.value;
+  if (body === null || !found?.scene) return null;
+  const obstacles = plan.value?.constraints?.obstacles?.boxes ?? [];
+  return {
+    of: `plan ${file.value}`,
+    reach: body.reach_mm,
+    arm: body,
+    meshes: meshes.value,
+    postures: found.scene.map((/** @type {any} */ posture, /** @type {number} */ i) => ({ ...posture, name: postureName(i), joints: posture.joints_deg })),
+    marks: found.marks ?? [...new Map(found.scene.map((/** @type {any} */ one) => [one.target_name, { kind: "psd", name: one.target_name, at: one.target }])).values()],
+    boxes: obstacles.map((/** @type {any} */ box, /** @type {number} */ i) => ({ name: box.name, min: box.min_mm, max: box.max_mm, touched: Boolean(found.touched_boxes?.[i]) })),
+  };
+});
+
+const tenth = (/** @type {number} */ value) => Math.round(10 * value) / 10;
+
+/** @param {string} name @param {number[]} at */
+export const moveTarget = (name, at) => change(`targets/${name}`, (content) => {
+  content.targets ??= {};
+  content.targets[name] = { ...content.targets[name], guess_mm: at.map(tenth) };
+});
+
+/** @param {number} joint from 1 @param {number} value */
+export const turnJoint = (joint, value) => {
+  const i = chosen.value;
+  if (i !== null) change(`joint/${i}/${joint}`, (content) => { jointsOf(content, i)[joint - 1] = Number(value.toFixed(3)); });
+};
+
+/** @param {number} i @param {import("../scene/types.js").Box} box */
+export const moveBox = (i, box) => change(`boxes/${i}`, (content) => {
+  Object.assign(content.constraints.obstacles.boxes[i], { min_mm: box.min.map(Math.round), max_mm: box.max.map(Math.round) });
+});
+
+/** The pose that the flange is dragged to: the newest is asked for. @type {any} */
+let wanted = null;
+/** What keeps the flange from where it is dragged. */
+export const held = signal("");
+const askInverse = latest(
+  () => {
+    const i = chosen.value, content = plan.value;
+    if (wanted === null || i === null || content === null) return Promise.resolve(null);
+    return post("/api/inverse", { robot: robotFrom(content.robot, file.value), joints_deg: jointsOf(content, i), ...wanted });
+  },
+  (found) => {
+    const i = chosen.value;
+    held.value = found.at_limit?.length ? `At the limit: ${found.at_limit.map((/** @type {number} */ j) => `J${j}`).join(", ")}.` : found.reached ? "" : "The flange cannot be brought there.";
+    if (i !== null && found.reached) change(`flange/${i}`, (content) => { found.joints_deg.forEach((/** @type {number} */ v, /** @type {number} */ j) => { jointsOf(content, i)[j] = Number(v.toFixed(3)); }); });
+  },
+  failed,
+);
+
+/** @param {any} pose */
+export function moveFlange(pose) {
+  wanted = { position_mm: pose.position_mm, ...(pose.quaternion_wxyz ? { quaternion_wxyz: pose.quaternion_wxyz } : {}) };
+  askInverse();
+}
