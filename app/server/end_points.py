@@ -12,9 +12,11 @@ from pydantic import BaseModel, TypeAdapter
 from ...model.files.plan_file import PlanFile
 from .answers import (
     calibrations,
+    exports,
     history,
     home,
     imports,
+    new_folders,
     plans,
     posteriors,
     recordings,
@@ -39,6 +41,8 @@ END_POINTS: list[EndPoint] = [
     *refits.END_POINTS,
     *posteriors.END_POINTS,
     *history.END_POINTS,
+    *exports.END_POINTS,
+    *new_folders.END_POINTS,
 ]
 
 
