@@ -10,7 +10,20 @@ from typing import Any, Literal
 from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
-from .answers import history, home, imports, plans, posteriors, recordings, refits, results, robots
+from .answers import (
+    calibrations,
+    exports,
+    history,
+    home,
+    imports,
+    new_folders,
+    plans,
+    posteriors,
+    recordings,
+    refits,
+    results,
+    robots,
+)
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine
 from .jobs import JobBrief, JobWhole
@@ -19,6 +32,7 @@ from .versions import ConflictAnswer, WrittenFile
 
 END_POINTS: list[EndPoint] = [
     *home.END_POINTS,
+    *calibrations.END_POINTS,
     *imports.END_POINTS,
     *robots.END_POINTS,
     *plans.END_POINTS,
@@ -27,6 +41,8 @@ END_POINTS: list[EndPoint] = [
     *refits.END_POINTS,
     *posteriors.END_POINTS,
     *history.END_POINTS,
+    *exports.END_POINTS,
+    *new_folders.END_POINTS,
 ]
 
 
@@ -39,6 +55,8 @@ _IF_MATCH = {
     "description": "the version of the file that is replaced; a new file needs none",
     "schema": {"type": "string"},
 }
+_MADE = {("/api/jobs", "post"), ("/api/file", "put")}
+_MADE |= {(point.path, point.method.lower()) for point in END_POINTS if point.status == 201}
 _CHANGES = {"name": "X-Zerobeam", "in": "header", "required": True, "schema": {"const": "1"}}
 _REF = "#/components/schemas/{model}"
 Schema = dict[str, Any]  # a part of an OpenAPI document
@@ -136,7 +154,7 @@ def description() -> Schema:
 def _described(operation: _Operation, content: Schema) -> Schema:
     """An operation whose answer has the schema `content` (empty: none is stated)."""
     kind = "text/event-stream" if operation.path.endswith("/events") else "application/json"
-    made = (operation.path, operation.method) in {("/api/jobs", "post"), ("/api/file", "put")}
+    made = (operation.path, operation.method) in _MADE
     answer = {"description": operation.says, "content": {kind: {"schema": content} if content else {}}}
     refusal = {"description": "A refusal.", "content": _json_of(ErrorAnswer)}
     described: Schema = {

@@ -72,6 +72,17 @@ _CSV = _TABLES | _options(
     ("value", "--units --lengths --columns --reversed --j3 --target-column --spot-columns --shot-column"),
     ("value", "--time-column --time-units"),
 )
+_TRACKED = _IMPORT | _options(
+    ("read", "--joints"),
+    ("flag", "--small-angles"),
+    ("value", "--joint-columns --joint-units --units --columns --instrument --reflector --reflector-column"),
+    ("value", "--match --number-column --joints-number-column --time-column --time-units --within-s"),
+    ("value", "--joints-time-column --joints-time-units --rotation-columns --rotation-units --euler"),
+    (
+        "value",
+        "--quaternion-columns --uncertainty --uncertainty-columns --lengths --delimiter --decimal --j3",
+    ),
+)
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
@@ -90,6 +101,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ),
     ("run",): (1, _RUN),
     ("import", "csv"): (1, _CSV),
+    ("import", "points"): (1, _TRACKED),
     **{
         ("import", "log", kind): (1, _TABLES | _options(("value", "--j3")))
         for kind in ("ur", "egm", "robodk")

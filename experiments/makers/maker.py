@@ -69,14 +69,15 @@ def all_have_a_place(run: Run) -> Collection[str]:
 class OffsetFile:
     """`zerobeam export NAME`: `text` makes the file of a run and its calibration; its docstring is the help,
     its other parameters are options. `as_data`: the file states every status. `schema`: the name of its
-    published schema, if an editor is to complete its keys. `no_place`: the geometry parameters of a run, by
-    name, that a file of links cannot hold."""
+    published schema, if an editor is to complete its keys; `ending` that of its file. `no_place`: the
+    geometry parameters of a run, by name, that a file of links cannot hold."""
 
     name: str
     text: Callable[..., str]
     holds: Holds = "offsets"
     as_data: bool = False
     schema: str | None = None
+    ending: str = "txt"
     no_place: Callable[[Run], Collection[str]] = all_have_a_place
 
 

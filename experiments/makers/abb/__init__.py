@@ -100,7 +100,7 @@ MAKER = Maker(
     "ABB",
     "abb",
     r"abb|irb ?\d*\w*|yumi|gofa|swifti",
-    offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets)),
+    offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets, ending="mod")),
     program=(PlanProgram("rapid", "rapid (ABB)", _rapid_program, ("speed", "zone", "tool")),),
     read=(Reader("rapid", _read_rapid, "Log of a plan's program, or modules with targets (.mod)."),),
     logs=(KnownLog("egm", "ABB EGM log of abb_libegm", _egm),),

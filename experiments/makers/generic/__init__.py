@@ -305,10 +305,10 @@ def _monitor_joints(joints: int) -> "CsvLayout":
 MAKER = Maker(
     "any maker",
     offsets=(
-        OffsetFile("robot", _robot, holds="links", schema="robot"),
-        OffsetFile("urdf", _urdf, holds="links", no_place=_of_a_moving_tip),
-        OffsetFile("json", _json, holds="all", as_data=True),
-        OffsetFile("csv", _csv, as_data=True),
+        OffsetFile("robot", _robot, holds="links", schema="robot", ending="yaml"),
+        OffsetFile("urdf", _urdf, holds="links", ending="urdf", no_place=_of_a_moving_tip),
+        OffsetFile("json", _json, holds="all", as_data=True, ending="json"),
+        OffsetFile("csv", _csv, as_data=True, ending="csv"),
     ),
     program=(
         PlanProgram("robodk", "robodk (Python)", _robodk_program, ("speed", "zone", "j3")),

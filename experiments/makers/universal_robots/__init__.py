@@ -120,7 +120,7 @@ MAKER = Maker(
     r"ur ?\d+ ?e?|universal robots?",
     offsets=(
         OffsetFile("ur", _sheet),
-        OffsetFile("ur-calibration", _calibration, holds="links", no_place=_beside_last_axis),
+        OffsetFile("ur-calibration", _calibration, holds="links", ending="yaml", no_place=_beside_last_axis),
     ),
     program=(
         PlanProgram(

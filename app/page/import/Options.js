@@ -1,0 +1,48 @@
+// What the format may be told besides columns.
+import { html } from "htm/preact";
+import { sources } from "./command.js";
+import { format, OPTIONS, set, shown, values } from "./formats.js";
+import { recordings } from "./sources.js";
+
+/** @typedef {import("./types.js").Found} Found */
+
+/** Which points are measurements: all that have joints, where nothing is left out. @param {{found: Found}} props */
+function Points({ found }) {
+  const stated = values.value["--points"];
+  const on = (/** @type {{name: string, joints: boolean}} */ point) => (stated ? stated.split(",").includes(point.name) : point.joints);
+  const turn = (/** @type {string} */ name, /** @type {boolean} */ checked) => {
+    const names = found.points.filter((point) => (point.name === name ? checked : on(point))).map((point) => point.name);
+    set("--points", names.length === found.points.length ? "" : names.join(","));
+  };
+  return html`
+    <fieldset class="points" data-option="--points"><legend>Points that are measurements</legend>
+      ${found.points.map((point) => html`<label class="check" key=${point.name}><input type="checkbox" checked=${on(point)} onChange=${(/** @type {any} */ event) => turn(point.name, event.target.checked)} /> ${point.name}${point.joints ? "" : " (no joint values: Cartesian, or not taught)"}</label>`)}
+    </fieldset>`;
+}
+
+/** @param {{option: string, found: Found, joints: Found}} props */
+function Option({ option, found, joints }) {
+  const own = OPTIONS[option], table = own.of === "joints" ? joints : found, help = `help-${option.replace(/^-+/, "")}`, value = values.value[option] ?? "";
+  if (own.points) return html`<${Points} found=${found} />`;
+  if (own.box) return html`<label class="check" data-option=${option}><input type="checkbox" checked=${Boolean(value)} onChange=${(/** @type {any} */ event) => set(option, event.target.checked ? "true" : "")} /> ${own.label}</label>`;
+  const about = own.about ? own.about(table) : own.help;
+  const tables = recordings.value.filter((row) => row.found?.columns.length && (row.path === value || sources.value.length > 1)).map((row) => /** @type {[string, string]} */ ([row.path, row.path]));
+  const words = option === "--joints" ? tables : own.words?.(table);
+  return html`
+    <div data-option=${option}>
+      <label><span class="label">${own.label}</span>
+        ${words ? html`<select value=${value || (own.none ? "" : words[0]?.[0] ?? "")} aria-describedby=${about && help} onChange=${(/** @type {any} */ event) => set(option, event.target.value)}>
+            ${own.none && html`<option value="" selected=${!value}>${own.none}</option>`}
+            ${words.map(([word, text], i) => html`<option value=${word} selected=${word === value || (!value && !own.none && i === 0)}>${text}</option>`)}
+          </select>`
+          : html`<input type="text" autocomplete="off" spellcheck=${false} value=${value} aria-describedby=${about && help} onInput=${(/** @type {any} */ event) => set(option, event.target.value.trim())} />`}
+      </label>
+      ${about && html`<span class="help" id=${help}>${about}</span>`}
+    </div>`;
+}
+
+export function Options() {
+  const found = sources.value[0]?.found, joints = recordings.value.find((row) => row.path === values.value["--joints"])?.found ?? found;
+  if (!found || !joints || !shown.value.length) return null;
+  return html`<div class="fields options">${shown.value.map((option) => html`<${Option} key=${`${format.value} ${option}`} option=${option} found=${found} joints=${joints} />`)}</div>`;
+}

@@ -1,0 +1,85 @@
+// The import carried out: tried, written, tested by a fit, and then its result.
+import { signal } from "@preact/signals";
+import { begin, well } from "../core/jobs.js";
+import { go, toJob } from "../core/route.js";
+import { Refused } from "../core/api.js";
+import { home, refresh, say } from "../core/store.js";
+import { command, out, outTyped } from "./command.js";
+import { ensureFolder, folder } from "./sources.js";
+
+/** @typedef {import("../core/jobs.js").Followed} Followed */
+/** @typedef {{cause: string, joints: number[], sentence: string}} Explanation */
+/**
+ * What an import came to: `understood` has how the files were read, `words` what was carried out, `written` the run ("" of a trial), `folder` its calibration;
+ * `fit` is the answer of the test by a fit.
+ * @typedef {{words: string, understood: string[], written: string, folder: string, fit: {verdict: string, headline: string, message?: import("../parts/Message.js").MessageFacts, diagnosis: Explanation[]} | null}} Outcome
+ */
+
+/** @type {import("@preact/signals").Signal<Outcome | null>} */
+export const outcome = signal(null);
+/** @type {import("@preact/signals").Signal<{job: Followed, title: string} | null>} */
+export const underWay = signal(null);
+export const refusal = signal("");
+
+/** Without the file that is written: whether what is stated has changed since. @param {string[]} words */
+export const wordsOf = (words) => words.filter((word) => !word.startsWith("--out=")).join("\n");
+
+/** @param {string[]} words @param {string} title */
+async function done(words, title) {
+  const job = await begin(words);
+  underWay.value = { job, title };
+  const ended = await job.ended;
+  underWay.value = null;
+  if (well(ended)) return ended;
+  if (ended.state === "failed") refusal.value = ended.log.map((line) => line.trim()).join("; ").replace(/^error: /, "") || "the command failed";
+  else say("Cancelled: nothing was written.");
+  return null;
+}
+
+/** @param {() => Promise<void>} work */
+async function refusable(work) {
+  refusal.value = "";
+  try {
+    await work();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    refusal.value = error.text;
+  }
+}
+
+/** Says what the import would come to, or writes the run and tests it. @param {boolean} dry */
+export const carryOut = (dry) => refusable(async () => {
+  const asked = command.value;
+  if (asked === null) return;
+  if (asked.missing) { refusal.value = asked.text; return; }
+  outcome.value = null;
+  const { words } = asked, file = out.value, to = folder.value;
+  await ensureFolder();
+  const job = await done(dry ? [...words, "--dry-run"] : words, dry ? "Trying" : "Importing");
+  if (job === null) return;
+  outcome.value = { words: wordsOf(words), understood: job.log.map((line) => line.trim()), written: dry ? "" : file, folder: to, fit: null };
+  if (dry) { say("Tried: nothing was written."); return; }
+  outTyped.value = "";
+  await refresh();
+  await test();
+});
+
+/** A fit tries what is often wrong with a recording; where it finds nothing, the result is shown. */
+async function test() {
+  const imported = outcome.value;
+  if (imported === null) return;
+  const job = await done(["analyse", imported.written], "Testing unit, signs and order by a fit");
+  if (job?.answer == null || outcome.value !== imported) return;
+  outcome.value = { ...imported, fit: job.answer };
+  if (!job.answer.diagnosis.length) toResult();
+}
+
+export function toResult() {
+  const imported = outcome.value;
+  if (imported === null) return;
+  const cut = imported.written.lastIndexOf("/"), name = cut < 0 ? "." : imported.written.slice(0, cut);
+  const { fit } = imported;
+  say(fit === null ? "Imported." : fit.verdict === "misfit" ? "Imported. None of the causes that were tried explains the misfit."
+    : "Imported. A fit contradicts neither unit nor signs nor order. An error that changes no residual stays unseen, such as the sign of a joint that did not move.");
+  go(toJob(home.value?.calibrations.some((one) => one.name === name) ? name : imported.folder, "result", imported.written));
+}

@@ -1,0 +1,145 @@
+// What an import may be told besides columns, by format, and the words of its command.
+import { computed, signal } from "@preact/signals";
+
+/** @typedef {import("./types.js").Found} Found */
+/**
+ * @typedef {{label: string, help?: string, none?: string, box?: boolean, points?: boolean, words?: (found: Found) => [string, string][], about?: (found: Found) => string,
+ *   of?: "joints"}} OptionFacts
+ *   `of`: joints: its words are those of the table of the joints
+ */
+
+const DWELL = ["--still-deg", "--still-s", "--still-mm"];
+const POINTS = ["--points"];
+const TRACKED = ["--joints", "--joint-columns", "--joint-units", "--units", "--columns", "--match", "--number-column", "--joints-number-column", "--time-column", "--clock", "--joints-time-column",
+  "--joints-clock", "--within-s", "--quaternion-columns", "--rotation-columns", "--rotation-units", "--euler", "--uncertainty", "--instrument", "--reflector", "--reflector-column", "--lengths", "--j3", "--small-angles"];
+
+/** By format: its name, the words of the command, its options. @type {Record<string, [string, string[], string[]]>} */
+export const FORMATS = {
+  csv: ["Table of joint positions, its layout stated by you", ["csv"], ["measured", "--target-column", "--shot-column", "--spot-columns", "--time-column", "--time-units", ...DWELL, "--marker-column", "--small-angles"]],
+  points: ["Points or poses of a tracker or CMM, with the joints", ["points"], TRACKED],
+  "log ur": ["RTDE recording of a UR (record.py)", ["log", "ur"], [...DWELL, "--marker-column"]],
+  "log egm": ["EGM log of an ABB (abb_libegm)", ["log", "egm"], [...DWELL, "--marker-column"]],
+  "log robodk": ["MonitorJoints log of RoboDK", ["log", "robodk"], [...DWELL, "--j3", "--marker-column"]],
+  ros: ["ROS bag", ["ros"], ["--topic", "--names", ...DWELL, "--marker-topic"]],
+  "joint states": ["Joint states in text (ros2 topic echo)", ["ros"], ["--names"]],
+  rapid: ["ABB RAPID: targets, or log of a plan's program", ["rapid"], [...POINTS, "--tool", "--frame"]],
+  kuka: ["KUKA KRL: data list", ["kuka"], POINTS],
+  fanuc: ["FANUC: TP program or position registers", ["fanuc"], ["--j3", ...POINTS, "--register"]],
+  "universal-robots": ["UR: log of a plan's program", ["universal-robots"], []],
+  robodk: ["RoboDK: log of a plan's program", ["robodk"], ["--j3"]],
+};
+
+/** The formats that a file may have, by what it is found to be: the first is taken where it is the only one. @type {Record<string, string[]>} */
+const FORMS = { csv: ["csv", "points", "log robodk"], "program log": ["", "rapid", "universal-robots", "robodk"] };
+
+/** @param {Found[]} founds */
+export function formatsOf(founds) {
+  const forms = [...new Set(founds.map((found) => found.form))];
+  if (forms.length !== 1) return ["", ...forms.flatMap((form) => FORMS[form] ?? [form]).filter((form) => form in FORMATS)];
+  return FORMS[forms[0]] ?? [forms[0], ...(forms[0].startsWith("log") ? ["csv"] : [])];
+}
+
+const columns = (/** @type {Found} */ found) => /** @type {[string, string][]} */ (found.columns.map((column) => [column.stated, column.name]));
+const UNITS = /** @type {[string, string][]} */ (["s", "ms", "us", "ns"].map((unit) => [unit, unit]));
+const ANGLES = /** @type {[string, string][]} */ ([["deg", "degrees"], ["rad", "radians"]]);
+const COUNTED = /** @type {[string, string][]} */ ([["ground", "the ground"], ["link", "link 2"]]);
+const listed = (/** @type {Found} */ found) => `columns of the table: ${found.columns.map((column) => column.stated).join(", ") || "none"}`;
+
+/** @type {Record<string, OptionFacts>} */
+export const OPTIONS = {
+  measured: { label: "A measurement is", words: () => [["rows", "each row"], ["dwells", "each dwell of the arm (a pause)"]] },
+  "--target-column": { label: "Target of each row", help: "column that names it, instead of one target for each file", words: columns, none: "no column" },
+  "--shot-column": { label: "Measurement number", help: "column of numbers from 0", words: columns, none: "no column" },
+  "--spot-columns": { label: "Spot on the PSD", help: "two columns, dx,dy in mm, if it was read" },
+  "--time-column": { label: "Time", words: columns, none: "no column" },
+  "--time-units": { label: "Unit of the times", words: () => UNITS, none: "choose" },
+  "--still-deg": { label: "Dwell: each joint within (°)", help: "largest range of a revolute joint while the arm is at rest" },
+  "--still-s": { label: "Dwell: at least (s)", help: "how long the arm is at rest for a measurement" },
+  "--still-mm": { label: "Dwell: prismatic joints within (mm)", help: "for arms with prismatic joints" },
+  "--marker-column": { label: "Marker (trigger)", help: "column: only dwells in which it becomes other than 0 are measurements", words: columns, none: "every dwell is a measurement" },
+  "--small-angles": { label: "The angles are degrees, although all are as small as radians would be", box: true },
+  "--topic": { label: "Joint states on", words: (found) => found.topics.filter((topic) => topic.joints.length).map((topic) => [topic.name, `${topic.name}: ${topic.messages} messages, ${topic.joints.join(", ")}`]), none: "the only topic of joint states" },
+  "--marker-topic": { label: "Marker topic (trigger)", help: "only dwells at a message on it are measurements; a std_msgs/String names the target", words: (found) => found.topics.filter((topic) => !topic.joints.length).map((topic) => [topic.name, `${topic.name}: ${topic.messages} of ${topic.type}`]), none: "every dwell is a measurement" },
+  "--names": { label: "Names of joint 1, 2, …", about: (found) => `in the messages, with commas; default: the robot's own. Found: ${[...new Set([...found.names, ...found.topics.flatMap((topic) => topic.joints)])].join(", ")}` },
+  "--points": { label: "Points that are measurements", points: true },
+  "--tool": { label: "Tool of the robtargets", help: "as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4; without it robtargets are not read" },
+  "--frame": { label: "Work object of the robtargets", help: "X,Y,Z,Q1,Q2,Q3,Q4; default: wobj0" },
+  "--j3": { label: "Joint 3 is counted from", help: "on a FANUC pendant: the ground", words: () => COUNTED, none: "as the robot file states" },
+  "--register": { label: "First position register", help: "of a plan's program; default: 1" },
+  "--joints": { label: "Table of the joints", help: "drop it beside the points, or leave it if the joints are in the same table", none: "the same table" },
+  "--joint-columns": { label: "Columns of joint 1, 2, …", about: listed, of: "joints" },
+  "--joint-units": { label: "Unit of the joints", words: () => ANGLES, none: "choose" },
+  "--units": { label: "Unit of the coordinates", words: () => [["mm", "millimetres"], ["m", "metres"], ["inch", "inches"]], none: "as the file states it" },
+  "--columns": { label: "Columns of x, y, z", about: (found) => `default: by these names; ${listed(found)}` },
+  "--match": { label: "Points and joints belong together by", words: () => [["number", "number or order"], ["time", "time"]], none: "choose" },
+  "--number-column": { label: "Numbers of the points", help: "or names that end with them", words: columns, none: "row by row" },
+  "--joints-number-column": { label: "Numbers in the table of the joints", words: columns, none: "row by row", of: "joints" },
+  "--joints-time-column": { label: "Times in the table of the joints", words: columns, none: "choose", of: "joints" },
+  "--clock": { label: "Unit of the times", help: "s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S" },
+  "--joints-clock": { label: "Unit of the times of the joints", help: "if it is another one" },
+  "--within-s": { label: "Largest time between a point and its joints (s)" },
+  "--quaternion-columns": { label: "Of poses: columns of the quaternion w, x, y, z", help: "with commas; or angles, below" },
+  "--rotation-columns": { label: "Of poses: columns of three angles", help: "with commas, in the order of the axes" },
+  "--rotation-units": { label: "Unit of these angles", words: () => ANGLES, none: "choose" },
+  "--euler": { label: "Axes of the angles", help: "in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find: the order that fits the nominal arm" },
+  "--uncertainty": { label: "Level of the uncertainty columns", words: () => [["1sigma", "one standard uncertainty"], ["95", "95 %"], ["none", "they are not used"]], none: "there are none" },
+  "--instrument": { label: "Instrument of the header", help: "if it states several" },
+  "--reflector": { label: "Reflector of all points", help: "if there are several" },
+  "--reflector-column": { label: "Column with each point's reflector", words: columns, none: "no column" },
+  "--lengths": { label: "Unit of prismatic joints", words: () => [["mm", "millimetres"], ["m", "metres"]], none: "there are none" },
+};
+/** Options that have another label here than the command calls them. @type {Record<string, string>} */
+const CALLED = { "--names": "--columns", "--clock": "--time-units", "--joints-clock": "--joints-time-units" };
+
+export const format = signal("");
+/** @type {import("@preact/signals").Signal<Record<string, string>>} */
+export const values = signal({});
+
+/** @param {string} key @param {string} value */
+export function set(key, value) { values.value = { ...values.value, [key]: value }; }
+
+/** @param {string} next */
+export function setFormat(next) {
+  if (next !== format.value) values.value = {};
+  format.value = next;
+}
+
+/** The options that the format has, as far as others make them necessary. */
+export const shown = computed(() => {
+  const all = FORMATS[format.value]?.[2] ?? [], has = (/** @type {string} */ key) => Boolean(values.value[key]);
+  if (format.value === "csv") {
+    const rows = values.value.measured !== "dwells";
+    return all.filter((key) => (key === "--shot-column" ? rows : key === "--time-units" ? has("--time-column") : DWELL.includes(key) || key === "--marker-column" ? !rows : true));
+  }
+  if (format.value !== "points") return all;
+  const by = values.value["--match"];
+  return all.filter((key) => {
+    if (key === "--match") return has("--joints");
+    if (key.endsWith("number-column")) return has("--joints") && by === "number";
+    if (["--time-column", "--clock", "--joints-time-column", "--joints-clock", "--within-s"].includes(key)) return has("--joints") && by === "time";
+    if (key === "--rotation-units" || key === "--euler") return has("--rotation-columns");
+    return true;
+  });
+});
+
+/** What must be stated before the import, in words; null where all is. */
+export const open = computed(() => {
+  const has = (/** @type {string} */ key) => Boolean(values.value[key]), needs = (/** @type {string} */ key) => shown.value.includes(key) && !has(key);
+  if (needs("--still-deg") || needs("--still-s")) return "state what a dwell is: within how many degrees, for how long";
+  if (format.value === "csv" && values.value.measured === "dwells" && !has("--time-column")) return "state the column of times";
+  if (needs("--time-units")) return "state the unit of the times";
+  if (needs("--joint-columns")) return "state the columns of the joints";
+  if (needs("--joint-units")) return "state the unit of the joints";
+  if (needs("--match")) return "state how points and joints belong together";
+  if (["--time-column", "--clock", "--joints-time-column", "--within-s"].some((key) => format.value === "points" && needs(key))) return "state both columns of times, their unit and the largest time between";
+  if (needs("--rotation-units") || needs("--euler")) return "state unit and order of the angles";
+  return null;
+});
+
+const NUMBERS = ["--still-deg", "--still-s", "--still-mm", "--within-s"];
+
+/** The words of the options that are shown. */
+export const optionWords = computed(() => shown.value.filter((key) => key.startsWith("--") && values.value[key]).map((key) => {
+  const value = values.value[key];
+  return OPTIONS[key].box ? key : `${CALLED[key] ?? key}=${NUMBERS.includes(key) ? value.replace(",", ".") : value}`;
+}));

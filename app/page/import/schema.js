@@ -1,0 +1,80 @@
+// A JSON Schema as a form reads it: what a key is, what is missing, and where an error belongs.
+import { parsed } from "../core/decimal.js";
+
+/**
+ * @typedef {{$ref?: string, $defs?: Record<string, Schema>, description?: string, type?: string, properties?: Record<string, Schema>, required?: string[], items?: Schema, prefixItems?: Schema[],
+ *   additionalProperties?: Schema | boolean, anyOf?: Schema[], oneOf?: Schema[], enum?: string[], const?: string, default?: unknown}} Schema
+ * @typedef {(string | number)[]} Path
+ * @typedef {{kind: "field" | "group" | "text or group" | "one of" | "list" | "named", schema: Schema, kinds: Schema[]}} Shape
+ *   `kinds`: the alternatives that are objects, or, of a field, all of them
+ */
+
+/** @param {Schema} root @param {Schema} schema @returns {Schema} */
+export function resolved(root, schema) {
+  const own = schema.$ref ? { ...root.$defs?.[schema.$ref.split("/").at(-1) ?? ""], ...schema } : schema;
+  const several = alternatives(own);
+  return several.length === 1 ? { ...resolved(root, several[0]), description: own.description } : own;
+}
+
+/** @param {Schema} schema */
+const alternatives = (schema) => (schema.anyOf ?? schema.oneOf ?? []).filter((one) => one.type !== "null");
+
+/** @param {Schema} root @param {Schema} schema @returns {Shape} */
+export function shapeOf(root, schema) {
+  const own = resolved(root, schema), kinds = alternatives(own).map((one) => resolved(root, one)), objects = kinds.filter((kind) => kind.properties);
+  if (objects.length > 1) return { kind: "one of", schema: own, kinds: objects };
+  if (objects.length) return { kind: "text or group", schema: own, kinds: objects };
+  if (own.properties) return { kind: "group", schema: own, kinds };
+  if (own.type === "object") return { kind: "named", schema: own, kinds };
+  if (own.type === "array" && own.items && resolved(root, own.items).properties) return { kind: "list", schema: own, kinds };
+  return { kind: "field", schema: own, kinds };
+}
+
+/** The words that `kind` may be in an alternative. @param {Schema} schema @returns {string[]} */
+export const kindWords = (schema) => { const kind = schema.properties?.kind; return kind?.enum ?? (kind?.const ? [kind.const] : []); };
+
+/** The alternative that a value is of. @param {Schema[]} kinds @param {any} value */
+export const alternativeOf = (kinds, value) => kinds.find((kind) => kindWords(kind).includes(value?.kind));
+
+const inner = (/** @type {any} */ value) => value !== null && typeof value === "object";
+/** What is entered by name, or item by item. @param {Schema} root @param {Schema} schema */
+export const itemOf = (root, schema) => resolved(root, schema.items ?? (typeof schema.additionalProperties === "object" ? schema.additionalProperties : {}));
+
+/**
+ * All places of a form, with whether something must be stated there that is not.
+ * @param {Schema} root @param {Schema} schema @param {any} value @param {Path} path @param {boolean} required @returns {{path: Path, missing: boolean}[]}
+ */
+export function places(root, schema, value, path = [], required = true) {
+  const { kind, schema: own, kinds } = shapeOf(root, schema), here = { path, missing: false };
+  const keys = (/** @type {Schema} */ of, /** @type {any} */ given) => Object.entries(of.properties ?? {}).filter(([key]) => key !== "schema").flatMap(([key, one]) => places(root, one, given?.[key], [...path, key], (of.required ?? []).includes(key)));
+  if (kind === "field" || (kind === "text or group" && !inner(value))) return [{ path, missing: required && value === undefined }];
+  if (kind === "text or group") return [here, ...keys(kinds[0], value)];
+  if (kind === "one of") { const of = alternativeOf(kinds, value); return [{ path, missing: !of }, ...(of ? keys(of, value) : [])]; }
+  if (kind === "group") return [here, ...(required || value !== undefined ? keys(own, value) : [])];
+  const entries = Object.entries(value ?? {});
+  return [here, ...entries.flatMap(([key, one]) => places(root, itemOf(root, own), one, [...path, kind === "list" ? Number(key) : key], true))];
+}
+
+/** The key of a place in one word. @param {Path} path */
+export const keyOf = (path) => path.join("/");
+
+/** @param {string} key */
+export const title = (key) => { const text = key.replace(/_(mm|deg|kg)$/, "").replaceAll("_", " "); return text.charAt(0).toUpperCase() + text.slice(1); };
+
+/** @type {Record<string, string>} */
+const UNITS = { mm: "mm", deg: "°", kg: "kg" };
+/** @param {string} key */
+export const unitOf = (key) => UNITS[key.match(/(?:^|_)(mm|deg|kg)$/)?.[1] ?? ""] ?? "";
+
+export const LIST = "numbers separated by spaces or semicolons, such as 0.5 1 2 or 0,5; 1; 2";
+
+/**
+ * The numbers of a list; null where they could be read in two ways: 1,5 is one number for some and two for others.
+ * @param {string} text @returns {number[] | null}
+ */
+export function numbersOf(text) {
+  const plain = text.trim(), commas = plain.split(",").length - 1;
+  const parts = /;/.test(plain) ? plain.split(/\s*;\s*/) : /\s/.test(plain) ? plain.split(/,?\s+/) : commas > 1 ? plain.split(",") : commas === 1 ? [] : [plain];
+  const values = parts.filter(Boolean).map(parsed);
+  return values.length === 0 || values.includes(null) ? null : /** @type {number[]} */ (values);
+}
