@@ -6,6 +6,7 @@ import { go, route, STEPS, toImport, toJob } from "./core/route.js";
 import { calibration, failed, fault, home, notice } from "./core/store.js";
 import { capital } from "./core/words.js";
 import { Home } from "./home/Home.js";
+import { StopBar } from "./measure/StopBar.js";
 import { Conflict } from "./parts/Conflict.js";
 import { Leaving } from "./parts/Leaving.js";
 
@@ -57,6 +58,7 @@ export function App() {
           : view === "home" ? html`<${Home} />` : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
       </main>
     </div>
+    <${StopBar} />
     <p class="notice" role="status">${notice.value}</p>
     <${Conflict} />
     <${Leaving} />`;

@@ -105,7 +105,7 @@ export function Scene({ scene, chosen, tools = {}, motion = null, caption, label
     if (!act) return;
     act();
     event.preventDefault();
-    event.stopPropagation();
+    if (event.key !== "Escape") event.stopPropagation(); // Escape stops a run, too
   };
 
   const name = label || `${scene.arm.name}${chosen !== null && scene.postures[chosen] ? `, ${scene.postures[chosen].name}` : ""}, above a floor grid`;

@@ -31,6 +31,9 @@ function drawnBySoftware() {
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
 
+/** @param {unknown[]|null} before @param {unknown[]} now */
+const same = (before, now) => before !== null && before.length === now.length && now.every((value, i) => value === before[i]);
+
 export class View {
   /**
    * @param {HTMLCanvasElement} canvas @param {HTMLCanvasElement} overlay for the names
@@ -65,6 +68,8 @@ export class View {
     this.meshes = undefined;
     /** What the pale arms were drawn for. @type {unknown[]|null} */
     this.shownPale = null;
+    /** @type {unknown[]|null} */
+    this.shownMarks = null;
     this.wide = this.high = 0;
     this.waiting = 0;
     this.coarse = false;
@@ -175,11 +180,11 @@ export class View {
 
   /** The other postures: the nearer to the chosen one, the stronger. @param {Scene3D} scene */
   drawPale(scene) {
-    const key = [scene.postures, this.chosen, scene.reach];
-    if (this.shownPale && key.every((value, i) => value === this.shownPale?.[i])) return;
+    const others = scene.postures.map((posture, index) => ({ posture, index })).filter(({ index }) => index !== this.chosen);
+    const key = [this.chosen, scene.reach, ...others.map(({ posture }) => posture)];
+    if (same(this.shownPale, key)) return;
     this.shownPale = key;
     const own = this.posture(), { colours } = this, kinds = scene.arm.joints.map((joint) => joint.kind);
-    const others = scene.postures.map((posture, index) => ({ posture, index })).filter(({ index }) => index !== this.chosen);
     const every = Math.max(1, others.length / MOST_PALE), drawn = others.filter((_, i) => Math.floor(i / every) !== Math.floor((i - 1) / every));
     this.pale.show(drawn.map(({ posture, index }) => {
       const near = own ? Math.max(0, 1 - postureDistance(posture, own) / (0.6 * scene.reach)) : 0.6;
@@ -199,7 +204,9 @@ export class View {
 
   /** @param {Scene3D} scene */
   drawMarks(scene) {
-    const { marks } = this.parts;
+    const { marks } = this.parts, key = [scene.marks, scene.boxes, scene.reach];
+    if (same(this.shownMarks, key)) return;
+    this.shownMarks = key;
     emptied(marks);
     for (const mark of scene.marks) {
       const group = new THREE.Group();

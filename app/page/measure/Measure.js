@@ -1,0 +1,117 @@
+// The step Measure: a plan carried out by a simulation, by hand or by a robot, and what is seen of it.
+import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
+import { signal, useSignal } from "@preact/signals";
+import { get } from "../core/api.js";
+import { over } from "../core/jobs.js";
+import { go, route, toJob } from "../core/route.js";
+import { attempt, calibration, failed } from "../core/store.js";
+import { named, spread } from "../core/words.js";
+import { Fold } from "../parts/Fold.js";
+import { Message } from "../parts/Message.js";
+import { Workspace } from "../parts/Workspace.js";
+import { Scene } from "../scene/Scene.js";
+import { Confirm } from "./Confirm.js";
+import { Course } from "./Course.js";
+import { numbered } from "./events.js";
+import { Hand } from "./Hand.js";
+import { CameraPicture, Face, Trace } from "./Pictures.js";
+import { picture, planned, preparePlan, units } from "./picture.js";
+import { earlier, fetchEarlier, followedFile, listUnfinished, missing, now, progress, remarks, run, settled, state, underWay } from "./running.js";
+import { Start } from "./Start.js";
+import { Unfinished } from "./Unfinished.js";
+
+/** The run file that the address names, where it is not the one that is followed. @type {import("@preact/signals").Signal<any>} */
+const record = signal(null);
+
+/** Where the run is, or what came of it: the server's message once there is one. */
+function Now() {
+  const at = state.value, seen = run.value;
+  if (!at) return null;
+  const words = now(at, seen, settled.value), notes = remarks(at, seen);
+  const rest = html`
+    <progress max="1" value=${at.share} aria-label="Measurements done"></progress>
+    <p class="muted time">${progress(at, seen)}</p>
+    <ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`;
+  if (seen.end) return html`<${Message} verdict=${seen.end.verdict} message=${seen.end.message} action=${seen.end.action ?? null} simulated=${seen.rig === "simulated"}><p class="now">${words} <a href=${toJob(route.value.name, "result", seen.file)}>Open the result</a></p>${notes.length > 0 && html`<ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`}<//>`;
+  return html`<section class="verdict held run-now" aria-label="The run"><p class="now" role="status">${words}${seen.rig === "simulated" && html` <strong class="simulated">SIMULATED</strong>`}</p>${rest}</section>`;
+}
+
+/** A run file that is on the disk: what it holds. */
+function Record() {
+  const found = record.value;
+  if (!found) return null;
+  const count = found.recorded.length;
+  return html`<section class="verdict held run-now" aria-label="The run"><p class="now">${`${count}${found.postures ? ` of ${found.postures}` : ""} ${count === 1 ? "measurement is" : "measurements are"} kept in ${found.file}.`} <a href=${toJob(route.value.name, "result", found.file)}>Open the result</a></p>
+    ${found.headline && html`<p>${named(found.headline)}</p>`}<ul class="notes">${found.notes.map((/** @type {string} */ note) => html`<li>${named(note)}</li>`)}</ul></section>`;
+}
+
+/** @param {{std: Record<string, number | null> | null, tolerance: number | null}} props */
+function Known({ std, tolerance }) {
+  if (!std) return html`<p class="muted">No measurement yet.</p>`;
+  return html`
+    <table class="known"><thead><tr><th scope="col">offset</th><th scope="col" class="right">u</th>${tolerance !== null && html`<th scope="col">tolerance</th>`}</tr></thead>
+      <tbody>${Object.entries(std).map(([name, value]) => html`<tr key=${name} data-of=${name}><th scope="row">${named(name)}</th><td class="right u">${value === null ? "not determined yet" : spread(value, units.value[name] ?? "deg")}</td>
+        ${tolerance !== null && html`<td>${value === null ? "" : value <= tolerance ? "reached" : `above ${spread(tolerance, units.value[name] ?? "deg")}`}</td>`}</tr>`)}</tbody></table>`;
+}
+
+/** The course of u, and what has happened, the newest first. @param {{rows: import("./events.js").CoursePoint[], tolerance: number | null, lines: import("./events.js").Line[]}} props */
+function Drawer({ rows, tolerance, lines }) {
+  return html`
+    <div class="run-drawer">
+      ${rows.length > 0 ? html`<${Course} rows=${rows} tolerance=${tolerance} unit=${Object.values(units.value).every((unit) => unit === "deg") ? "°" : "° or mm"} />` : html`<p class="muted centred">u of each offset will be drawn here from the first measurement on.</p>`}
+      <ol class="run-lines" tabindex="0" aria-label="Measurements so far, the newest first">${[...lines].reverse().map((line, i) => html`<li key=${lines.length - i} class=${line.bad ? "bad" : ""}><b>${numbered(line.shot)}</b> ${line.text}</li>`)}</ol>
+    </div>`;
+}
+
+/** Follows the address: a run file to look at, or a plan to carry out. @returns {string} the plan */
+function useAddress() {
+  const { file, name } = route.value, plans = calibration.value?.files.plan ?? [];
+  const plan = useSignal(/\.ya?ml$/.test(file) ? file : "");
+  const isRun = /\.jsonl?$/.test(file);
+  useEffect(() => {
+    record.value = null;
+    if (/\.ya?ml$/.test(file)) plan.value = file;
+    if (!file && underWay.value) go(toJob(name, "measure", followedFile.value), { replace: true });
+    if (!isRun || file === followedFile.value) return;
+    attempt(async () => {
+      const found = await get(`/api/run?file=${encodeURIComponent(file)}`);
+      if (route.value.file !== file || followedFile.value === file) return;
+      record.value = found;
+      if (found.plan) plan.value = found.plan;
+    });
+  }, [file, followedFile.value]);
+  return plan.value || plans[0] || "";
+}
+
+export function Measure() {
+  const addressed = useAddress(), { file, name } = route.value, at = state.value, seen = run.value;
+  const following = at !== null && (underWay.value ? true : !file || file === followedFile.value), picked = useSignal("");
+  const plan = following && at.command.length ? /** @type {string} */ (at.command.at(-1)) : picked.value || addressed;
+  useEffect(() => { preparePlan(plan).catch(failed); }, [plan]);
+  useEffect(() => { attempt(listUnfinished); }, []);
+  const resumed = following && seen.recorded.length > 0 && !seen.course.length && !over(at);
+  useEffect(() => { if (resumed) fetchEarlier(); }, [resumed]);
+
+  const confirming = following && seen.confirm !== null && at.asks === "confirm";
+  const byHand = following && seen.asked !== null && at.asks === "lines" && at.state === "running" && !seen.end;
+  const rows = following ? [...earlier.value.filter((row) => !seen.course.length || row.recorded < seen.course[0].recorded), ...seen.course] : record.value?.course ?? [];
+  const std = rows.at(-1)?.std ?? null, tolerance = following ? seen.tolerance : null;
+  const shown = picture.value;
+  const scene = shown && planned.value?.of === plan
+    ? html`<${Scene} scene=${shown.scene} chosen=${following ? shown.chosen : null} caption=${shown.chosen !== null ? `The arm as it was sent${seen.arm?.lit ? ", with the beam as it is believed to be" : ""}. The plan’s postures are pale.` : "The plan’s postures, as the servo will leave them."} />`
+    : html`<p class="muted centred">${plan ? "…" : "No plan to carry out yet."}</p>`;
+  const inspector = html`
+    ${missing.value && html`<p class="error" role="alert">${missing.value}</p>`}
+    ${confirming && html`<${Confirm} text=${seen.confirm} />`}
+    ${byHand && html`<${Hand} asked=${seen.asked} doubt=${seen.doubt} />`}
+    ${!underWay.value && html`<${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2><${Start} plan=${plan} onPlan=${(/** @type {string} */ value) => { picked.value = value; if (file) go(toJob(name, "measure", value), { replace: true }); }} />`}
+    ${following && seen.rig !== "manual" && (underWay.value || seen.trace.length > 0) && html`<div class="watch">
+      <figure><figcaption>Spot from the centre</figcaption><${Trace} trace=${seen.trace} /></figure>
+      <figure><figcaption>Spot on the PSD</figcaption><${Face} trace=${seen.trace} kept=${seen.kept} size=${seen.size} /></figure>
+      ${seen.camera && html`<figure class="camera"><figcaption>Camera</figcaption><${CameraPicture} seen=${seen.camera} /></figure>`}
+    </div>`}
+    ${(following || rows.length > 0) && html`<h2>Standard uncertainty of each offset</h2><${Known} std=${std} tolerance=${tolerance} />`}
+    ${following && html`<${Fold} title="Log"><pre class="log" tabindex="0" aria-label="Log">${at.log.join("\n")}</pre><//>`}`;
+  return html`<${Workspace} name="The run" message=${following ? html`<${Now} />` : html`<${Record} />`} scene=${scene} inspector=${html`<div class=${byHand ? "by-hand" : ""}>${inspector}</div>`} drawer=${following || rows.length ? html`<${Drawer} rows=${rows} tolerance=${tolerance} lines=${following ? seen.lines : []} />` : null} />`;
+}

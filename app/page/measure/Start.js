@@ -1,0 +1,93 @@
+// How a plan is to be carried out: by a simulation, by hand, by a robot.
+import { html } from "htm/preact";
+import { signal, useSignal } from "@preact/signals";
+import { go, route, toJob } from "../core/route.js";
+import { attempt, calibration, freeName, ofKind } from "../core/store.js";
+import { Choice } from "../parts/Choice.js";
+import { Fold } from "../parts/Fold.js";
+import { NumberField } from "../parts/NumberField.js";
+import { TextField } from "../parts/TextField.js";
+import { outOf, start } from "./running.js";
+
+const USUAL = {
+  rig: "simulated", cell: "", seed: /** @type {number | null} */ (0), camera: true, units: "deg", j3: "", host: "", speed: /** @type {number | null} */ (0.25), sensors: "", user: "",
+  port: /** @type {number | null} */ (80), egmPort: /** @type {number | null} */ (6510), sensorPort: /** @type {number | null} */ (6520), laser: "Local/DRV_1/zb_laser", closing: false, adaptive: false, tolerance: /** @type {number | null} */ (null),
+};
+const chosen = signal(USUAL);
+
+/** The words of the command; what is left as it is usual is not stated. @param {typeof USUAL} now @param {string} plan @param {string} out */
+export function words(now, plan, out) {
+  const list = ["run", `--out=${out}`, `--rig=${now.rig}`];
+  const add = (/** @type {string} */ option, /** @type {keyof typeof USUAL} */ key) => { if (now[key] !== USUAL[key] && now[key] !== null && now[key] !== "") list.push(`${option}=${now[key]}`); };
+  if (now.rig === "simulated") {
+    add("--cell", "cell");
+    list.push(`--seed=${now.seed ?? 0}`);
+    if (!now.camera) list.push("--no-camera");
+  } else if (now.rig === "manual") {
+    add("--units", "units");
+    add("--j3", "j3");
+  } else {
+    for (const [option, key] of /** @type {[string, keyof typeof USUAL][]} */ ([["--host", "host"], ["--sensors", "sensors"], ["--user", "user"]])) add(option, key);
+    list.push(`--speed=${now.speed ?? USUAL.speed}`, `--port=${now.port ?? USUAL.port}`, `--egm-port=${now.egmPort ?? USUAL.egmPort}`, `--sensor-port=${now.sensorPort ?? USUAL.sensorPort}`, `--laser=${now.laser || USUAL.laser}`);
+  }
+  if (now.closing) list.push("--closing");
+  if (now.adaptive) {
+    list.push("--adaptive");
+    add("--tolerance", "tolerance");
+  }
+  return [...list, plan];
+}
+
+/** @param {{plan: string, onPlan: (plan: string) => void}} props */
+export function Start({ plan, onPlan }) {
+  const now = chosen.value, file = useSignal(""), password = useSignal(""), busy = useSignal(false);
+  const set = (/** @type {Partial<typeof USUAL>} */ more) => { chosen.value = { ...now, ...more }; };
+  const plans = [...new Set([...(calibration.value?.files.plan ?? []), ...(plan ? [plan] : [])])];
+  const proposed = plan ? freeName(plan.replace(/\.[^./]*$/, "-run.jsonl")) : "";
+  const begin = (/** @type {Event} */ event) => {
+    event.preventDefault();
+    busy.value = true;
+    const list = words(now, plan, file.value.trim() || proposed);
+    attempt(async () => {
+      await start(list, password.value);
+      password.value = file.value = "";
+      go(toJob(route.value.name, "measure", outOf(list)), { replace: true, sure: true });
+    }).finally(() => { busy.value = false; });
+  };
+  const port = (/** @type {string} */ label, /** @type {"port" | "egmPort" | "sensorPort"} */ key) => html`<${NumberField} label=${label} value=${now[key]} whole least=${1} most=${65535} onValue=${(/** @type {number | null} */ value) => set({ [key]: value })} />`;
+  const check = (/** @type {string} */ label, /** @type {"camera" | "closing" | "adaptive"} */ key) => html`<label class="check wide"><input type="checkbox" checked=${now[key]} onChange=${() => set({ [key]: !now[key] })} /> ${label}</label>`;
+  const files = (/** @type {string} */ kind) => /** @type {[string, [string, string][]][]} */ ([["", ofKind(kind).map((one) => [one, one])]]);
+  if (!plans.length) return html`<p>A run needs a plan. <a href=${toJob(route.value.name, "plan")}>Make one</a></p>`;
+  return html`
+    <form class="start" aria-label="Start a run" onSubmit=${begin}>
+      <fieldset class="rigs"><legend class="label">What carries the plan out</legend>
+        ${[["simulated", "Simulation"], ["manual", "By hand"], ["abb", "ABB robot"]].map(([rig, text]) => html`<label class="check" key=${rig}><input type="radio" name="rig" value=${rig} checked=${now.rig === rig} onChange=${() => set({ rig })} /> ${text}</label>`)}
+      </fieldset>
+      <div class="fields">
+        <${Choice} label="Plan" value=${plan} groups=${[["", plans.map((one) => [one, one])]]} onValue=${onPlan} />
+        <${TextField} label="Run file" value=${file.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { file.value = value; }} />
+        ${now.rig === "simulated" && html`
+          <${Choice} label="Cell" value=${now.cell} none="an ordinary one" groups=${files("cell")} onValue=${(/** @type {string} */ cell) => set({ cell })} />
+          <${NumberField} label="Random seed" value=${now.seed} whole least=${0} onValue=${(/** @type {number | null} */ seed) => set({ seed })} />
+          ${check("Camera", "camera")}`}
+        ${now.rig === "manual" && html`
+          <${Choice} label="Angles in" value=${now.units} groups=${[["", [["deg", "degrees"], ["rad", "radians"]]]]} onValue=${(/** @type {string} */ units) => set({ units })} />
+          <${Choice} label="Joint 3 counted from" value=${now.j3} none="as the robot file states" groups=${[["", [["link", "link 2"], ["ground", "the ground (FANUC)"]]]]} onValue=${(/** @type {string} */ j3) => set({ j3 })} />`}
+        ${now.rig === "abb" && html`
+          <${TextField} label="Controller’s address" value=${now.host} placeholder="192.168.125.1" onValue=${(/** @type {string} */ host) => set({ host })} />
+          <${NumberField} label="Share of the joints’ top speeds" value=${now.speed} least=${0.01} most=${1} onValue=${(/** @type {number | null} */ speed) => set({ speed })} />
+          <${TextField} label="User" value=${now.user} placeholder="Default User" onValue=${(/** @type {string} */ user) => set({ user })} />
+          <${TextField} label="Password" secret value=${password.value} onValue=${(/** @type {string} */ value) => { password.value = value; }} />
+          <${Choice} label="Sensors" value=${now.sensors} none="those of the simulated controller" groups=${files("sensors")} onValue=${(/** @type {string} */ sensors) => set({ sensors })} />`}
+      </div>
+      <${Fold} title="Order, closing measurement${now.rig === "abb" ? ", ports" : ""}"><div class="fields">
+        ${check("Measure the first posture again at the end", "closing")}
+        ${check("Adaptive: choose the next posture by the measurements, end when u is small enough", "adaptive")}
+        ${now.adaptive && html`<${NumberField} label="u that is enough, ° or mm" value=${now.tolerance} optional least=${0} placeholder="the plan’s" onValue=${(/** @type {number | null} */ tolerance) => set({ tolerance })} />`}
+        ${now.rig === "abb" && html`
+          ${port("Port of Robot Web Services", "port")}${port("Own UDP port for EGM", "egmPort")}${port("Port of PSD and camera", "sensorPort")}
+          <${TextField} label="Output of the laser" value=${now.laser} onValue=${(/** @type {string} */ laser) => set({ laser })} />`}
+      </div><//>
+      <p class="bar"><button class="main" disabled=${busy.value || !plan}>${{ simulated: "Start the simulation", manual: "Start", abb: "Start: asks before the robot moves" }[now.rig]}</button></p>
+    </form>`;
+}

@@ -1,0 +1,55 @@
+// What the events of a run say, one after another (docs/files.md). Measurements are numbered from 0 there, and from 1 where people read.
+
+/**
+ * @typedef {{recorded: number, std: Record<string, number | null>, tolerance?: Record<string, number | null> | null}} CoursePoint
+ * @typedef {{shot: number, off_mm: number, at_mm: [number, number] | null, size_mm: number | null}} Spot
+ * @typedef {{shot: number, joints_deg: number[], arm: import("../scene/types.js").Vec[], beam: import("../scene/types.js").Vec[], target: import("../scene/types.js").Vec, lit: boolean}} ArmSent
+ * @typedef {{shot: number, target: string, done: number, postures: number, pendant: {name: string, value: number, unit: string}[]}} Asked
+ * @typedef {{shot: number, kind: string, found: string, answers: string[]}} Doubt
+ * @typedef {{width: number, height: number, grey: string}} Camera
+ * @typedef {{verdict: string, message: import("../parts/Message.js").MessageFacts, action?: import("../core/actions.js").ActionFacts | null, notes: string[], parameters: {name: string, unit: string}[]}} End
+ * @typedef {{shot: number, text: string, bad: boolean}} Line
+ * @typedef {{file: string, rig: string, postures: number, recorded: number[], refused: number[], tolerance: number | null, shot: number | null, attempt: number, phase: string,
+ *   trace: Spot[], kept: Spot[], size: number | null, arm: ArmSent | null, camera: Camera | null, std: Record<string, number | null> | null, consistent: boolean, course: CoursePoint[],
+ *   asked: Asked | null, doubt: Doubt | null, confirm: string | null, trouble: string, suspect: {shot: number, residual_mm: number} | null, stopped: string | null, end: End | null, lines: Line[]}} RunSeen
+ */
+
+/** @returns {RunSeen} */
+export const begun = () => ({
+  file: "", rig: "", postures: 0, recorded: [], refused: [], tolerance: null, shot: null, attempt: 1, phase: "", trace: [], kept: [], size: null,
+  arm: null, camera: null, std: null, consistent: true, course: [], asked: null, doubt: null, confirm: null, trouble: "", suspect: null, stopped: null, end: null, lines: [],
+});
+
+/** A measurement's number as the sheet and people have it. @param {number} shot */
+export const numbered = (shot) => shot + 1;
+
+/** @param {RunSeen} now @param {number} shot @param {string} text @param {boolean} [bad] */
+const noted = (now, shot, text, bad = false) => [...now.lines, { shot, text, bad }];
+
+/** @type {Record<string, (now: RunSeen, e: any) => Partial<RunSeen>>} */
+const HEARD = {
+  begin: (_, e) => ({ ...begun(), file: e.file, rig: e.rig, postures: e.postures, recorded: [...e.recorded], tolerance: e.tolerance }),
+  confirm: (_, e) => ({ confirm: e.text }),
+  shot: (_, e) => ({ shot: e.shot, attempt: e.attempt, phase: "", trace: [], confirm: null }),
+  phase: (_, e) => ({ phase: e.phase }),
+  spot: (now, e) => ({ trace: [...now.trace, e], size: e.size_mm }),
+  arm: (_, e) => ({ arm: e }),
+  picture: (_, e) => ({ camera: e }),
+  retry: (now, e) => ({ trouble: `Measurement ${numbered(e.shot)}, attempt ${e.attempt} was refused (${e.reason}): ${e.found}`, lines: noted(now, e.shot, `attempt ${e.attempt} refused (${e.reason}): ${e.found}`, true) }),
+  refused: (now, e) => ({ refused: [...now.refused, e.shot], doubt: null, trouble: `Measurement ${numbered(e.shot)} was refused (${e.reason}): ${e.found}`, lines: noted(now, e.shot, `refused (${e.reason}): ${e.found}`, true) }),
+  recorded: (now, e) => ({
+    recorded: [...now.recorded, e.shot], doubt: null, suspect: null, std: e.std, consistent: e.consistent,
+    course: [...now.course, { recorded: e.recorded, std: e.std, tolerance: e.tolerance }],
+    kept: now.trace.length ? [...now.kept, /** @type {Spot} */ (now.trace.at(-1))] : now.kept,
+    lines: noted(now, e.shot, `recorded${e.seconds ? ` in ${e.seconds.toFixed(1)} s` : ""}${now.trace.length ? `, spot ${/** @type {Spot} */ (now.trace.at(-1)).off_mm.toFixed(4)} mm from the centre` : ""}`),
+  }),
+  posture: (_, e) => ({ asked: e, shot: e.shot, doubt: null }),
+  doubt: (_, e) => ({ doubt: e }),
+  withdrawn: (now, e) => ({ recorded: now.recorded.filter((shot) => shot !== e.shot), course: now.course.slice(0, -1), doubt: null, suspect: null, lines: noted(now, e.shot, "withdrawn, to be measured again") }),
+  suspect: (now, e) => ({ suspect: e, lines: noted(now, e.shot, `contradicts the others: residual ${e.residual_mm.toFixed(3)} mm`, true) }),
+  stopped: (_, e) => ({ stopped: e.why, shot: null }),
+  end: (_, e) => ({ end: e, shot: null }),
+};
+
+/** @param {RunSeen} now @param {any} event @returns {RunSeen} */
+export const heard = (now, event) => (Object.hasOwn(HEARD, event.event) ? { ...now, ...HEARD[event.event](now, event) } : now);

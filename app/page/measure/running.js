@@ -1,0 +1,177 @@
+// The run under way, wherever on the page its reader is: begun, followed, answered, stopped, and found again after a reload.
+import { computed, signal } from "@preact/signals";
+import { get, Refused } from "../core/api.js";
+import { begin, follow, over } from "../core/jobs.js";
+import { failed, fault, refresh, say } from "../core/store.js";
+import { counted, duration } from "../core/words.js";
+import { begun, heard, numbered } from "./events.js";
+
+/** @typedef {import("../core/jobs.js").JobState} JobState */
+/** @typedef {import("./events.js").RunSeen} RunSeen */
+/** @typedef {{file: string, plan: string | null, postures: number | null, recorded: number[], ended: boolean | null, torn: boolean, resume: string[] | null, why_not: string | null}} Unfinished */
+
+/** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
+export const job = signal(null);
+export const run = signal(begun());
+/** u after the measurements of earlier sessions, from the run file. @type {import("@preact/signals").Signal<import("./events.js").CoursePoint[]>} */
+export const earlier = signal([]);
+/** That it is being stopped, or that this failed. */
+export const stopping = signal("");
+/** That the run file was read once more after its end: what it keeps is certain. */
+export const settled = signal(false);
+/** @type {import("@preact/signals").Signal<Unfinished[]>} */
+export const unfinished = signal([]);
+/** Something under way that the page does not follow yet: at its begin. */
+export const missing = signal("");
+
+export const state = computed(() => job.value?.state.value ?? null);
+export const underWay = computed(() => state.value !== null && !over(state.value));
+
+/** @param {string[]} words */
+export const outOf = (words) => words.find((word) => word.startsWith("--out="))?.slice(6) ?? "";
+/** The run file that is followed. */
+export const followedFile = computed(() => (state.value ? outOf(state.value.command) || run.value.file : ""));
+
+/** @param {string} file */
+const ofRun = (file) => get(`/api/run?file=${encodeURIComponent(file)}`);
+
+let painting = 0;
+/** @type {RunSeen} */
+let newest = begun();
+/** Events come faster than anybody sees: one change a frame. @param {any} event */
+function hear(event) {
+  newest = heard(newest, event);
+  if (painting) return;
+  painting = setTimeout(() => { painting = 0; run.value = newest; }, 16);
+}
+
+/** @param {string[]} words @param {string} [password] */
+export async function start(words, password) {
+  attach(await begin(words, { ...(password && words.includes("--rig=abb") ? { password } : {}), run: hear }));
+}
+
+/** @param {import("../core/jobs.js").Followed} followed */
+function attach(followed) {
+  job.value?.close();
+  newest = begun();
+  run.value = newest;
+  earlier.value = [];
+  stopping.value = missing.value = "";
+  settled.value = false;
+  job.value = followed;
+  followed.ended.then((last) => ended(followed, last), failed);
+}
+
+/** @param {import("../core/jobs.js").Followed} followed @param {JobState} last */
+async function ended(followed, last) {
+  clearTimeout(painting);
+  painting = 0;
+  stopping.value = "";
+  if (last.gone) {
+    job.value = null;
+    missing.value = "The server was started anew, and what was under way has ended with it. Go on with the run below.";
+  } else {
+    // What a run that was broken off keeps is what its file has: of the last measurement no event may have come.
+    const file = newest.file || outOf(last.command);
+    if (!newest.end && file && newest.file) {
+      try {
+        const found = await ofRun(file);
+        newest = { ...newest, recorded: found.recorded, std: found.std, course: found.course };
+      } catch (error) {
+        if (!(error instanceof Refused)) throw error; // then the events have to do
+      }
+    }
+    if (job.value === followed) {
+      run.value = newest;
+      settled.value = true;
+      say(now(last, newest, true));
+    }
+  }
+  await Promise.all([listUnfinished(), refresh()]).catch(failed);
+}
+
+/** u of earlier sessions, once a run that was resumed is heard. */
+export async function fetchEarlier() {
+  const of = job.value, file = run.value.file;
+  try {
+    const { course } = await ofRun(file);
+    if (job.value === of) earlier.value = course;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error; // then the curve begins with the next measurement
+  }
+}
+
+export async function stop() {
+  const followed = job.value;
+  if (!followed || !underWay.value || stopping.value) return;
+  stopping.value = "Stopping. What is recorded is kept.";
+  try {
+    await followed.cancel();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    stopping.value = "";
+    fault.value = "The server does not answer. At a real robot press the emergency stop.";
+  }
+}
+
+/** @param {string} text */
+export async function answer(text) {
+  if (underWay.value) await job.value?.say(text);
+}
+
+let listing = 0;
+/** The runs that can be gone on with. */
+export async function listUnfinished() {
+  const own = (listing += 1); // the last that was asked for is shown
+  const [open, jobs] = await Promise.all([get("/api/unfinished"), get("/api/jobs")]);
+  if (own !== listing) return;
+  const busy = jobs.filter((/** @type {JobState} */ one) => !over(one)).flatMap((/** @type {JobState} */ one) => one.command);
+  unfinished.value = open.filter((/** @type {Unfinished} */ one) => !busy.includes(`--out=${one.file}`));
+}
+
+let looked = false;
+/** After a reload: what is under way is followed again. */
+export async function findRunning() {
+  if (looked) return;
+  looked = true;
+  const jobs = await get("/api/jobs"), last = jobs.find((/** @type {JobState} */ one) => one.command[0] === "run");
+  if (last && !over(last) && !job.value) attach(follow(last.id, hear));
+  await listUnfinished();
+}
+
+// ── in words ──────────────────────────────────────────────────────────────────────────────────
+
+/** Where the run is. @param {JobState} at @param {RunSeen} seen @param {boolean} sure whether the file was read after the end */
+export function now(at, seen, sure) {
+  if (at.lost && !over(at)) return "The connection to the server is lost. The run goes on as long as the server does; this page tries again. Where the app was started anew, open the address that it prints.";
+  const kept = `${counted(seen.recorded.length, "measurement")} ${seen.recorded.length === 1 ? "is" : "are"} kept in ${seen.file}.`;
+  if (seen.end) return kept;
+  if (at.state === "stopped") return seen.file ? `Stopped.${sure ? ` ${kept}` : ""}` : "Stopped before anything was recorded.";
+  if (at.state === "failed") return `The run ended with an error.${seen.file && sure ? ` ${kept}` : ""}`;
+  if (at.state === "done") return kept;
+  if (seen.confirm && at.asks === "confirm") return "Waiting for your confirmation: nothing has moved yet.";
+  if (seen.shot === null) return "The run begins.";
+  const count = seen.recorded.length + seen.refused.length + 1, of = count > seen.postures ? `${count}` : `${count} of ${seen.postures}`;
+  return `Measurement ${numbered(seen.shot)} (${of})${seen.attempt > 1 ? `, attempt ${seen.attempt}` : ""}${seen.phase ? `: ${seen.phase}` : ""}`;
+}
+
+// A run that has not advanced for long takes longer, one with a tolerance may need fewer measurements.
+const leftHow = (/** @type {boolean} */ atLeast, /** @type {boolean} */ mayEndSooner) => (atLeast === mayEndSooner ? "about" : atLeast ? "at least" : "at most");
+
+/** How much is done, and how long the rest takes. @param {Pick<JobState, "state" | "left_s" | "left_at_least">} at @param {Pick<RunSeen, "recorded" | "refused" | "postures" | "rig" | "tolerance">} seen */
+export function progress(at, seen) {
+  const parts = [`${counted(seen.recorded.length, "measurement")} recorded${seen.refused.length ? `, ${seen.refused.length} refused` : ""}, of ${seen.postures} planned`];
+  if (at.state === "running" && at.left_s !== null && at.left_s !== undefined && seen.rig !== "manual") parts.push(`${leftHow(at.left_at_least, seen.tolerance !== null)} ${duration(at.left_s)} left`);
+  return `${parts.join("; ")}.`;
+}
+
+/** What looks wrong. @param {JobState} at @param {RunSeen} seen */
+export function remarks(at, seen) {
+  const list = [];
+  if (!seen.consistent && !seen.end) list.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
+  if (seen.suspect) list.push(`Measurement ${numbered(seen.suspect.shot)} contradicts the others: its residual at their fit is ${seen.suspect.residual_mm.toFixed(3)} mm.`);
+  if (seen.stopped && seen.stopped !== "interrupted") list.push(seen.stopped);
+  else if (seen.trouble && !seen.end) list.push(seen.trouble);
+  if (at.state === "failed") list.push(...at.log.filter((line) => line.startsWith("error: ")).map((line) => line.slice(7)));
+  return seen.end ? [...list, ...seen.end.notes] : list;
+}
