@@ -21,6 +21,12 @@ class DemoRun:
         return _FOLDER / f"{self.name}.jsonl"
 
 
+def example_files() -> dict[str, Path]:
+    """Header and plan of the example that the app rehearses, by their names in its folder: an irb1600 by the
+    defaults of a new calibration (`experiments.plans.new_calibration`)."""
+    return {name: _FOLDER / f"example-{name}" for name in ("header.yaml", "plan.yaml")}
+
+
 def demo_runs() -> tuple[DemoRun, ...]:
     """The three cases: what works, what cannot work, and what still works."""
     return (

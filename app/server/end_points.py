@@ -11,6 +11,7 @@ from pydantic import BaseModel, TypeAdapter
 
 from ...model.files.plan_file import PlanFile
 from .answers import (
+    calibrations,
     exports,
     history,
     home,
@@ -31,6 +32,7 @@ from .versions import ConflictAnswer, WrittenFile
 
 END_POINTS: list[EndPoint] = [
     *home.END_POINTS,
+    *calibrations.END_POINTS,
     *imports.END_POINTS,
     *robots.END_POINTS,
     *plans.END_POINTS,
@@ -53,6 +55,8 @@ _IF_MATCH = {
     "description": "the version of the file that is replaced; a new file needs none",
     "schema": {"type": "string"},
 }
+_MADE = {("/api/jobs", "post"), ("/api/file", "put")}
+_MADE |= {(point.path, point.method.lower()) for point in END_POINTS if point.status == 201}
 _CHANGES = {"name": "X-Zerobeam", "in": "header", "required": True, "schema": {"const": "1"}}
 _REF = "#/components/schemas/{model}"
 Schema = dict[str, Any]  # a part of an OpenAPI document
@@ -150,7 +154,7 @@ def description() -> Schema:
 def _described(operation: _Operation, content: Schema) -> Schema:
     """An operation whose answer has the schema `content` (empty: none is stated)."""
     kind = "text/event-stream" if operation.path.endswith("/events") else "application/json"
-    made = (operation.path, operation.method) in {("/api/jobs", "post"), ("/api/file", "put")}
+    made = (operation.path, operation.method) in _MADE
     answer = {"description": operation.says, "content": {kind: {"schema": content} if content else {}}}
     refusal = {"description": "A refusal.", "content": _json_of(ErrorAnswer)}
     described: Schema = {

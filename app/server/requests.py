@@ -35,6 +35,7 @@ class EndPoint:
     sent: type[BaseModel] | None = None
     query: tuple[str, ...] = ()
     conditional: bool = False
+    status: int = 200
 
     @cached_property
     def returned(self) -> TypeAdapter[Any]:

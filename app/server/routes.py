@@ -263,13 +263,13 @@ class _AppServer:
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return _with_version(point.plain(await point.answer(self.folder, *of)))
+                return _with_version(point.plain(await point.answer(self.folder, *of)), point.status)
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
             loop = asyncio.get_running_loop()
             work = functools.partial(self._confined, point, *of)
-            return _with_version(await loop.run_in_executor(self.thread, work))
+            return _with_version(await loop.run_in_executor(self.thread, work), point.status)
 
     def _confined(self, point: EndPoint, *of: Any) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
@@ -277,10 +277,11 @@ class _AppServer:
             return point.plain(point.answer(self.folder, *of))
 
 
-def _with_version(answer: Any) -> JSONResponse:
+def _with_version(answer: Any, status: int) -> JSONResponse:
     """An answer, with the version of the file that it is made of as its ETag."""
     version = answer.get("version") if isinstance(answer, dict) else None
-    return JSONResponse(answer, headers={} if version is None else {"etag": etag(version)})
+    headers = {} if version is None else {"etag": etag(version)}
+    return JSONResponse(answer, status, headers)
 
 
 def _unless_known(request: Request, answer: JSONResponse) -> Response:

@@ -49,7 +49,19 @@ NAMES = {
 # The fields of what is sent in which a person names a file, and those in which nobody does.
 PATHS = {"file", "files", "robot", "beside", "run", "posterior", "plan", "header"}
 OTHERS = {"scene", "obstacles", "postures", "header_row", "delimiter", "decimal", "columns", "units"}
-OTHERS |= {"lengths", "reversed_joints", "j3", "joints_deg", "without", "ranges"}
+OTHERS |= {
+    "lengths",
+    "reversed_joints",
+    "j3",
+    "joints_deg",
+    "without",
+    "ranges",
+    "name",
+    "instrument",
+    "place",
+    "serial",
+}
+OTHERS |= {"measurements"}
 
 
 def _urdf(name: str) -> dict[str, str]:
@@ -111,6 +123,18 @@ SENT: dict[str, dict[str, Any]] = {
     "POST /api/columns beside": {"files": ["plan.yaml"], "robot": "irb1600", "beside": "NAME"},
     "POST /api/robot robot": {"robot": "NAME"},
     "POST /api/robot robot URDF": {"robot": "URDF"},
+    "POST /api/calibrations robot": {
+        "name": "new",
+        "robot": "NAME",
+        "instrument": "laser",
+        "place": {"kind": "front"},
+    },
+    "POST /api/calibrations robot URDF": {
+        "name": "new",
+        "robot": "URDF",
+        "instrument": "laser",
+        "place": {"kind": "front"},
+    },
     "POST /api/meshes robot": {"robot": "URDF"},
     "POST /api/refit run": {"run": "NAME"},
     "POST /api/brush posterior": {"posterior": "NAME", "run": "run.jsonl", "ranges": {}},
@@ -183,7 +207,7 @@ def test_the_table_has_every_field(client: TestClient) -> None:
             assert f"{point.method} {point.path} {field}" in REQUESTS, (point.path, field)
     served: Any = client.app
     named = {name.split()[1] for name in REQUESTS}
-    without = {"/", "/page", "/api/files", "/api/jobs", "/openapi.json"} | {
+    without = {"/", "/page", "/api/files", "/api/jobs", "/api/example", "/openapi.json"} | {
         point.path for point in END_POINTS if not point.query and point.sent is None
     }
     for route in served.routes:

@@ -15,13 +15,12 @@ GOOD_HEADER: dict[str, Any] = {
     "tool": {"kind": "laser", "point_mm": [0, 0, 60], "direction": [0, 0, 1]},
     "noise": {"joint_deg": 0.01, "spot_mm": 0.1},
 }
+Kinds = dict[str, tuple[str, dict[str, Any], dict[str, Any]]]
 BOXES: dict[str, Any] = {"floor_mm": 0.0, "boxes": [], "thickness_mm": None}
 
 
 @pytest.fixture
-def kinds(
-    client: TestClient, content: dict[str, Any]
-) -> dict[str, tuple[str, dict[str, Any], dict[str, Any]]]:
+def kinds(client: TestClient, content: dict[str, Any]) -> Kinds:
     """By end point: a file that is there, what is sent to write it, and the same with another content."""
     client.put("/api/obstacles", json={"file": "cell.yaml", "obstacles": BOXES})
     client.put("/api/header", json={"file": "header.yaml", "header": GOOD_HEADER})

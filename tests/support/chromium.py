@@ -121,6 +121,7 @@ class Chromium:
         return self._browser.new_context(
             viewport={"width": size.width, "height": size.height},
             is_mobile=not size.print and size.width < 600,
+            has_touch=not size.print and size.width < 900,
             java_script_enabled=script,
             color_scheme="dark" if size.dark else "light",
         )
@@ -169,6 +170,10 @@ class Tab:
     def value(self, expression: str) -> Any:
         """What a JavaScript expression (or the promise that it makes) evaluates to."""
         return self._browser.do(lambda: self.target.evaluate(expression))
+
+    def on(self, action: Callable[[Any], Result]) -> Result:
+        """What an action on Playwright's page gives."""
+        return self._browser.do(lambda: action(self.target))
 
     def wait(self, condition: str, seconds: float) -> bool:
         """Whether a JavaScript condition becomes true in this time; another page may load meanwhile."""

@@ -1,0 +1,225 @@
+"""New calibrations: a folder with a header, and the command that makes the plan."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from ....experiments.demos import example_files
+from ....experiments.plans.new_calibration import PLACES, TITLES, PlaceKind, new_calibration, place_of
+from ....model.errors import BadInput
+from ....model.files.header import Header, RobotRef, write_header
+from ....model.files.json_document import JsonDocument
+from ....model.files.robot_file import load_robot, rebased
+from ....model.files.whole_file import sync_folder, write_whole, writer
+from ....model.instruments.registry import KINDS
+from ....model.parsing.validation import FileModel, Name, Vector, validate
+from ....words.wording import capital
+from ..folder import Folder
+from ..job_commands import job_command
+from ..requests import EndPoint, Refused, refused
+from .robots import whole_ref
+
+_EXAMPLE = "example"
+_SEED = "--seed=0"
+
+
+class AskedPlace(FileModel):
+    """Where the target is."""
+
+    kind: PlaceKind = Field(description="in words, or `point`: as stated")
+    point_mm: Vector | None = Field(default=None, description="with `point`: base frame, millimetres")
+    facing: Vector | None = Field(
+        default=None, description="outward normal of the target's face (default: as the place has it)"
+    )
+
+
+class AskedCalibration(FileModel):
+    """A new calibration."""
+
+    name: str = Field(description="of the new folder")
+    robot: RobotRef = Field(
+        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
+    )
+    instrument: str = Field(description="kind of the instrument")
+    place: AskedPlace = Field(description="where the target is")
+    serial: Name | None = Field(default=None, description="serial number of the arm")
+    measurements: int | None = Field(
+        default=None, ge=2, le=200, description="of the plan (default: as few as are enough)"
+    )
+
+
+class AskedExample(FileModel):
+    """A rehearsal of the example: nothing is asked."""
+
+
+class MadeCalibration(JsonDocument):
+    """A new calibration: its folder and header, and the words of the job that makes its plan."""
+
+    name: str
+    header: str
+    command: list[str]
+
+
+class MadeExample(JsonDocument):
+    """A new calibration that has a plan, and the words of the job that simulates its run."""
+
+    name: str
+    header: str
+    plan: str
+    command: list[str]
+
+
+class InstrumentChoice(JsonDocument):
+    """A kind of instrument."""
+
+    name: str
+    words: str
+    about: str
+    plans: bool = Field(description="whether a plan can be made with the defaults")
+
+
+class PlaceWords(JsonDocument):
+    """A place of the target."""
+
+    kind: PlaceKind
+    words: str
+    facing: list[float]
+
+
+class CalibrationChoices(JsonDocument):
+    """What a new calibration can be made of."""
+
+    instruments: list[InstrumentChoice]
+    places: list[PlaceWords]
+
+
+@cache
+def choices(_: Folder) -> CalibrationChoices:
+    """Instruments and places of the target."""
+    return CalibrationChoices(
+        instruments=[
+            InstrumentChoice(
+                name=name, words=words, about=f"{capital(KINDS[name].words.method)}.", plans=True
+            )
+            for name, words in TITLES.items()
+        ],
+        places=[PlaceWords(kind=row.kind, words=row.words, facing=list(row.facing)) for row in PLACES],
+    )
+
+
+def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
+    """Make the folder of a calibration with its header, whole or not at all."""
+    path = _new_folder(folder, request.name)
+    with _at_key("robot"):
+        robot = load_robot(whole_ref(folder, request.robot, folder.root), folder.root)
+    place = request.place
+    with _at_key("place", "point_mm"):
+        target = place_of(place.kind, robot, place.point_mm)
+    facing = place.facing or next(row.facing for row in PLACES if row.kind == place.kind)
+    if not any(facing):
+        raise _refusal(("place", "facing"), "this direction has no length", facing, "a direction")
+    with _at_key("instrument"):
+        new = new_calibration(request.instrument, robot, target, facing, request.measurements)
+    provenance = {} if request.serial is None else {"provenance": {"serial": request.serial}}
+    ref = rebased(request.robot, folder.root, path)
+    content: dict[str, Any] = {"robot": ref if isinstance(ref, str) else ref.model_dump(exclude_unset=True)}
+    header = validate(Header, content | new.header | provenance, file=None, line=lambda _: None)
+    with _whole(path) as part:
+        write_header(part / "header.yaml", header)
+    name = folder.called(path)
+    words = ["plan", "optimal", f"--header={name}/header.yaml", f"--out={name}/plan.yaml", *new.options]
+    return MadeCalibration(name=name, header=f"{name}/header.yaml", command=_command(folder, words))
+
+
+def example(folder: Folder, _: AskedExample) -> MadeExample:
+    """Make a folder with the header and the plan of the example."""
+    names = (_EXAMPLE if number == 1 else f"{_EXAMPLE}-{number}" for number in count(1))
+    path = next(folder.root / name for name in names if not os.path.lexists(folder.root / name))
+    with _whole(path) as part:
+        for file, shipped in example_files().items():
+            write_whole(part / file, shipped.read_bytes())
+    name = folder.called(path)
+    words = ["run", "--rig=simulated", _SEED, f"--out={name}/run.jsonl", f"{name}/plan.yaml"]
+    return MadeExample(
+        name=name, header=f"{name}/header.yaml", plan=f"{name}/plan.yaml", command=_command(folder, words)
+    )
+
+
+def _command(folder: Folder, words: list[str]) -> list[str]:
+    """The words, which `POST /api/jobs` takes."""
+    job_command(folder, words)
+    return words
+
+
+def _new_folder(folder: Folder, name: str) -> Path:
+    """The path of a folder that is to be made in the app's own."""
+    if "/" in name or name != name.strip() or not name:
+        raise _refusal(
+            ("name",), "a folder cannot have this name", name[:100], "a name without / and spaces at its ends"
+        )
+    with _at_key("name"):
+        path = folder.inside(name)
+    if os.path.lexists(folder.root / name):
+        raise _refusal(("name",), "there is something of this name already", name, "a name that is free")
+    return path
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A hidden folder to write into, which gets its name at the end, if nothing went wrong."""
+    part = path.with_name(f".{path.name[:100]}.{writer()}-folder.part")
+    shutil.rmtree(part, ignore_errors=True)
+    try:
+        part.mkdir()
+        yield part
+        os.rename(part, path)  # refuses a folder that has something in it
+        sync_folder(path.parent)
+    except OSError as error:
+        what = "the folder cannot be made"
+        raise _refusal(
+            ("name",), what, error.strerror or str(error), "a folder that can be written"
+        ) from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+@contextmanager
+def _at_key(*key: str) -> Iterator[None]:
+    try:
+        yield
+    except BadInput as error:
+        raise refused(error, key) from error
+
+
+def _refusal(key: tuple[str, ...], what: str, value: object, allowed: str) -> Refused:
+    return refused(BadInput(what, found=value, allowed=allowed), key)
+
+
+END_POINTS = [
+    EndPoint("/api/calibrations/choices", "GET", "What a new calibration can be made of.", choices),
+    EndPoint(
+        "/api/calibrations",
+        "POST",
+        "Makes a calibration: its folder and header, and the command for its plan.",
+        make,
+        AskedCalibration,
+        status=201,
+    ),
+    EndPoint(
+        "/api/example",
+        "POST",
+        "Makes a folder with the example's header and plan, and the command that rehearses it.",
+        example,
+        AskedExample,
+        status=201,
+    ),
+]
