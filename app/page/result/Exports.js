@@ -44,7 +44,7 @@ export function Exports({ run }) {
       if (well(await job.ended)) await refresh();
     });
   };
-  const names = files.value.filter((one) => one.kind === "other" || /\.(cfg|ya?ml)$/i.test(one.path)).map((one) => /** @type {[string, string]} */ ([one.path, one.path]));
+  const names = files.value.filter((one) => /\.(cfg|conf|txt|ya?ml)$/i.test(one.path)).map((one) => /** @type {[string, string]} */ ([one.path, one.path]));
   return html`
     <form class="exports" onSubmit=${write}>
       <div class="fields">

@@ -1,6 +1,7 @@
 // Values to enter and the offsets: with their expanded uncertainty and status, beside them what a fit without some measurements says.
 import { html } from "htm/preact";
-import { capital, fixed, marked, named, sentence, WORDS } from "../core/words.js";
+import { capital, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
+import { Fold } from "../parts/Fold.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { refitFault, refitted, shift, single } from "./state.js";
 
@@ -26,25 +27,34 @@ export function Steps({ found }) {
 }
 
 /** @param {import("./types.js").RefitRow} row */
-const ratio = (row) => (row.std === null || row.before.std === null ? "" : ` (${fixed(row.std / row.before.std, 2)}\u00a0×)`);
+const ratio = (row) => (row.std === null || row.before.std === null ? "" : `${fixed(row.std / row.before.std, 2)}\u00a0×`);
+
+/** @param {{rows: import("./types.js").ParameterRow[], k: number, again: import("./types.js").Refit | null, label: string}} props `again`: the fit beside */
+function Table({ rows, k, again, label }) {
+  const others = new Map(again?.parameters.map((row) => [row.name, row]));
+  const shape = (/** @type {string} */ status) => html`<span aria-hidden="true">${SHAPES[status] ?? ""}</span><span class="unseen">${status}</span>`;
+  return html`
+    <div class="scroll" tabindex="0" role="region" aria-label=${label}><table class="offsets">
+      <thead><tr><th scope="col">name</th><th scope="col" class="right">estimate</th><th scope="col" class="right">U</th><th scope="col">${again ? html`<span class="unseen">status</span>` : "status"}</th>
+        ${again && html`<th scope="col" class="right">without them</th><th scope="col" class="right">U</th><th scope="col"><span class="unseen">status without them</span></th>`}</tr></thead>
+      <tbody>${rows.map((row) => {
+        const other = others.get(row.name);
+        return html`
+          <tr key=${row.name} class=${row.status} title=${row.reason ? sentence(row.reason) : undefined} data-of=${row.name}>
+            <th scope="row">${named(row.name)}</th><td class="right u">${estimateOf(row, k)}</td><td class="right">${expandedOf(row, k)}</td><td class="status">${again ? shape(row.status) : marked(row.status)}</td>
+            ${again && html`<td class="right refit">${other ? estimateOf(other, again.coverage_factor) : "—"}</td><td class="right">${other ? html`${expandedOf(other, again.coverage_factor)}<small>${ratio(other)}</small>` : "—"}</td><td class=${`refit-status ${other?.status ?? ""}`}>${other ? shape(other.status) : "—"}</td>`}
+          </tr>`;
+      })}</tbody></table></div>`;
+}
 
 /** @param {{found: Found}} props */
 export function Offsets({ found }) {
-  const again = refitted.value, k = found.coverage_factor, rows = new Map(again?.parameters.map((row) => [row.name, row]));
+  const others = found.parameters.filter((row) => row.group !== "offset");
   return html`
     <h2>Offsets</h2>
-    <div class="scroll" tabindex="0" role="region" aria-label="Offsets"><table class="offsets">
-      <thead><tr><th scope="col">name</th><th scope="col" class="right">estimate</th><th scope="col" class="right">U</th><th scope="col">status</th>
-        ${again && html`<th scope="col" class="right">without them</th><th scope="col" class="right">U</th><th scope="col">status</th>`}</tr></thead>
-      <tbody>${found.parameters.map((row) => {
-        const other = rows.get(row.name);
-        return html`
-          <tr key=${row.name} class=${row.status} title=${row.reason ? sentence(row.reason) : undefined} data-of=${row.name}>
-            <th scope="row">${named(row.name)}</th><td class="right u">${estimateOf(row, k)}</td><td class="right">${expandedOf(row, k)}</td><td class="status">${marked(row.status)}</td>
-            ${again && html`<td class="right refit">${other ? estimateOf(other, again.coverage_factor) : "—"}</td><td class="right">${other ? `${expandedOf(other, again.coverage_factor)}${ratio(other)}` : "—"}</td><td class=${`refit-status ${other?.status ?? ""}`}>${other ? marked(other.status) : "—"}</td>`}
-          </tr>`;
-      })}</tbody></table></div>
-    <${Without} found=${found} />`;
+    <${Table} rows=${found.parameters.filter((row) => row.group === "offset")} k=${found.coverage_factor} again=${refitted.value} label="Offsets" />
+    <${Without} found=${found} />
+    ${others.length > 0 && html`<${Fold} title="Tool and noise"><${Table} rows=${others} k=${found.coverage_factor} again=${null} label="Tool and noise" /><//>`}`;
 }
 
 /** What the fit without some measurements says. @param {{found: Found}} props */

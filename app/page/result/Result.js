@@ -66,7 +66,7 @@ const isSimulated = (/** @type {Found} */ found) => found.inputs.origin === "sim
 
 /** @param {{found: Found}} props */
 function Inspector({ found }) {
-  const serial = history.value?.runs.find((run) => run.file === found.run)?.serial ?? null;
+  const stated = history.value?.runs.find((run) => run.file === found.run)?.serial, serial = stated && !/^none\b/i.test(stated) ? stated : null;
   const why = [...found.misfit, ...found.diagnosis];
   return html`
     <${Others} />

@@ -71,7 +71,6 @@ export async function show(file, isRun) {
     }
     const found = await getFile("result", file);
     open.value = found;
-    say(found.message?.verdict ?? named(found.headline));
     warm(found);
     await draws(found);
   } catch (error) {
