@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...analysis.diagnostics.tcp_positions import spread_postures, within_limits
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.instruments.registry import KINDS
 from ...model.kinematics.robot import Robot
@@ -148,7 +149,7 @@ def _words(numbers: Sequence[float]) -> str:
     return ",".join(f"{number:g}" for number in numbers)
 
 
-def _at(point: Sequence[float]) -> Point:
+def _at(point: Sequence[float] | Matrix) -> Point:
     """A point to the millimetre, as a person states it."""
     x, y, z = (round(float(number)) + 0.0 for number in point)
     return x, y, z

@@ -61,7 +61,7 @@ OTHERS |= {
     "place",
     "serial",
 }
-OTHERS |= {"measurements"}
+OTHERS |= {"measurements", "links"}
 
 
 def _urdf(name: str) -> dict[str, str]:
