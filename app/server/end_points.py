@@ -15,6 +15,7 @@ from .answers import (
     history,
     home,
     imports,
+    inverse,
     plans,
     posteriors,
     recordings,
@@ -30,6 +31,7 @@ from .versions import ConflictAnswer, WrittenFile
 
 END_POINTS: list[EndPoint] = [
     *home.END_POINTS,
+    *inverse.END_POINTS,
     *calibrations.END_POINTS,
     *imports.END_POINTS,
     *robots.END_POINTS,
