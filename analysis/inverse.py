@@ -39,7 +39,7 @@ def nearest_posture(
     one is asked for."""
     lower, upper = robot.lower, robot.upper
     q = np.clip(joints, lower, upper)
-    residual, jacobian = _miss(robot, q, position, rotation)
+    residual, jacobian = _off_goal(robot, q, position, rotation)
     damping = _DAMPING
     for _ in range(_STEPS):
         if _reached(residual):
@@ -56,7 +56,7 @@ def nearest_posture(
         step = np.zeros(len(q))
         step[free] = -np.linalg.solve(damped, gradient[free])
         tried = np.clip(q + step, lower, upper)
-        new, new_jacobian = _miss(robot, tried, position, rotation)
+        new, new_jacobian = _off_goal(robot, tried, position, rotation)
         if float(new @ new) < float(residual @ residual):
             q, residual, jacobian = tried, new, new_jacobian
             damping = max(damping / 10, 1e-12)
@@ -76,7 +76,7 @@ def _reached(residual: Matrix) -> bool:
     return near and float(np.linalg.norm(residual[:3])) < _POSITION_MM
 
 
-def _miss(robot: Robot, q: Matrix, position: Matrix, rotation: Matrix | None) -> tuple[Matrix, Matrix]:
+def _off_goal(robot: Robot, q: Matrix, position: Matrix, rotation: Matrix | None) -> tuple[Matrix, Matrix]:
     """(3,) or (6,) mm from the goal, and its Jacobian by the joints."""
     pose, by_joints = robot.pose_and_jacobian(q)
     residual, jacobian = pose[:3, 3] - position, by_joints[:3]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ...model.kinematics.robot import Robot
 
 PlaceKind = Literal["front", "table", "floor", "point"]
 Point = tuple[float, float, float]
+Keys = dict[str, object]  # of a header, or a part of it
 
 JOINT_DEG = 0.01  # noise of a joint
 SPOT_MM = 0.05  # noise of a spot, or of the seat of a tip
@@ -73,7 +74,7 @@ TITLES: Mapping[str, str] = {
 class NewCalibration:
     """The keys of a header besides the robot, and the options of `zerobeam plan optimal`."""
 
-    header: dict[str, Any]
+    header: Keys
     options: tuple[str, ...]
 
 
@@ -156,39 +157,39 @@ def _at(point: Sequence[float] | Matrix) -> Point:
     return x, y, z
 
 
-def _laser(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _laser(robot: Robot, reach: float, target: Point) -> Keys:
     tool = {"kind": "laser", "calibrated": False, "point_mm": [0.0, 0.0, 65.0], "direction": [1.0, 0.0, 0.0]}
     return {"tool": tool, "targets": {"psd": _target(target)}}
 
 
-def _probe(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _probe(robot: Robot, reach: float, target: Point) -> Keys:
     tool = {"kind": "probe", "calibrated": False, "point_mm": [60.0, 0.0, 120.0]}
     return {"tool": tool, "targets": {"socket": _target(target)}}
 
 
-def _tracker(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _tracker(robot: Robot, reach: float, target: Point) -> Keys:
     sigma = {"constant": 0.015, "per_m": 0.006}
     tracker = {"kind": "tracker", "sigma_mm": sigma, "guess_mm": _station(reach)}
     return {"instruments": {"tracker": tracker | {"reflectors": {"R1": {"guess_mm": list(_ON_FLANGE)}}}}}
 
 
-def _pose(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _pose(robot: Robot, reach: float, target: Point) -> Keys:
     camera = {"kind": "pose", "sigma_mm": 0.1, "sigma_deg": 0.03, "guess_mm": _station(reach), "mount": {}}
     return {"instruments": {"camera": camera}}
 
 
-def _plane(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _plane(robot: Robot, reach: float, target: Point) -> Keys:
     stylus = {"kind": "plane", "tip_mm": [60.0, 0.0, 120.0], "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
     return {"instruments": {"stylus": stylus}, "targets": _faces(target, ("top", "back", "side"))}
 
 
-def _dial(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _dial(robot: Robot, reach: float, target: Point) -> Keys:
     gauge = {"kind": "dial", "tip_mm": [60.0, 0.0, 120.0], "direction": [0.0, 0.0, 1.0], "sigma_mm": 0.01}
     faces = {name: row | {"radius_mm": 100.0} for name, row in _faces(target, ("top", "back")).items()}
     return {"instruments": {"gauge": gauge}, "targets": faces}
 
 
-def _sphere(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _sphere(robot: Robot, reach: float, target: Point) -> Keys:
     stylus = {"kind": "sphere", "tip_mm": [60.0, 0.0, 120.0], "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
     balls = {
         name: {"kind": "sphere", "diameter_mm": 25.4} | _target(_at(np.add(target, (0.0, side * reach, 0.0))))
@@ -197,7 +198,7 @@ def _sphere(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
     return {"instruments": {"stylus": stylus}, "targets": balls}
 
 
-def _ballbar(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _ballbar(robot: Robot, reach: float, target: Point) -> Keys:
     lengths = [round(share * reach, -1) for share in _BAR]
     bar = {"kind": "ballbar", "tip_mm": [60.0, 0.0, 120.0], "sigma_mm": 0.005, "range_mm": lengths}
     sockets = {
@@ -207,7 +208,7 @@ def _ballbar(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
     return {"instruments": {"bar": bar}, "targets": sockets}
 
 
-def _target(at: Point) -> dict[str, Any]:
+def _target(at: Point) -> Keys:
     return {"guess_mm": list(at), "sigma_mm": TARGET_SIGMA_MM}
 
 
@@ -222,7 +223,7 @@ _NORMALS: Mapping[str, tuple[Point, Point]] = {  # of the faces of a block, and 
 }
 
 
-def _faces(target: Point, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _faces(target: Point, names: Sequence[str]) -> dict[str, Keys]:
     faces = {}
     for name in names:
         normal, offset = _NORMALS[name]
