@@ -60,7 +60,8 @@ def ask(address: str, plan: dict[str, Any]) -> float:
 
 
 _DRAG = """new Promise((then) => {
-  const slider = document.querySelector('.joint input[type=range]'), table = document.querySelector('.determined');
+  const slider = document.querySelector('.joint input[type=range]');
+  const table = document.querySelector('.determined');
   const begun = performance.now();
   slider.value = Number(slider.value) + 0.1;
   slider.dispatchEvent(new Event('input', {bubbles: true}));
