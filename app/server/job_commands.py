@@ -137,6 +137,10 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
         for maker in makers()
         for kind in maker.offsets
     },
+    ("export", "program"): (
+        2,
+        _EXPORT | _options(("values", "--tool --frame --leave --call"), ("value", "--near --j3")),
+    ),
     **{
         ("export", "plan", form): (
             1,

@@ -104,8 +104,8 @@ def application(folder: Folder, access: Access) -> Starlette:
 def page_files() -> dict[str, bytes]:
     """What the page consists of, by its name below /page: nothing else is ever sent from there.
 
-    Its own files, with the places of the page in one; of the reports the typeface, the style sheet and the
-    scene that can be turned.
+    Its own files, with the places of the page in one; of the reports the typeface, the style sheet and how
+    arms and instruments are drawn.
     """
     files = {
         path.relative_to(_PAGE).as_posix(): path
@@ -113,8 +113,8 @@ def page_files() -> dict[str, bytes]:
         if path.is_file() and path.suffix in _TYPES
     }
     fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
-    scene = {name: TEMPLATES / name for name in ("scene.js", "scene.css")}
-    read = {name: path.read_bytes() for name, path in (files | fonts | scene).items()}
+    drawing = {f"scene/{path.name}": path for path in (TEMPLATES / "drawing").glob("*.js")}
+    read = {name: path.read_bytes() for name, path in (files | fonts | drawing).items()}
     parts = b"".join(read.pop(f"places/{name}/place.html", b"") for name in _PLACES)
     index = read["index.html"].replace(b"<!-- places -->\n", parts)
     return read | {"index.html": index, "report.css": sheet().encode()}

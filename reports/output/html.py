@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ def template(name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    script = template_text("scene.js")
+    script = scene_script()
     environment.globals["scene_js"] = Markup(script)
     environment.globals["scene_hash"] = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template(name)
@@ -48,6 +49,19 @@ def template(name: str) -> Template:
 def template_text(name: str) -> str:
     """A file of `templates` as it is."""
     return (TEMPLATES / name).read_text(encoding="utf-8")
+
+
+_DRAWING = ("vectors", "colours", "labels", "bodies", "flat")  # each after those that it imports
+
+
+@functools.cache
+def scene_script() -> str:
+    """The script of the turnable picture: the modules that draw arms in the app, too, and `scene.js`, without
+    imports, exports and comments."""
+    parts = [template_text(f"drawing/{name}.js") for name in _DRAWING] + [template_text("scene.js")]
+    text = re.sub(r"/\*\*.*?\*/\s*", "", "".join(parts), flags=re.DOTALL)
+    text = re.sub(r"^import .*\n|^\s*//.*\n|^\s*\n|(?<=[;{,]) // .*$", "", text, flags=re.MULTILINE)
+    return '"use strict";\n{\n' + re.sub(r"^export ", "", text, flags=re.MULTILINE) + "}\n"
 
 
 @functools.cache

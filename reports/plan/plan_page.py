@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +30,7 @@ from ...words.wording import clipped, counted, label, listed, person, sentence, 
 from ..output.html import Turnable, html
 from ..run.parameters import legend, reasons, worth_column
 from ..run.unobservable import direction_words, tolerance_only
-from ..scenes.scene import Placed, Posed, Scene3D, floor_of
+from ..scenes.scene import Placed, Posed, Scene3D, axes_of, floor_of
 from ..scenes.turnable import MOST_DRAWN, turnable
 from ..style.blocks import (
     Cell,
@@ -92,11 +93,15 @@ def postures_of(aimed_plan: AimedPlan) -> Postures:
 
 def plan_scene(plan: Plan, postures: Postures) -> Scene3D:
     """The scene of a plan."""
-    count = len(postures.joints)
+    count, axes = len(postures.joints), axes_of(plan.robot, postures.joints)
     return Scene3D(
-        [posture_in_scene(plan, postures, i, f"posture {i} (of 0 to {count - 1})") for i in range(count)],
+        [
+            replace(posture_in_scene(plan, postures, i, f"posture {i} (of 0 to {count - 1})"), axes=axes[i])
+            for i in range(count)
+        ],
         [Placed(name, at, "nominal") for name, at in _places(plan, postures)],
         floor_of(plan.robot),
+        kinds=[joint.kind for joint in plan.robot.joints],
     )
 
 
@@ -142,7 +147,7 @@ def plan_turnable(aimed: AimedPlan, postures: Postures) -> Turnable:
     what = listed(list(dict.fromkeys(kind.words.posture for kind in plan.header.kinds.values())))
     return turnable(
         scene,
-        alt=f"The arm as a line through its joints in {counted(count, 'posture')}, with {what}, above a floor"
+        alt=f"The arm in {counted(count, 'posture')}, with {what}, above a floor"
         f" grid.{named}"
         " The table of postures on this page says the same in numbers.",
         caption=f"{scene.grid_words}; x, y and z are the base frame."

@@ -97,8 +97,7 @@ def run_turnable(result: Result) -> Turnable | None:
     size = "" if scene.factor is None else f"; an ellipsoid is drawn {exaggerated(scene.factor)}"
     return turnable(
         scene,
-        alt=f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
-        f" grid.{targets}",
+        alt=f"The arm in {counted(count, 'measurement')}, {what}, above a floor grid.{targets}",
         caption=f"The arm at the recorded joints with the fitted offsets, {counted(count, 'measurement')}"
         f"{'' if count == all_shots else f' of {all_shots}'}. {scene.grid_words}; x, y and z are the base"
         f" frame.{nominal}",

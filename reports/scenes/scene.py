@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
+import casadi as ca
 import numpy as np
 
 from ...model.arrays import Matrix
@@ -26,7 +27,8 @@ _NAME_WIDTH = 24
 class Posed:
     """The arm in one posture: its `name`, `arm` (n + 2, 3) from the base over the joints to the flange,
     `tool` (3,) the laser's origin or the probe's tip, `end` (3,) of the beam, None for a probe, whether it
-    `reaches` its target, and `sights` (2, 3) each from the flange to what an instrument measures."""
+    `reaches` its target, `sights` (2, 3) each from the flange to what an instrument measures, and `axes`
+    (n, 3) of the joints, None where only their places are known."""
 
     name: str
     arm: Matrix
@@ -34,6 +36,7 @@ class Posed:
     end: Matrix | None
     reaches: bool
     sights: Sequence[Matrix] = ()
+    axes: Matrix | None = None
 
     @property
     def tool_line(self) -> Matrix:
@@ -78,12 +81,13 @@ class Placed:
 @dataclass(frozen=True, eq=False)
 class Scene3D:
     """Postures and targets, and the frame that they are seen in; `floor` is how high the mounting face is,
-    `outlines` (m, 3) lines of planes and balls."""
+    `outlines` (m, 3) lines of planes and balls, `kinds` those of the joints where they are known."""
 
     postures: Sequence[Posed]
     targets: Sequence[Placed]
     floor: float = 0.0
     outlines: Sequence[Matrix] = ()
+    kinds: Sequence[str] = ()
 
     @cached_property
     def _corners(self) -> tuple[Matrix, Matrix]:
@@ -158,6 +162,13 @@ class Scene3D:
         return int(10 ** np.clip(exponent, 0, math.log10(LARGEST_FACTOR)))
 
 
+def axes_of(robot: Robot, joints: Matrix) -> Matrix:
+    """(m, n, 3) the joints' unit axes of an arm at `joints` (m, n), rad or mm."""
+    theta = ca.SX.sym("theta", robot.n)
+    axes = ca.Function("axes", [theta], [ca.densify(robot.axes(theta))])
+    return np.array([np.array(axes(row)).T for row in joints])
+
+
 def floor_of(robot: Robot) -> float:
     """Height of the arm's mounting face in the base frame, mm: 0 where it is not stated."""
     return -(robot.conventions.below_base or 0.0) + 0.0
@@ -166,12 +177,10 @@ def floor_of(robot: Robot) -> float:
 def scene_json(scene: Scene3D) -> dict[str, object]:
     """The scene as `scene.js` reads it."""
     return {
-        "centre": _rounded(scene.centre),
-        "radius": round(scene.radius, 1),
-        "view": [AZIMUTH, ELEVATION],
         "grid": {"step": scene.grid_step, "bounds": list(scene.grid_bounds), "z": scene.floor},
         "axis": scene.axis,
         "factor": scene.factor,
+        "kinds": list(scene.kinds),
         "outlines": [_rounded(outline) for outline in scene.outlines],
         "targets": [
             {
@@ -191,6 +200,7 @@ def scene_json(scene: Scene3D) -> dict[str, object]:
                 "reaches": bool(posed.reaches),
                 "sights": [_rounded(sight) for sight in posed.sights],
                 "numbers": [{"at": _rounded(at), "text": text} for at, text in posed.labels],
+                **({} if posed.axes is None else {"axes": (np.round(posed.axes, 3) + 0.0).tolist()}),
             }
             for posed in scene.postures
         ],

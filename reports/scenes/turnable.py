@@ -20,7 +20,7 @@ from ..output.html import Turnable, scene_html, template_text
 from ..style.canvas import Picture
 from ..style.palette import light
 from ..style.typeface import in_font
-from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, floor_of, scene_json
+from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, axes_of, floor_of, scene_json
 
 STILL = "postures"  # name of the still drawing among the figures
 
@@ -213,17 +213,16 @@ def arm_page(robot: Robot, postures: Sequence[Matrix]) -> str:
     """Its text."""
     theta = ca.SX.sym("theta", robot.n)
     skeleton = ca.Function("skeleton", [theta], [ca.densify(robot.skeleton(theta))])
-    posed = []
+    posed, axes = [], axes_of(robot, np.array(postures))
     for i, joints in enumerate(postures):
         arm = np.array(skeleton(joints)).T
-        posed.append(Posed(f"posture {i}", arm, arm[-1], None, True))
-    scene = Scene3D(posed, [], floor_of(robot))
+        posed.append(Posed(f"posture {i}", arm, arm[-1], None, True, axes=axes[i]))
+    scene = Scene3D(posed, [], floor_of(robot), kinds=[joint.kind for joint in robot.joints])
     name = clipped(robot.name, 40)
     page = turnable(
         scene,
-        alt=f"{name}: the arm as a line through its joints in {counted(len(posed), 'posture')}, above a floor"
-        " grid.",
-        caption=f"{scene.grid_words}; x, y and z are the base frame. The line ends at the flange.",
+        alt=f"{name}: the arm in {counted(len(posed), 'posture')}, above a floor grid.",
+        caption=f"{scene.grid_words}; x, y and z are the base frame. The arm ends at the flange.",
         paper="On paper: posture 0 in black, the others in grey.",
     )
     return scene_html(f"Robot {name}", page)

@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 /** @typedef {import("./view.js").View} View */
 
 /**
- * @param {{make: typeof View, scene: import("./types.js").Scene3D, chosen: number|null, tools: import("./types.js").Tools,
+ * @param {{make: typeof import("./view.js").View, scene: import("./types.js").Scene3D, chosen: number|null, tools: import("./types.js").Tools,
  *   motion: import("./view.js").Motion|null, acts: import("./types.js").SceneActs, label: string, onView: (view: View|null) => void, onNone: () => void}} props
  */
 export function Solid({ make, scene, chosen, tools, motion, acts, label, onView, onNone }) {

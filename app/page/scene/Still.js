@@ -1,10 +1,11 @@
 // The scene without WebGL: flat, from the same bodies. Turned by the buttons and keys, not by hand.
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
-import { armBodies, boxBody, boxCorners, floorGrid, jointLabels, lineBodies, markBodies, markTone, toolBodies } from "./bodies.js";
+import { armBodies, floorGrid, jointLabels, lineBodies, toolBodies } from "./bodies.js";
 import { coloursOf } from "./colours.js";
 import { FIRST_VIEW, FlatPen, flatCamera } from "./flat.js";
 import { drawLabels } from "./labels.js";
+import { boxBody, boxCorners, markBodies, markTone } from "./marks.js";
 import { plus, times } from "./vectors.js";
 
 /** @typedef {import("./vectors.js").Vec} Vec */
@@ -23,7 +24,7 @@ export function drawStill(canvas, scene, chosen, view) {
   if (!pen || !room.wide) return;
   Object.assign(canvas, { width: Math.round(room.wide * ratio), height: Math.round(room.high * ratio) });
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const points = extent(scene), colours = coloursOf(canvas), camera = flatCamera(points, room, view), flat = new FlatPen(pen, camera, colours);
+  const points = extent(scene), colours = coloursOf(canvas), camera = flatCamera(points, room, view, 0.06 * scene.reach), flat = new FlatPen(pen, camera, colours);
   const floor = -(scene.arm.mounting.below_base_mm ?? 0), kinds = scene.arm.joints.map((joint) => joint.kind);
   const corner = (/** @type {(...v: number[]) => number} */ pick) => /** @type {Vec} */ ([0, 1, 2].map((i) => pick(...points.map((p) => p[i]))));
   const { step, bounds: [[x0, x1], [y0, y1]] } = floorGrid(corner(Math.min), corner(Math.max), scene.reach);

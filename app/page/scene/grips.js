@@ -1,8 +1,9 @@
 // What a person takes hold of in the picture: the target, the flange, a box, a joint. The pointer and the keys.
 import * as THREE from "three";
 import { TransformControls } from "three/TransformControls.js";
-import { thickness, turned } from "./bodies.js";
+import { thickness } from "./bodies.js";
 import { emptied, solidObject } from "./solids.js";
+import { turned } from "./turning.js";
 import { across, apart, dot, minus, plus, rotated, times, unit } from "./vectors.js";
 
 /** @typedef {import("./vectors.js").Vec} Vec */

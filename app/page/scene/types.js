@@ -1,7 +1,7 @@
 // What a scene shows. Base frame, mm, z up; joints in degrees (mm of a prismatic one).
 
 /** @typedef {import("./vectors.js").Vec} Vec */
-/** @typedef {import("./bodies.js").Mark} Mark */
+/** @typedef {import("./marks.js").Mark} Mark */
 
 /**
  * The answer of POST /api/robot, as far as it is drawn.

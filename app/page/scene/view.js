@@ -1,11 +1,13 @@
 // The scene in three.js: camera, light, bodies, names. Drawn when something has changed, and not otherwise.
 import * as THREE from "three";
 import { OrbitControls } from "three/OrbitControls.js";
-import { armBodies, boxBody, boxCorners, floorGrid, jointLabels, lineBodies, markBodies, markTone, postureDistance, toolBodies } from "./bodies.js";
+import { armBodies, floorGrid, jointLabels, lineBodies, toolBodies } from "./bodies.js";
 import { coloursOf, mixed } from "./colours.js";
 import { Grips } from "./grips.js";
 import { drawLabels } from "./labels.js";
 import { Materials, PaleArms, emptied, meshGeometry, poseMatrix, solidObject, thinLines } from "./solids.js";
+import { boxBody, boxCorners, markBodies, markTone } from "./marks.js";
+import { postureDistance } from "./turning.js";
 import { minus, plus, times } from "./vectors.js";
 
 /** @typedef {import("./vectors.js").Vec} Vec */
@@ -61,8 +63,8 @@ export class View {
     this.motion = null;
     /** @type {import("./types.js").LinkMesh[]|undefined} */
     this.meshes = undefined;
-    /** @type {Label[]} */
-    this.extra = [];
+    /** What the pale arms were drawn for. @type {unknown[]|null} */
+    this.shownPale = null;
     this.wide = this.high = 0;
     this.waiting = 0;
     this.coarse = false;
@@ -255,7 +257,7 @@ export class View {
   }
 
   /** @param {number} now */
-  step_(now) {
+  advance(now) {
     const { motion } = this;
     if (!motion || this.still.matches) return;
     const phase = ((now - (this.started || 0)) / 1000 / motion.period_s) % 1, there = phase < 0.5 ? 2 * phase : 2 - 2 * phase;
@@ -366,7 +368,7 @@ export class View {
     if (this.waiting) return;
     this.waiting = requestAnimationFrame((now) => {
       this.waiting = 0;
-      this.step_(now);
+      this.advance(now);
       this.draw(now);
     });
   }

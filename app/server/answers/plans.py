@@ -123,7 +123,7 @@ class PostureScene(JsonDocument):
     )
 
 
-class Mark(JsonDocument):
+class CellMark(JsonDocument):
     """What stands in the cell: an instrument or a target, mm in the base frame."""
 
     kind: Literal["psd", "tracker", "plane", "sphere", "ballbar", "dial", "pose", "point"]
@@ -170,7 +170,7 @@ class CheckAnswer(JsonDocument):
 
     message: Message
     action: OfferedAction
-    marks: list[Mark] | None = Field(default=None, exclude_if=is_none)
+    marks: list[CellMark] | None = Field(default=None, exclude_if=is_none)
     scene: list[PostureScene] | None = Field(default=None, exclude_if=is_none)
     touched_boxes: list[int] | None = Field(default=None, exclude_if=is_none)
     null_motion: list[NullMotion] | None = Field(default=None, exclude_if=is_none)
@@ -365,7 +365,7 @@ class _Placed(Document):
         return self.finder(keys)
 
 
-def _marks(aimed: AimedPlan) -> Iterator[Mark]:
+def _marks(aimed: AimedPlan) -> Iterator[CellMark]:
     """The targets at their nominal places, and the stations where they stand."""
     plan, problem, x = aimed.plan, aimed.problem, aimed.x
     header, kept = plan.header, plan.constraints
@@ -376,33 +376,37 @@ def _marks(aimed: AimedPlan) -> Iterator[Mark]:
             at = instrument.in_sight(Target(np.zeros(3), None))
             at = instrument.stands_at[:3] if at is None else at
             if len(at) == 3:
-                yield Mark(kind="pose" if kind.name == "pose" else "tracker", name=label, at=rounded(at, 3))
-    for name, place in zip(problem.targets, problem.split(x).targets, strict=True):
+                yield CellMark(
+                    kind="pose" if kind.name == "pose" else "tracker", name=label, at=rounded(at, 3)
+                )
+    for name, at_target in zip(problem.targets, problem.split(x).targets, strict=True):
         if problem.is_station(name):
             continue
-        stated = header.targets.get(name)
-        if stated is not None and stated.kind in ("plane", "sphere"):
-            if stated.guess_mm is not None:
-                ball = stated.kind == "sphere"
-                radius = (stated.diameter_mm or 0.0) / 2 if ball else stated.radius_mm
-                yield Mark(
+        entry = header.targets.get(name)
+        if entry is not None and entry.kind in ("plane", "sphere"):
+            if entry.guess_mm is not None:
+                ball = entry.kind == "sphere"
+                radius = (entry.diameter_mm or 0.0) / 2 if ball else entry.radius_mm
+                yield CellMark(
                     kind="sphere" if ball else "dial" if kinds == {"dial"} else "plane",
                     name=name,
-                    at=list(stated.guess_mm),
-                    normal=None if stated.normal is None else list(stated.normal),
+                    at=list(entry.guess_mm),
+                    normal=None if entry.normal is None else list(entry.normal),
                     radius=radius,
                 )
         elif any(kind.beam for kind in header.kinds.values()):
             facing = kept.facing
-            yield Mark(
+            yield CellMark(
                 kind="psd",
                 name=name,
-                at=rounded(place, 3),
+                at=rounded(at_target, 3),
                 normal=None if facing is None else list(facing),
                 acceptance_deg=None if facing is None else kept.acceptance_deg,
             )
         else:
-            yield Mark(kind="ballbar" if "ballbar" in kinds else "point", name=name, at=rounded(place, 3))
+            yield CellMark(
+                kind="ballbar" if "ballbar" in kinds else "point", name=name, at=rounded(at_target, 3)
+            )
 
 
 def _sights(aimed: AimedPlan, joints: Matrix) -> list[list[list[list[float]]]]:

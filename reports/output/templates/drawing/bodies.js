@@ -1,5 +1,5 @@
-// Solids from geometry: an arm from its joints and axes, instruments from their marks. Base frame, mm, z up.
-import { across, apart, between, cross, dot, length, minus, plus, rotated, times, unit } from "./vectors.js";
+// Solids from geometry: an arm from its joints and axes, its tool, its lines of sight. Base frame, mm, z up.
+import { across, apart, cross, dot, length, minus, plus, times, unit } from "./vectors.js";
 
 /** @typedef {import("./vectors.js").Vec} Vec */
 /** @typedef {"link"|"joint"|"base"|"flange"|"tool"|"face"|"instrument"|"line"|"muted"|"ink"|"identified"|"weak"|"unidentifiable"|"held"|"misfit"} Tone */
@@ -14,8 +14,6 @@ import { across, apart, between, cross, dot, length, minus, plus, rotated, times
  * @typedef {{shape: "line", points: Vec[], tone: Tone, wide?: number, dashed?: boolean, joint?: number, see?: number}} Line
  * @typedef {Rod|Ball|Block|Cone|Patch|Line} Solid
  * @typedef {{skeleton: Vec[], axes?: Vec[]|null}} Arm points base, joints, flange; a unit vector for each joint
- * @typedef {"psd"|"tracker"|"plane"|"sphere"|"ballbar"|"dial"|"pose"|"point"} MarkKind
- * @typedef {{kind: MarkKind, name: string, at: Vec, normal?: Vec|null, size?: number|null, radius?: number|null, acceptance_deg?: number|null, outline?: Vec[]|null, lines?: Vec[][]|null, state?: string|null}} Mark
  */
 
 const ONE_PLACE = 15; // mm: joints nearer to each other than this share one label
@@ -75,6 +73,7 @@ export function armBodies(arm, reach, { below = null, kinds = [], plain = false 
   });
   for (let k = 1; k <= n; k++) {
     const at = points[k], own = axis(k), radius = thick(k - 1);
+    if (k === 1 && !plain && (!own || Math.abs(own[2]) > 0.99) && covered(at, reach, below)) continue; // within the foot
     if (!own || plain) {
       solids.push({ shape: "ball", at, radius: radius * (plain ? 1 : 1.15), tone: plain ? "link" : "joint", joint: k });
       continue;
@@ -83,7 +82,6 @@ export function armBodies(arm, reach, { below = null, kinds = [], plain = false 
       solids.push({ shape: "block", at, axes: [...across(own), own], half: [1.35 * radius, 1.35 * radius, 1.7 * radius], tone: "joint", joint: k });
       continue;
     }
-    if (k === 1 && Math.abs(own[2]) > 0.99 && covered(at, reach, below)) continue; // within the foot
     const [inward, outward] = [direction(routes, k - 1, -1), direction(routes, k, 0)];
     const inLine = [inward, outward].some((way) => way && Math.abs(dot(way, own)) > 0.99);
     const half = inLine ? 0.4 * radius : 1.32 * radius, wide = inLine ? 1.16 * radius : 1.08 * radius;
@@ -153,102 +151,6 @@ export function lineBodies({ beam, sights, reaches = true }) {
   return lines;
 }
 
-// What is not determined is a cross, what is held a square: a shape and a word, not a colour alone.
-/** @param {Mark} mark @returns {Tone} */
-export const markTone = (mark) => (mark.state === "undetermined" ? "unidentifiable" : mark.state === "held" ? "held" : "identified");
-
-/**
- * Instruments and targets. What is smaller than can be seen beside the arm is drawn larger, about its true place.
- * @param {Mark} mark @param {number} reach @param {number} floor height of the floor
- * @returns {Solid[]}
- */
-export function markBodies(mark, reach, floor) {
-  const at = mark.at, small = 0.014 * reach, tone = markTone(mark);
-  const normal = unit(mark.normal || [0, 0, 1]), [right, up] = across(normal);
-  /** @type {Solid[]} */
-  const solids = (mark.lines || []).map((points) => ({ shape: "line", points, tone: "held", wide: 1.2 }));
-  const outline = mark.outline && mark.outline.length > 1 ? mark.outline : null;
-  const kinds = {
-    psd: () => {
-      const face = Math.max(mark.size || 0, 2.4 * small), half = face / 2;
-      if (!mark.normal) return [...point(at, small, tone)];
-      const back = minus(at, times(normal, 0.55 * half));
-      const cone = mark.acceptance_deg ? [acceptance(at, normal, mark.acceptance_deg, 0.2 * reach)] : [];
-      return [
-        { shape: "block", at: back, axes: [right, up, normal], half: [1.5 * half, 1.5 * half, 0.5 * half], tone: "instrument" },
-        { shape: "block", at, axes: [right, up, normal], half: [half, half, 0.07 * half], tone },
-        ...cone,
-      ];
-    },
-    tracker: () => {
-      const head = 0.05 * reach, foot = /** @type {Vec} */ ([at[0], at[1], Math.min(floor, at[2] - 4 * head)]);
-      const neck = /** @type {Vec} */ ([at[0], at[1], at[2] - 1.5 * head]);
-      const legs = [0, 1, 2].map((k) => {
-        const turn = (k * 2 * Math.PI) / 3 + 0.5, wide = 0.35 * (neck[2] - foot[2]) + head;
-        return { shape: "rod", from: neck, to: [at[0] + wide * Math.cos(turn), at[1] + wide * Math.sin(turn), foot[2]], radius: 0.16 * head, tip: 0.12 * head, tone: "instrument" };
-      });
-      return [
-        { shape: "ball", at, radius: 0.85 * head, tone: "instrument" },
-        { shape: "rod", from: neck, to: [at[0], at[1], at[2] - 0.5 * head], radius: 0.75 * head, tone: "instrument" },
-        { shape: "ball", at, radius: 0.3 * head, tone },
-        ...legs,
-      ];
-    },
-    plane: () => {
-      const side = Math.max(mark.size || 0, 0.12 * reach) / 2;
-      const corners = outline || [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([x, y]) => plus(at, plus(times(right, x * side), times(up, y * side))));
-      return [{ shape: "patch", points: corners, tone: "held", see: 0.32 }, ...(mark.normal ? [arrow(at, normal, 0.06 * reach, tone)] : [])];
-    },
-    sphere: () => [{ shape: "ball", at, radius: Math.max(mark.radius || 0, small), tone: "held" }],
-    ballbar: () => {
-      const end = outline ? /** @type {Vec} */ (outline.at(-1)) : null, ball = Math.max(mark.radius || 0, 1.1 * small);
-      return [
-        { shape: "ball", at, radius: ball, tone },
-        { shape: "rod", from: minus(at, [0, 0, 3 * ball]), to: minus(at, [0, 0, 0.5 * ball]), radius: 1.2 * ball, tip: 0.9 * ball, tone: "instrument" },
-        ...(end ? [{ shape: "rod", from: at, to: end, radius: 0.35 * ball, tone: "tool" }, { shape: "ball", at: end, radius: ball, tone }] : []),
-      ];
-    },
-    dial: () => {
-      const wide = 2.2 * small, middle = minus(at, times(normal, 3.2 * wide));
-      return [
-        { shape: "rod", from: minus(at, times(normal, 2.4 * wide)), to: at, radius: 0.16 * wide, tip: 0.1 * wide, tone: "tool" },
-        { shape: "rod", from: minus(middle, times(right, 0.25 * wide)), to: plus(middle, times(right, 0.25 * wide)), radius: wide, tone: "instrument" },
-        { shape: "rod", from: plus(middle, times(right, 0.25 * wide)), to: plus(middle, times(right, 0.3 * wide)), radius: 0.85 * wide, tone: "face" },
-      ];
-    },
-    pose: () => [arrow(at, right, 0.07 * reach, "misfit"), arrow(at, up, 0.07 * reach, "held"), arrow(at, normal, 0.07 * reach, "identified")],
-    point: () => point(at, small, tone),
-  };
-  solids.push(.../** @type {Solid[]} */ ((kinds[mark.kind] || kinds.point)()));
-  if (outline && !["plane", "ballbar"].includes(mark.kind)) solids.push({ shape: "line", points: outline, tone: "held", wide: 1.2 });
-  return solids;
-}
-
-/** @param {Vec} at @param {number} small @param {Tone} tone @returns {Solid[]} */
-function point(at, small, tone) {
-  const hairs = /** @type {Vec[]} */ ([[1, 0, 0], [0, 1, 0], [0, 0, 1]]).map((way) => (
-    { shape: "line", points: [minus(at, times(way, 2.6 * small)), plus(at, times(way, 2.6 * small))], tone, wide: 1.2 }));
-  return /** @type {Solid[]} */ ([{ shape: "ball", at, radius: small, tone }, ...hairs]);
-}
-
-/** @param {Vec} at @param {Vec} normal @param {number} degrees half angle @param {number} long @returns {Cone} */
-const acceptance = (at, normal, degrees, long) => {
-  const half = (Math.min(degrees, 80) * Math.PI) / 180;
-  return { shape: "cone", apex: at, along: normal, length: long * Math.cos(half), radius: long * Math.sin(half), tone: "identified", see: 0.16 };
-};
-
-/** @param {Vec} at @param {Vec} way @param {number} long @param {Tone} tone @returns {Line} */
-const arrow = (at, way, long, tone) => ({ shape: "line", points: [at, plus(at, times(way, long))], tone, wide: 2 });
-
-/** @param {{min: Vec, max: Vec, touched?: boolean}} box @returns {Block} */
-export const boxBody = ({ min, max, touched }) => ({
-  shape: "block", at: between(min, max, 0.5), axes: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-  half: /** @type {Vec} */ (max.map((v, i) => (v - min[i]) / 2)), tone: touched ? "unidentifiable" : "muted", see: 0.3,
-});
-
-/** @param {{min: Vec, max: Vec}} box @returns {Vec[]} */
-export const boxCorners = ({ min, max }) => [0, 1, 2, 3, 4, 5, 6, 7].map((k) => /** @type {Vec} */ ([0, 1, 2].map((i) => (k & (1 << i) ? max : min)[i])));
-
 /**
  * Names of the joints where they are; joints at one place share one (a wrist: J4, 5, 6).
  * @param {Vec[]} skeleton @returns {{at: Vec, text: string}[]}
@@ -263,47 +165,6 @@ export function jointLabels(skeleton) {
   });
   return labels;
 }
-
-/**
- * The arm with joint `k` (from 1) further by `by`, degrees or mm: what is behind it goes along. Exact.
- * @template {Arm & {links?: number[][][]|null, tool?: Vec|null, beam?: Vec[]|null, sights?: Vec[][]|null}} Posture
- * @param {Posture} posture @param {number} k @param {number} by @param {string} [kind]
- * @returns {Posture} without beam and sights: where these end the arm alone does not say
- */
-export function turned(posture, k, by, kind = "revolute") {
-  const axes = /** @type {Vec[]} */ (posture.axes), axis = axes[k - 1], pivot = posture.skeleton[k], angle = (by * Math.PI) / 180;
-  const turn = (/** @type {Vec} */ way) => (kind === "prismatic" ? way : rotated(way, axis, angle));
-  const move = (/** @type {Vec} */ p) => (kind === "prismatic" ? plus(p, times(axis, by)) : plus(pivot, turn(minus(p, pivot))));
-  const pose = (/** @type {number[][]} */ rows) => {
-    const columns = [0, 1, 2, 3].map((c) => /** @type {Vec} */ (rows.map((row) => row[c])));
-    const moved = [...columns.slice(0, 3).map(turn), move(columns[3])];
-    return [0, 1, 2].map((r) => moved.map((column) => column[r]));
-  };
-  return {
-    ...posture,
-    skeleton: posture.skeleton.map((p, i) => (i > k ? move(p) : p)),
-    axes: axes.map((a, i) => (i >= k ? turn(a) : a)),
-    links: posture.links ? posture.links.map((rows, i) => (i >= k ? pose(rows) : rows)) : posture.links,
-    tool: posture.tool ? move(posture.tool) : posture.tool,
-    beam: null,
-    sights: [],
-  };
-}
-
-/**
- * The arm with every joint further by `by[i]`, degrees or mm.
- * @template {Arm & {links?: number[][][]|null, tool?: Vec|null, beam?: Vec[]|null, sights?: Vec[][]|null}} Posture
- * @param {Posture} posture @param {number[]} by @param {string[]} [kinds]
- * @returns {Posture}
- */
-export function moved(posture, by, kinds = []) {
-  let now = posture;
-  for (let k = by.length; k >= 1; k--) if (by[k - 1]) now = turned(now, k, by[k - 1], kinds[k - 1]);
-  return now;
-}
-
-/** How far apart two postures of one arm are: the farthest pair of its points. @param {Arm} a @param {Arm} b */
-export const postureDistance = (a, b) => Math.max(...a.skeleton.map((p, i) => (b.skeleton[i] ? apart(p, b.skeleton[i]) : 0)));
 
 /**
  * A floor of about ten lines each way: its round step, and lowest and highest x, lowest and highest y.

@@ -5,8 +5,8 @@
 
 const ROLES = /** @type {const} */ (["ink", "muted", "line", "panel", "ground", "identified", "weak", "unidentifiable", "held", "misfit"]);
 
-/** @param {string} hex `#rrggbb` @returns {number[]} */
-export const channels = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
+/** @param {string} hex `#rrggbb`, or `#rgb` @returns {number[]} */
+export const channels = (hex) => (hex.length < 7 ? [1, 2, 3].map((i) => 17 * parseInt(hex[i], 16)) : [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
 
 /** @param {string} from @param {string} to @param {number} share @returns {string} `#rrggbb` */
 export function mixed(from, to, share) {

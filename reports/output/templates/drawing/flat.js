@@ -21,11 +21,12 @@ export function flatBasis(view) {
 }
 
 /**
- * What maps points to a picture of `wide` × `high` px, so that `points` fit in at the first view.
- * @param {Vec[]} points @param {{wide: number, high: number}} room @param {FlatView} view
+ * What maps points to a picture of `wide` × `high` px, so that `points` fit in at the first view, with bodies of
+ * `thick` mm about them.
+ * @param {Vec[]} points @param {{wide: number, high: number}} room @param {FlatView} view @param {number} thick
  * @returns {{seen: Seen, perMm: (near: number) => number, basis: {right: Vec, up: Vec, towards: Vec}, radius: number}}
  */
-export function flatCamera(points, room, view) {
+export function flatCamera(points, room, view, thick) {
   const low = /** @type {Vec} */ ([0, 1, 2].map((i) => points.reduce((a, p) => Math.min(a, p[i]), Infinity)));
   const high = /** @type {Vec} */ ([0, 1, 2].map((i) => points.reduce((a, p) => Math.max(a, p[i]), -Infinity)));
   const centre = between(low, high, 0.5);
@@ -36,8 +37,8 @@ export function flatCamera(points, room, view) {
   };
   const first = flatBasis(FIRST_VIEW), flat = points.map((p) => project(first, p));
   const span = [0, 1].map((i) => [flat.reduce((a, q) => Math.min(a, q[i]), Infinity), flat.reduce((a, q) => Math.max(a, q[i]), -Infinity)]);
-  const middle = span.map(([a, b]) => (a + b) / 2), size = span.map(([a, b]) => Math.max(b - a, 1));
-  const scale = view.zoom * Math.min((room.wide - 90) / size[0], (room.high - 70) / size[1]);
+  const middle = span.map(([a, b]) => (a + b) / 2), size = span.map(([a, b]) => b - a + 2 * thick + 1);
+  const scale = view.zoom * Math.min((room.wide - 70) / size[0], (room.high - 50) / size[1]);
   const basis = flatBasis(view);
   return {
     basis,
