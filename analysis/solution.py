@@ -346,6 +346,22 @@ class Solution:
         return {offset.name: offset.std for offset in self.offsets if not offset.held}
 
     @property
+    def offset_expanded(self) -> dict[str, float | None]:
+        """The same as expanded uncertainties U."""
+        k = self.coverage_factor
+        return {name: None if std is None else k * std for name, std in self.offset_std.items()}
+
+    @property
+    def offset_tolerance(self) -> dict[str, float]:
+        """Of each offset that is not held, up to which std it counts as identified, deg (mm)."""
+        items = self.problem.parameters.items
+        return {
+            item.name: item.tolerance * item.display
+            for item in items
+            if item.group == "offset" and not item.held
+        }
+
+    @property
     def worst(self) -> float | None:
         """The largest std of an offset; None while one has none, and without offsets."""
         stds = [std for std in self.offset_std.values() if std is not None]

@@ -60,20 +60,21 @@ def ask(address: str, plan: dict[str, Any]) -> float:
 
 
 _DRAG = """new Promise((then) => {
-  const slider = document.querySelector('#plan-joints input'), cell = '#plan-table [data-of=delta2] .u';
-  const all = () => document.querySelector('#plan-table').getAttribute('aria-busy') === 'false' ? 1 : 0;
+  const slider = document.querySelector('.joint input[type=range]');
+  const table = document.querySelector('.determined');
   const begun = performance.now();
   slider.value = Number(slider.value) + 0.1;
   slider.dispatchEvent(new Event('input', {bubbles: true}));
-  const seen = new MutationObserver(() => {
-    if (!all()) return;
-    seen.disconnect();
+  const watched = new MutationObserver(() => {
+    if (table.getAttribute('aria-busy') !== 'false') return;
+    watched.disconnect();
     then(performance.now() - begun);
   });
-  seen.observe(document.querySelector('#plan-table'), {attributes: true, childList: true, subtree: true});
+  watched.observe(table, {attributes: true, childList: true, subtree: true});
 })"""
 _PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? null"
-_READY = "document.querySelector('#plan-table')?.getAttribute('aria-busy') === 'false'"
+_READY = "document.querySelector('.determined tbody tr') && !document.querySelector('.determined.pending')"
+_WEIGHT = "performance.getEntriesByType('resource').reduce((sum, one) => sum + one.decodedBodySize, 0)"
 
 
 def until(tab: Tab, expression: str) -> Any:
@@ -88,11 +89,12 @@ def in_browser(address: str, folder: Path) -> None:
     for count, promised in POSTURES.items():
         content = HEADER | {"postures_deg": postures(count).tolist()}
         (folder / f"{count}.yaml").write_text(json.dumps(content), encoding="utf-8")
-        with chromium().opened(f"{address}#plan/{count}.yaml") as tab:
+        with chromium().opened(f"{address}#/job/./plan/{count}.yaml") as tab:
             paint = until(tab, _PAINT)
             until(tab, _READY)
             times = [float(tab.value(_DRAG)) for _ in range(REPEATS)][1:]
-        print(f"in the browser: first paint {paint:.0f} ms (promised: 1000 ms)")
+            weight = tab.value(_WEIGHT)
+        print(f"in the browser: first paint {paint:.0f} ms (promised: 1000 ms), {weight / 1e6:.2f} MB")
         print(
             f"in the browser, {count} postures: from slider to number median"
             f" {statistics.median(times):.0f} ms, at most {max(times):.0f} ms ({promised:g} ms)"

@@ -64,9 +64,11 @@ def shown_arm(
     j3: J3 | None = None,
     as_in_files: bool = True,
 ) -> ShownArm:
-    """A robot with joint values (n,) in degrees (mm), joint 1 first, in each posture; BadInput where there are
-    not n. Its pendant counts joint 3 by `j3` (None: as the robot file states); the values are so counted, too,
-    unless they are `as_in_files`, from link 2."""
+    """A robot with joint values (n,) in degrees (mm), joint 1 first, in each posture.
+
+    Its pendant counts joint 3 by `j3` (None: as the robot file states); so are the values, unless they are
+    `as_in_files`, from link 2. BadInput where there are not n values.
+    """
     robot = load_robot(ref)
     pendant = Pendant(robot, j3)
     for values in joints_deg:

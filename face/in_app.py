@@ -51,7 +51,7 @@ _written: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
 
 def app_of(thing: object, page: str, write: Callable[[Path], str]) -> AppView:
-    """The app at its `page` ("plan", "result"), opened on the file of `thing`.
+    """The app at the step `page` ("plan", "result"), opened on the file of `thing`.
 
     `write` writes the files of `thing` into a folder that is there and empty, and returns the name of the
     one to open. It is called once for each object; all objects of a process share a server and a folder,
@@ -68,7 +68,8 @@ def app_of(thing: object, page: str, write: Callable[[Path], str]) -> AppView:
     if thing not in _written or not (Path(folder.name) / _written[thing]).exists():
         content = Path(tempfile.mkdtemp(prefix=f"{type(thing).__name__.lower()}-", dir=folder.name))
         _written[thing] = f"{content.name}/{write(content)}"
-    return AppView(f"{address}#{page}/{quote(_written[thing])}")
+    file = _written[thing]
+    return AppView(f"{address}#/job/{quote(file.partition('/')[0])}/{page}/{quote(file)}")
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
@@ -257,6 +257,9 @@ class Check:
             parameters = problem.parameters
             observable = verdict_of(identified.status[parameters.block("offset")])
             better = None if observable == "pass" else advice(shots, x)
+            if better is not None:  # of the postures that give a measurement
+                taken = np.flatnonzero(_taken(aimed, violations))
+                better = replace(better, posture=int(taken[better.posture]))
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))
         share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
         rows = []

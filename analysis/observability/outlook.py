@@ -10,7 +10,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.problem import Problem, Whitened
-from .aim import aim, servo_joints
+from .aim import AimedPlan, aim, servo_joints
 
 _DRAWS = 16
 _CHANGE = {"revolute": 30.0, "prismatic": 100.0}  # degrees, mm
@@ -120,6 +120,16 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
             if best is None or after < best.worst_std_after * (0.95 if add and not best.add else 1.0):
                 best = Advice(i, j + 1, sign * _CHANGE[joint.kind], joint.unit, add, before, after)
     return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
+
+
+def advised_joints(turned: AimedPlan, change: Advice) -> Matrix:
+    """(n,) rad or mm: the posture that an advice suggests, aimed."""
+    problem, x = turned.problem, turned.x
+    at, joint = change.posture, problem.robot.joints[change.joint - 1]
+    joints = np.where(turned.aimed.hit[at], turned.aimed.problem.joints[at], problem.joints[at])[None].copy()
+    joints[0, change.joint - 1] += change.change_deg / joint.display
+    aimed = aim(problem.select(np.array([at])).moved(joints), x, servo_joints(problem))
+    return np.asarray(aimed.problem.joints[0])
 
 
 def _information(problem: Problem, x: Matrix) -> Matrix:

@@ -47,7 +47,7 @@ export function App() {
     <a class="skip" href="#content" onClick=${(/** @type {Event} */ event) => { event.preventDefault(); document.getElementById("content")?.focus(); }}>To the content</a>
     <header class="top">
       <a class="brand" href="#/" aria-current=${view === "home" ? "page" : undefined}>zerobeam</a>
-      ${view === "job" ? html`<h1>${name === "." ? "This folder" : name}</h1><p class="muted about">${known && [known.model ?? known.robot, known.serial, known.state.text].filter(Boolean).join(" · ")}</p>` : html`<h1>${titles[view]}</h1>`}
+      ${view === "job" ? html`<h1>${name === "." ? "This folder" : name}</h1><p class="muted about">${known && [known.model ?? known.robot, known.serial?.startsWith("none") ? null : known.serial, known.state.text].filter(Boolean).join(" · ")}</p>` : html`<h1>${titles[view]}</h1>`}
       ${view === "home" ? html`<a class="button" href=${toImport()}>Import a recording</a>` : html`<a class="button" href="#/">All calibrations</a>`}
     </header>
     ${fault.value && html`<p class="fault" role="alert">${fault.value} <button type="button" onClick=${() => { fault.value = ""; }}>Close</button></p>`}

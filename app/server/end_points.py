@@ -16,6 +16,7 @@ from .answers import (
     history,
     home,
     imports,
+    inverse,
     new_folders,
     plans,
     posteriors,
@@ -32,6 +33,7 @@ from .versions import ConflictAnswer, WrittenFile
 
 END_POINTS: list[EndPoint] = [
     *home.END_POINTS,
+    *inverse.END_POINTS,
     *calibrations.END_POINTS,
     *imports.END_POINTS,
     *robots.END_POINTS,

@@ -5,9 +5,11 @@ Other accounts of this machine reach the server as well as its user does, so tha
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
 from collections.abc import Callable
@@ -28,15 +30,24 @@ _ALONE = "frame-ancestors 'self'"
 _IN_NOTEBOOKS = (
     f"{_ALONE} http://localhost:* https://localhost:* http://127.0.0.1:* https://127.0.0.1:* vscode-webview:"
 )
+_POLICY = "default-src 'self'; base-uri 'none'; form-action 'self'; object-src 'none';"
+_IMPORT_MAP = re.compile(rb"""<script type=(?:"importmap"|'importmap'|importmap)>(.*?)</script>""", re.DOTALL)
 _HEADERS = {
-    "content-security-policy": "default-src 'self'; base-uri 'none'; form-action 'self'; object-src 'none';"
-    f" {_ALONE}",
+    "content-security-policy": f"{_POLICY} {_ALONE}",
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
+
+
+def page_policy(page: bytes) -> str:
+    """The policy of a page: scripts are files of the server; its import maps, which must stand in the page,
+    are let in by their hashes."""
+    digests = (hashlib.sha256(inline).digest() for inline in _IMPORT_MAP.findall(page))
+    hashes = "".join(f" 'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+    return f"{_POLICY} script-src 'self'{hashes}; {_ALONE}"
 
 
 class TooLarge(Exception):

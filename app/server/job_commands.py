@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, get_args, get_origin
 
 from pydantic import BeforeValidator, Field
 
+from ...experiments.makers.maker import Option, makers
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
 from ...model.parsing.validation import FileModel, as_tuple
@@ -39,6 +42,21 @@ def _options(*groups: tuple[Kind, str]) -> dict[str, Kind]:
     return {option: kind for kind, options in groups for option in options.split()}
 
 
+def _options_of(text: Callable[..., str]) -> dict[str, Kind]:
+    """The options of a format, of which its maker says what they are: a path is a file that is read."""
+    options: dict[str, Kind] = {}
+    for parameter in inspect.signature(text).parameters.values():
+        annotation = get_args(parameter.annotation)
+        for option in (part for part in annotation[1:] if isinstance(part, Option)):
+            kinds = {annotation[0], *get_args(annotation[0])}
+            flag = option.flag or f"--{parameter.name.replace('_', '-')}"
+            several = any(get_origin(kind) is list for kind in kinds)
+            options[flag] = (
+                "flag" if bool in kinds else "read" if Path in kinds else "values" if several else "value"
+            )
+    return options
+
+
 _ANALYSE = _options(("value", "--seed --ess --robust"), ("held out", "--hold-out"))
 _EXPORT = _options(
     ("write", "--out"), ("flag", "--allow-weak --allow-displaced --unvalidated"), ("values", "--without")
@@ -48,6 +66,7 @@ _PLAN = _options(
     ("read", "--header --obstacles"),
     ("value", "--target --shots --candidates --criterion --tolerance --max-shots --facing --acceptance"),
     ("value", "--beam --margin --seed"),
+    ("values", "--measure"),
 )
 RIGS = ("simulated", "manual", "abb")
 _RUN = _options(
@@ -91,6 +110,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("plan", "y"): (0, _PLAN),
     ("plan", "optimal"): (0, _PLAN),
     ("plan", "verify"): (1, _options(("write", "--out"), ("value", "--shots --tolerance --seed"))),
+    ("verify",): (2, _options(("value", "--tolerance"), ("write", "--out"))),
     ("analyse",): (1, _ANALYSE),
     ("report",): (1, _options(("write", "--out")) | _ANALYSE),
     ("compare",): (2, _options(("write", "--out"), ("value", "--seed"))),
@@ -112,13 +132,21 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("import", "fanuc"): (1, _POINTS | _options(("value", "--j3 --register"))),
     ("import", "universal-robots"): (1, _IMPORT),
     ("import", "robodk"): (1, _IMPORT | _options(("value", "--j3"))),
-    **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
+    **{
+        ("export", kind.name): (1, _EXPORT | _options_of(kind.text))
+        for maker in makers()
+        for kind in maker.offsets
+    },
+    ("export", "program"): (
+        2,
+        _EXPORT | _options(("values", "--tool --frame --leave --call"), ("value", "--near --j3")),
+    ),
     **{
         ("export", "plan", form): (
             1,
             _options(("write", "--out"), ("value", "--speed --zone --tool --j3 --register")),
         )
-        for form in ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf")
+        for form in (*(program.name for maker in makers() for program in maker.program), "pdf")
     },
 }
 _SHORT = {"-o": "--out"}

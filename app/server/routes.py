@@ -31,7 +31,7 @@ from ...reports.style import typeface
 from .answers.results import read_result, report_files
 from .end_points import END_POINTS, description
 from .folder import Folder, kind_of
-from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
+from .guard import LARGEST_BODY, SHOWN, Access, Guard, page_policy, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
 from .requests import EndPoint, as_model, error_answer, require_plain
@@ -61,6 +61,7 @@ _TYPES = {
     ".js": "text/javascript",
     ".json": "application/json",
     ".svg": "image/svg+xml",
+    ".txt": "text/plain",
     ".png": "image/png",
     ".woff2": "font/woff2",
 }
@@ -137,7 +138,12 @@ class _AppServer:
         content = self.page_files.get(name)
         if content is None:
             return refusal(404, "the page has no such file")
-        return Response(content, media_type=_TYPES[Path(name).suffix])
+        headers = {"etag": etag(version_of_bytes(content)), "cache-control": "no-cache"}
+        if name == "index.html":
+            headers["content-security-policy"] = page_policy(content)
+        if matches(request.headers.get("if-none-match", ""), version_of_bytes(content)):
+            return Response(status_code=304, headers=headers)
+        return Response(content, media_type=_TYPES[Path(name).suffix], headers=headers)
 
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:

@@ -167,7 +167,17 @@ def _first(text: str, delimiter: str, count: int) -> Sequence[list[str]]:
 
 
 Form = Literal[
-    "csv", "log ur", "log egm", "ros", "joint states", "rapid", "kuka", "fanuc", "program log", "ours"
+    "csv",
+    "log ur",
+    "log egm",
+    "ros",
+    "joint states",
+    "rapid",
+    "kuka",
+    "fanuc",
+    "points",
+    "program log",
+    "ours",
 ]
 _OURS = re.compile(r"""^[ \t]*\{?[ \t]*["']?schema["']?\s*:\s*["']?zerobeam/(\w[\w-]*)/""", re.MULTILINE)
 _JOINT_STATE = re.compile(r"^(?:name|position)\s*:", re.MULTILINE)
@@ -252,12 +262,22 @@ def _points(form: Form, why: str, points: list[TaughtPoint]) -> Contents:
     return Contents(form, why, count, points=shown)
 
 
+def _without_remarks(text: str) -> tuple[str, bool]:
+    """The text with empty lines for those that begin with //, and whether there are any."""
+    lines = text.splitlines()
+    remarks = [line.lstrip().startswith("//") for line in lines]
+    if not any(remarks):
+        return text, False
+    return "\n".join("" if remark else line for line, remark in zip(lines, remarks, strict=True)), True
+
+
 def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> Contents:
     if not text.strip():
         decode(read_bytes(path), file=path, line=None)  # says that it is empty
         raise BadInput("the file is empty", file=path)
-    layout = stated_layout or layout_of(text)
-    table = table_with(path, text, layout)
+    rows, remarks = _without_remarks(text)
+    layout = stated_layout or layout_of(rows)
+    table = table_with(path, rows, layout)
     columns = tuple(columns_of(table))
     if not any(column.lowest is not None for column in columns):
         raise BadInput(
@@ -271,6 +291,8 @@ def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> 
     why = "its rows with equally many columns"
     if "actual_q_0" in names and "timestamp" in names:
         form, why = "log ur", "its columns timestamp and actual_q_0, as of an RTDE recording"
+    elif remarks:
+        form, why = "points", "its remarks (//), as a tracker's program writes them"
     elif {"R_FB_POS_RJ1", "TIMESTAMP"} <= names:
         form, why = "log egm", "its columns TIMESTAMP and R_FB_POS_RJ1, as of abb_libegm"
     count = f"{len(table.rows)} rows of {table.width} columns"

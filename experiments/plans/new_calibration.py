@@ -9,17 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from ...analysis.diagnostics.tcp_positions import spread_postures, within_limits
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.instruments.registry import KINDS
 from ...model.kinematics.robot import Robot
 
 PlaceKind = Literal["front", "table", "floor", "point"]
 Point = tuple[float, float, float]
+Keys = dict[str, object]  # of a header, or a part of it
 
 JOINT_DEG = 0.01  # noise of a joint
 SPOT_MM = 0.05  # noise of a spot, or of the seat of a tip
@@ -27,6 +29,7 @@ TARGET_SIGMA_MM = 30.0  # how well a person states where a target is
 TOLERANCE = 0.1  # standard uncertainty that the plan is to reach, deg (mm): that of a header
 MOST_MEASUREMENTS = 30
 CANDIDATES = 3000  # as good as 10,000 to a few per cent, in a third of the time
+FEWER_CANDIDATES = 1000  # of what reads six numbers at once: each takes longer, and fewer measurements do
 _OUT = 0.6  # of the reach: where a target stands in front of the arm
 _HIGH = 0.1  # of the reach, above the base frame: on a stand
 _SHORTEST_BEAM, _LONGEST_BEAM = 0.12, 1.4  # of the reach
@@ -71,7 +74,7 @@ TITLES: Mapping[str, str] = {
 class NewCalibration:
     """The keys of a header besides the robot, and the options of `zerobeam plan optimal`."""
 
-    header: dict[str, Any]
+    header: Keys
     options: tuple[str, ...]
 
 
@@ -131,7 +134,7 @@ def new_calibration(
     header = {"noise": {"joint_deg": JOINT_DEG, "spot_mm": SPOT_MM}} | make(robot, reach, target)
     if kind in _TIPS:
         header["held"] = ["delta1", f"delta{robot.n}"]
-    options = [f"--candidates={CANDIDATES}"]
+    options = [f"--candidates={FEWER_CANDIDATES if kind == 'pose' else CANDIDATES}"]
     if KINDS[kind].beam:
         shortest, longest = (round(share * reach, -1) for share in (_SHORTEST_BEAM, _LONGEST_BEAM))
         options += [f"--facing={_words(facing)}", f"--beam={shortest:g},{longest:g}"]
@@ -148,45 +151,45 @@ def _words(numbers: Sequence[float]) -> str:
     return ",".join(f"{number:g}" for number in numbers)
 
 
-def _at(point: Sequence[float]) -> Point:
+def _at(point: Sequence[float] | Matrix) -> Point:
     """A point to the millimetre, as a person states it."""
     x, y, z = (round(float(number)) + 0.0 for number in point)
     return x, y, z
 
 
-def _laser(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _laser(robot: Robot, reach: float, target: Point) -> Keys:
     tool = {"kind": "laser", "calibrated": False, "point_mm": [0.0, 0.0, 65.0], "direction": [1.0, 0.0, 0.0]}
     return {"tool": tool, "targets": {"psd": _target(target)}}
 
 
-def _probe(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _probe(robot: Robot, reach: float, target: Point) -> Keys:
     tool = {"kind": "probe", "calibrated": False, "point_mm": [60.0, 0.0, 120.0]}
     return {"tool": tool, "targets": {"socket": _target(target)}}
 
 
-def _tracker(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _tracker(robot: Robot, reach: float, target: Point) -> Keys:
     sigma = {"constant": 0.015, "per_m": 0.006}
     tracker = {"kind": "tracker", "sigma_mm": sigma, "guess_mm": _station(reach)}
     return {"instruments": {"tracker": tracker | {"reflectors": {"R1": {"guess_mm": list(_ON_FLANGE)}}}}}
 
 
-def _pose(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _pose(robot: Robot, reach: float, target: Point) -> Keys:
     camera = {"kind": "pose", "sigma_mm": 0.1, "sigma_deg": 0.03, "guess_mm": _station(reach), "mount": {}}
     return {"instruments": {"camera": camera}}
 
 
-def _plane(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _plane(robot: Robot, reach: float, target: Point) -> Keys:
     stylus = {"kind": "plane", "tip_mm": [60.0, 0.0, 120.0], "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
     return {"instruments": {"stylus": stylus}, "targets": _faces(target, ("top", "back", "side"))}
 
 
-def _dial(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _dial(robot: Robot, reach: float, target: Point) -> Keys:
     gauge = {"kind": "dial", "tip_mm": [60.0, 0.0, 120.0], "direction": [0.0, 0.0, 1.0], "sigma_mm": 0.01}
     faces = {name: row | {"radius_mm": 100.0} for name, row in _faces(target, ("top", "back")).items()}
     return {"instruments": {"gauge": gauge}, "targets": faces}
 
 
-def _sphere(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _sphere(robot: Robot, reach: float, target: Point) -> Keys:
     stylus = {"kind": "sphere", "tip_mm": [60.0, 0.0, 120.0], "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
     balls = {
         name: {"kind": "sphere", "diameter_mm": 25.4} | _target(_at(np.add(target, (0.0, side * reach, 0.0))))
@@ -195,7 +198,7 @@ def _sphere(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
     return {"instruments": {"stylus": stylus}, "targets": balls}
 
 
-def _ballbar(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
+def _ballbar(robot: Robot, reach: float, target: Point) -> Keys:
     lengths = [round(share * reach, -1) for share in _BAR]
     bar = {"kind": "ballbar", "tip_mm": [60.0, 0.0, 120.0], "sigma_mm": 0.005, "range_mm": lengths}
     sockets = {
@@ -205,7 +208,7 @@ def _ballbar(robot: Robot, reach: float, target: Point) -> dict[str, Any]:
     return {"instruments": {"bar": bar}, "targets": sockets}
 
 
-def _target(at: Point) -> dict[str, Any]:
+def _target(at: Point) -> Keys:
     return {"guess_mm": list(at), "sigma_mm": TARGET_SIGMA_MM}
 
 
@@ -220,7 +223,7 @@ _NORMALS: Mapping[str, tuple[Point, Point]] = {  # of the faces of a block, and 
 }
 
 
-def _faces(target: Point, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _faces(target: Point, names: Sequence[str]) -> dict[str, Keys]:
     faces = {}
     for name in names:
         normal, offset = _NORMALS[name]

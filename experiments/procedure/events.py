@@ -132,7 +132,8 @@ class GivenUp(RunEvent):
 class MeasurementRecorded(RunEvent):
     """A measurement is on the disk, `recorded` with it; `std` by offset (deg; mm), None where unidentifiable.
 
-    `seconds` is what it took; None for a probe, which is led by hand.
+    `expanded` is k times that, `tolerance` up to which std an offset counts as identified. `seconds` is what
+    it took; None for a probe, which is led by hand.
     """
 
     event: ClassVar[str] = "recorded"
@@ -146,6 +147,8 @@ class MeasurementRecorded(RunEvent):
     p_value: float | None
     consistent: bool
     seconds: float | None = None
+    expanded: Mapping[str, float | None] = field(default_factory=dict)
+    tolerance: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

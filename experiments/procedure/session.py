@@ -366,6 +366,8 @@ def recorded_event(
         p_value=None if state is None else state.p_value,
         consistent=state is None or state.consistent,
         seconds=seconds,
+        expanded={} if state is None else state.offset_expanded,
+        tolerance={} if state is None else state.offset_tolerance,
     )
 
 

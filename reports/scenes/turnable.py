@@ -221,8 +221,7 @@ def arm_page(robot: Robot, postures: Sequence[Matrix]) -> str:
     name = clipped(robot.name, 40)
     page = turnable(
         scene,
-        alt=f"{name}: the arm in {counted(len(posed), 'posture')}, above a floor"
-        " grid.",
+        alt=f"{name}: the arm in {counted(len(posed), 'posture')}, above a floor grid.",
         caption=f"{scene.grid_words}; x, y and z are the base frame. The arm ends at the flange.",
         paper="On paper: posture 0 in black, the others in grey.",
     )

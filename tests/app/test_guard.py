@@ -145,3 +145,27 @@ def test_the_page_and_its_files_are_sent(client: TestClient) -> None:
         answer = client.get(f"/page/{name}")
         assert answer.status_code == 200, name
         assert answer.content
+
+
+def test_the_import_map_alone_is_let_in_by_its_hash(client: TestClient) -> None:
+    import base64
+    import hashlib
+
+    from zerobeam.app.server.guard import page_policy
+
+    inline = b'{"imports": {"preact": "/page/vendor/preact/preact.js"}}'
+    page = b'<script type="importmap">%s</script><script>alert(1)</script>' % inline
+    digest = base64.b64encode(hashlib.sha256(inline).digest()).decode()
+    assert f"script-src 'self' 'sha256-{digest}';" in page_policy(page)
+    assert page_policy(page).count("sha256-") == 1
+    assert "unsafe" not in client.get("/").headers["content-security-policy"]
+
+
+def test_page_files_are_kept_by_their_etag(client: TestClient) -> None:
+    first = client.get("/page/vendor/preact/preact.js")
+    assert first.status_code == 200
+    again = client.get("/page/vendor/preact/preact.js", headers={"if-none-match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    licence = client.get("/page/vendor/preact/LICENSE.txt")
+    assert licence.headers["content-type"].startswith("text/plain")
+    assert client.get("/page/vendor/packages.json").status_code == 200

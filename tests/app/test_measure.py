@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pytest
 from app_jobs import begun, ended, events
 from cells import good_plan
 from child import ZEROBEAM, child
@@ -83,6 +84,10 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
     state = client.get("/api/run", params=ask).json()
     assert (state["recorded"], state["ended"], state["torn"]) == ([0, 1], None, True)
     assert state["std"]["delta2"] is None  # two measurements do not determine it
+    assert state["expanded"]["delta2"] is None
+    known = [name for name, std in state["std"].items() if std is not None]
+    assert all(state["expanded"][name] >= 1.9 * state["std"][name] for name in known)
+    assert state["tolerance"] == dict.fromkeys(state["std"], pytest.approx(0.1))
     assert [row["recorded"] for row in state["course"]] == [1, 2]
     zerobeam(*[root / word if word == "short.yaml" else word for word in _in(root, state["resume"])])
     assert (root / "made.jsonl").read_bytes() == whole

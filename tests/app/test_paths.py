@@ -61,7 +61,7 @@ OTHERS |= {
     "place",
     "serial",
 }
-OTHERS |= {"measurements"}
+OTHERS |= {"measurements", "links", "position_mm", "quaternion_wxyz"}
 
 
 def _urdf(name: str) -> dict[str, str]:
@@ -100,6 +100,7 @@ def _header(plan: dict[str, Any]) -> dict[str, Any]:
 
 
 BOXES = {"floor_mm": 0.0, "boxes": {}}
+AT = {"joints_deg": [0.0] * 6, "position_mm": [500.0, 0.0, 800.0]}
 # What is sent, by end point and field.
 SENT: dict[str, dict[str, Any]] = {
     "PUT /api/plan file": {"file": "NAME", "plan": "PLAN"},
@@ -135,6 +136,9 @@ SENT: dict[str, dict[str, Any]] = {
         "instrument": "laser",
         "place": {"kind": "front"},
     },
+    "POST /api/inverse robot": AT | {"robot": "NAME"},
+    "POST /api/inverse robot URDF": AT | {"robot": "URDF"},
+    "POST /api/inverse file": AT | {"robot": "irb1600", "file": "NAME"},
     "POST /api/meshes robot": {"robot": "URDF"},
     "POST /api/refit run": {"run": "NAME"},
     "POST /api/brush posterior": {"posterior": "NAME", "run": "run.jsonl", "ranges": {}},

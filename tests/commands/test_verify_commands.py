@@ -101,11 +101,17 @@ def calibrated(
     assert zerobeam("plan", "optimal", *asked, "-o", folder / "plan.yaml").status == 0
     how = ["--rig", "simulated", "--no-camera", "--seed", seed]
     answer = zerobeam("run", folder / "plan.yaml", *how, "-o", run)
+    if answer.status == 1 and "misfit." in answer.out:
+        raise MisfitByChance
     assert answer.status == 0, answer.err + answer.out
     answer = zerobeam("analyse", run, "--ess", 100)
     assert answer.status == 0, answer.err
     assert zerobeam("plan", "verify", run, "-o", folder / "verify.yaml").status == 0
     return run
+
+
+class MisfitByChance(Exception):
+    """A right run whose residuals are so large by chance: it is measured again, not verified."""
 
 
 def verified(folder: Path, name: str, *how: object) -> Answer:
@@ -152,12 +158,17 @@ def test_the_arm_of_a_simulated_run_with_its_offsets_entered_passes(tool: str, t
 @pytest.mark.long
 def test_corrected_arms_fail_as_seldom_as_the_test_states(tmp_path: Path) -> None:
     """A false alarm has a probability of 1 %: of 60 arms five or more would have one of 0.03 %."""
-    verdicts = []
+    verdicts, misfits = [], 0
     for seed in range(60):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        run = calibrated(folder, seed=seed)
+        try:
+            run = calibrated(folder, seed=seed)
+        except MisfitByChance:
+            misfits += 1
+            continue
         verdicts.append(verified(folder, "new.jsonl", "--arm", run).json["verdict"])
+    assert misfits < 5
     assert verdicts.count("fail") < 5
     assert set(verdicts) <= {"pass", "fail"}
 

@@ -36,6 +36,14 @@ def _write(folder: Path) -> str:
     return NAME
 
 
+def _file_of(place: str, step: str) -> str:
+    """The file that the address of a calibration's step opens; it is in the calibration's folder."""
+    start, job, name, opened, file = place.split("/", 4)
+    assert (start, job, opened) == ("", "job", step)
+    assert file.startswith(f"{name}/")
+    return unquote(file)
+
+
 def _get(address: str, path: str = "") -> Any:
     return urllib.request.urlopen(request(address, path), timeout=30)
 
@@ -46,7 +54,7 @@ def test_the_page_is_served_on_the_files_of_the_object() -> None:
     assert isinstance(view, AppView)
     root, _, place = view.address.partition("#")
     assert root.startswith("http://127.0.0.1:")
-    name = unquote(place.removeprefix("plan/"))
+    name = _file_of(place, "plan")
     assert name.endswith(f"/{NAME}")
     listed = [row["path"] for row in json.load(_get(root, "api/files"))]
     assert name in listed
@@ -95,8 +103,7 @@ def test_a_plan_is_opened_with_its_robot_beside_it(tmp_path: Path) -> None:
     write_plan(tmp_path / "a plan.yaml", header, plan.postures * plan.robot.display, plan.targets)
     checked = zb.check(zb.read_plan(tmp_path / "a plan.yaml"))
     root, _, place = checked.app().address.partition("#")
-    assert place.startswith("plan/")
-    answer = json.load(_get(root, f"api/plan?file={place.removeprefix('plan/')}"))
+    answer = json.load(_get(root, f"api/plan?file={_file_of(place, 'plan')}"))
     assert (answer["plan"]["robot"], len(answer["plan"]["postures_deg"])) == ("own.yaml", 7)
     assert checked.app() == checked.app()
 
@@ -126,8 +133,7 @@ def test_a_solution_opens_its_result_and_the_server_ends_with_the_process() -> N
         assert process.stdin is not None
         assert process.stdout is not None
         root, _, place = process.stdout.readline().strip().partition("#")
-        assert place.startswith("result/")
-        file = unquote(place.removeprefix("result/"))
+        file = _file_of(place, "result")
         answer = json.load(_get(root, f"api/file?file={file}"))
         assert answer["schema"] == "zerobeam/result/1"
         kinds = {row["path"]: row["kind"] for row in json.load(_get(root, "api/files"))}

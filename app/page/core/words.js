@@ -4,7 +4,7 @@
 const GREEK = { alpha: "α", beta: "β", theta: "θ", cos: "cos q", sin: "sin q" };
 
 /** delta2 is J2 (δ2), link2.alpha is link 2, α. @param {string} text */
-export const named = (text) => text.replace(/\bdelta(\d+)\b/g, "J$1 (δ$1)")
+export const named = (text) => text.replace(/\b[Dd]elta(\d+)\b/g, "J$1 (δ$1)")
   .replace(/\b(link|joint)(\d+)\.(alpha|beta|theta|gravity|cos|sin|[abd])\b/g,
     (_, body, number, axis) => `${body === "link" ? "link " : "J"}${number}, ${GREEK[axis] ?? axis}`);
 

@@ -14,7 +14,7 @@ import { TextField } from "../parts/TextField.js";
 
 /**
  * @typedef {{name: string, words: string, about: string}} Word
- * @typedef {{instruments: Word[], places: Word[]}} Choices
+ * @typedef {{instruments: Word[], places: {kind: string, words: string}[]}} Choices
  */
 
 /** The built-in arms by maker, then robot files of the folder. @returns {[string, [string, string][]][]} */
@@ -27,13 +27,17 @@ export function robotGroups() {
 
 export function New() {
   const choices = useSignal(/** @type {Choices | null} */ (null));
-  const robot = useSignal(""), instrument = useSignal("laser"), place = useSignal("front"), name = useSignal(""), serial = useSignal("");
+  const robot = useSignal(""), instrument = useSignal(""), place = useSignal(""), name = useSignal(""), serial = useSignal("");
   const point = useSignal(/** @type {(number | null)[]} */ ([null, null, null]));
   const measurements = useSignal(/** @type {number | null} */ (null));
   const wrong = useSignal(/** @type {Refused | null} */ (null));
   /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
   const job = useSignal(null);
-  useEffect(() => { get("/api/calibrations/choices").then((found) => { choices.value = found; }, failed); }, []);
+  useEffect(() => { get("/api/calibrations/choices").then((found) => {
+    choices.value = found;
+    instrument.value = found.instruments[0].name;
+    place.value = found.places[0].kind;
+  }, failed); }, []);
   if (choices.value === null) return html`<p class="muted">…</p>`;
   const { instruments, places } = choices.value;
   const taken = new Set(home.value?.calibrations.map((one) => one.name));
@@ -74,7 +78,7 @@ export function New() {
         ${instruments.map((one) => html`<label class="option" key=${one.name}><input type="radio" name="instrument" value=${one.name} checked=${one.name === instrument.value} onChange=${() => { instrument.value = one.name; }} /> <b>${one.words}</b><span>${one.about}</span></label>`)}
       </fieldset>
       <fieldset class="cards"><legend><b>3</b> Where is the target?</legend>
-        ${places.map((one) => html`<label class="option" key=${one.name}><input type="radio" name="place" value=${one.name} checked=${one.name === place.value} onChange=${() => { place.value = one.name; }} /> <b>${one.words}</b><span>${one.about}</span></label>`)}
+        ${places.map((one) => html`<label class="option" key=${one.kind}><input type="radio" name="place" value=${one.kind} checked=${one.kind === place.value} onChange=${() => { place.value = one.kind; }} /> <b>${one.words}</b></label>`)}
         ${place.value === "point" && html`<div class="fields">${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" value=${point.value[i]} onValue=${(/** @type {number} */ value) => { point.value = point.value.map((one, k) => (k === i ? value : one)); }} />`)}</div>`}
       </fieldset>
       <${Fold} title="Name, serial number, number of measurements">

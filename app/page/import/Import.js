@@ -36,7 +36,7 @@ function Format() {
   return html`
     <div class="fields">
       <${Choice} label="Format" value=${format.value} none=${forms[0] ? undefined : "choose"} groups=${[["formats", forms.filter(Boolean).map((form) => [form, FORMATS[form][0]])]]} onValue=${setFormat} />
-      <p class="muted help">${several ? "The files are of different kinds: all files of one import have one format." : forms[0] ? `Recognised by ${founds[0].why}.` : "State which controller wrote it."}</p>
+      <p class="muted help">${several && forms[0] !== "points" ? "The files are of different kinds: all files of one import have one format." : forms[0] ? `Recognised by ${(founds.find((found) => found.form === format.value) ?? founds[0]).why}.` : "State which controller wrote it."}</p>
     </div>`;
 }
 

@@ -1,7 +1,7 @@
 // What the format may be told besides columns.
 import { html } from "htm/preact";
 import { sources } from "./command.js";
-import { format, OPTIONS, set, shown, values } from "./formats.js";
+import { columns, format, listed, OPTIONS, set, shown, values } from "./formats.js";
 import { recordings } from "./sources.js";
 
 /** @typedef {import("./types.js").Found} Found */
@@ -25,9 +25,10 @@ function Option({ option, found, joints }) {
   const own = OPTIONS[option], table = own.of === "joints" ? joints : found, help = `help-${option.replace(/^-+/, "")}`, value = values.value[option] ?? "";
   if (own.points) return html`<${Points} found=${found} />`;
   if (own.box) return html`<label class="check" data-option=${option}><input type="checkbox" checked=${Boolean(value)} onChange=${(/** @type {any} */ event) => set(option, event.target.checked ? "true" : "")} /> ${own.label}</label>`;
-  const about = own.about ? own.about(table) : own.help;
+  const named = format.value === "points" && own.words === columns; // a remark may name the columns of such a table
+  const about = named ? [own.help, listed(table)].filter(Boolean).join("; ") : own.about ? own.about(table) : own.help;
   const tables = recordings.value.filter((row) => row.found?.columns.length && (row.path === value || sources.value.length > 1)).map((row) => /** @type {[string, string]} */ ([row.path, row.path]));
-  const words = option === "--joints" ? tables : own.words?.(table);
+  const words = option === "--joints" ? tables : named ? undefined : own.words?.(table);
   return html`
     <div data-option=${option}>
       <label><span class="label">${own.label}</span>

@@ -4,6 +4,7 @@ import { begin, well } from "../core/jobs.js";
 import { go, toJob } from "../core/route.js";
 import { Refused } from "../core/api.js";
 import { home, refresh, say } from "../core/store.js";
+import { keepAnalysis } from "../result/state.js";
 import { command, out, outTyped } from "./command.js";
 import { ensureFolder, folder } from "./sources.js";
 
@@ -71,6 +72,7 @@ async function test() {
   const job = await done(["analyse", imported.written], "Testing unit, signs and order by a fit");
   if (job?.answer == null || outcome.value !== imported) return;
   outcome.value = { ...imported, fit: job.answer };
+  keepAnalysis(job.answer, imported.written);
   if (!job.answer.diagnosis.length) toResult();
 }
 

@@ -24,7 +24,7 @@ export const noTargets = computed(() => {
 
 /** The target of a file: as typed, or the header's only one. @param {string} path */
 export function targetOf(path) {
-  const usual = sources.value.length === 1 && !values.value["--marker-topic"] ? chosen.value?.target ?? "" : "";
+  const usual = sources.value.length === 1 && format.value !== "points" && !values.value["--marker-topic"] ? chosen.value?.target ?? "" : "";
   return (targets.value[path] ?? usual).trim();
 }
 

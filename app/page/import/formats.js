@@ -11,7 +11,7 @@ import { computed, signal } from "@preact/signals";
 const DWELL = ["--still-deg", "--still-s", "--still-mm"];
 const POINTS = ["--points"];
 const TRACKED = ["--joints", "--joint-columns", "--joint-units", "--units", "--columns", "--match", "--number-column", "--joints-number-column", "--time-column", "--clock", "--joints-time-column",
-  "--joints-clock", "--within-s", "--quaternion-columns", "--rotation-columns", "--rotation-units", "--euler", "--uncertainty", "--instrument", "--reflector", "--reflector-column", "--lengths", "--j3", "--small-angles"];
+  "--joints-clock", "--within-s", "--quaternion-columns", "--rotation-columns", "--rotation-units", "--euler", "--uncertainty", "--instrument", "--reflector", "--reflector-column", "--lengths", "--decimal", "--j3", "--small-angles"];
 
 /** By format: its name, the words of the command, its options. @type {Record<string, [string, string[], string[]]>} */
 export const FORMATS = {
@@ -35,15 +35,19 @@ const FORMS = { csv: ["csv", "points", "log robodk"], "program log": ["", "rapid
 /** @param {Found[]} founds */
 export function formatsOf(founds) {
   const forms = [...new Set(founds.map((found) => found.form))];
-  if (forms.length !== 1) return ["", ...forms.flatMap((form) => FORMS[form] ?? [form]).filter((form) => form in FORMATS)];
+  // A table beside points is that of their joints.
+  if (forms.includes("points") && forms.every((form) => form === "points" || form === "csv")) return ["points"];
+  if (forms.length !== 1) return ["", ...new Set(forms.flatMap((form) => FORMS[form] ?? [form]).filter((form) => form in FORMATS))];
   return FORMS[forms[0]] ?? [forms[0], ...(forms[0].startsWith("log") ? ["csv"] : [])];
 }
 
-const columns = (/** @type {Found} */ found) => /** @type {[string, string][]} */ (found.columns.map((column) => [column.stated, column.name]));
+/** The columns of a table, to choose from. */
+export const columns = (/** @type {Found} */ found) => /** @type {[string, string][]} */ (found.columns.map((column) => [column.stated, column.name]));
 const UNITS = /** @type {[string, string][]} */ (["s", "ms", "us", "ns"].map((unit) => [unit, unit]));
 const ANGLES = /** @type {[string, string][]} */ ([["deg", "degrees"], ["rad", "radians"]]);
 const COUNTED = /** @type {[string, string][]} */ ([["ground", "the ground"], ["link", "link 2"]]);
-const listed = (/** @type {Found} */ found) => `columns of the table: ${found.columns.map((column) => column.stated).join(", ") || "none"}`;
+/** @param {Found} found */
+export const listed = (found) => `columns of the table: ${found.columns.map((column) => column.stated).join(", ") || "none"}`;
 
 /** @type {Record<string, OptionFacts>} */
 export const OPTIONS = {
@@ -86,6 +90,7 @@ export const OPTIONS = {
   "--instrument": { label: "Instrument of the header", help: "if it states several" },
   "--reflector": { label: "Reflector of all points", help: "if there are several" },
   "--reflector-column": { label: "Column with each point's reflector", words: columns, none: "no column" },
+  "--decimal": { label: "Decimal sign", words: () => [[",", "comma"]], none: "point", about: (found) => (found.layout?.decimal === "," ? "the numbers of the table seem to have commas" : "") },
   "--lengths": { label: "Unit of prismatic joints", words: () => [["mm", "millimetres"], ["m", "metres"]], none: "there are none" },
 };
 /** Options that have another label here than the command calls them. @type {Record<string, string>} */

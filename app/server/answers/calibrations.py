@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from functools import cache
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 from pydantic import Field
 
@@ -25,7 +24,7 @@ from ....model.parsing.validation import FileModel, Name, Vector, validate
 from ....words.wording import capital
 from ..folder import Folder
 from ..job_commands import job_command
-from ..requests import EndPoint, Refused, refused
+from ..requests import Content, EndPoint, Refused, refused
 from .robots import whole_ref
 
 _EXAMPLE = "example"
@@ -121,17 +120,17 @@ def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
     path = _new_folder(folder, request.name)
     with _at_key("robot"):
         robot = load_robot(whole_ref(folder, request.robot, folder.root), folder.root)
-    place = request.place
+    where = request.place
     with _at_key("place", "point_mm"):
-        target = place_of(place.kind, robot, place.point_mm)
-    facing = place.facing or next(row.facing for row in PLACES if row.kind == place.kind)
+        target = place_of(where.kind, robot, where.point_mm)
+    facing = where.facing or next(row.facing for row in PLACES if row.kind == where.kind)
     if not any(facing):
         raise _refusal(("place", "facing"), "this direction has no length", facing, "a direction")
     with _at_key("instrument"):
         new = new_calibration(request.instrument, robot, target, facing, request.measurements)
     provenance = {} if request.serial is None else {"provenance": {"serial": request.serial}}
     ref = rebased(request.robot, folder.root, path)
-    content: dict[str, Any] = {"robot": ref if isinstance(ref, str) else ref.model_dump(exclude_unset=True)}
+    content: Content = {"robot": ref if isinstance(ref, str) else ref.model_dump(exclude_unset=True)}
     header = validate(Header, content | new.header | provenance, file=None, line=lambda _: None)
     with _whole(path) as part:
         write_header(part / "header.yaml", header)

@@ -311,18 +311,18 @@ def _robot(
     folder: Folder, facts: list[_Facts], results: list[ReadResult], name: str
 ) -> tuple[str | None, str | None, str | None]:
     """Name, maker and model of the arm, as far as they are stated."""
-    stated = facts[0].robot if facts else results[0].inputs.header.get("robot") if results else None
-    if isinstance(stated, dict):
-        stated = UrdfRef.model_construct(**stated)
-    if isinstance(stated, UrdfRef):
-        return clipped(PurePosixPath(str(stated.urdf)).stem, _WIDTH), None, None
-    if not isinstance(stated, str):
+    declared = facts[0].robot if facts else results[0].inputs.header.get("robot") if results else None
+    if isinstance(declared, dict):
+        declared = UrdfRef.model_construct(**declared)
+    if isinstance(declared, UrdfRef):
+        return clipped(PurePosixPath(str(declared.urdf)).stem, _WIDTH), None, None
+    if not isinstance(declared, str):
         return (results[0].inputs.robot if results else None), None, None
-    if stated in built_in_robots():
-        return stated, *_maker(stated)
-    shown = results[0].inputs.robot if results else PurePosixPath(stated).stem
+    if declared in built_in_robots():
+        return declared, *_maker(declared)
+    shown = results[0].inputs.robot if results else PurePosixPath(declared).stem
     try:
-        path = folder.inside(stated, folder.root / name)
+        path = folder.inside(declared, folder.root / name)
         rows = _ROWS.of(path, read_rows)
     except (BadInput, OSError):
         return clipped(shown, _WIDTH), None, None
@@ -367,15 +367,15 @@ def _read_run(path: Path) -> _Facts:
         header = json.loads(head)
         if header["schema"] != RUN_SCHEMA:
             raise ValueError
-        stated = header.get("provenance") or {}
-        plan = stated.get(PLAN_HASH)
+        provenance = header.get("provenance") or {}
+        plan = provenance.get(PLAN_HASH)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BadInput("this is no whole header of a run") from None
     return _Facts(
         header.get("robot"),
         _instruments(header),
-        _serial(stated),
-        is_simulated(stated),
+        _serial(provenance),
+        is_simulated(provenance),
         shots=frozenset(int(number) for number in _SHOT.findall(rest)),
         plan_sha256=plan if isinstance(plan, str) else None,
     )

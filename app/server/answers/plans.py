@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from ....analysis.answer.message import Message
 from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, Violation, WithoutPosture, without_posture
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import read_obstacles, write_obstacles
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
+from ....model.instruments.kind import Target
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....reports.plan.plan_page import postures_of
@@ -29,12 +32,14 @@ from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
 from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
+from ....words.plan_message import plan_message
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
 from ..folder import Folder
 from ..requests import NOWHERE, Content, EndPoint, keyed, noted
 from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
-from .robots import DrawnArm, arm_of, require_robot_inside, rounded, whole_ref
+from .actions import OfferedAction, action_of_plan
+from .robots import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
 MOST_WITHOUT = 30  # postures that are left out in one answer
@@ -48,6 +53,7 @@ class AskedCheck(FileModel):
         default=None, description="the file that it is from: paths in the plan are relative to its folder"
     )
     scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
+    links: bool = Field(default=False, description="with `scene`: whether to say how each link stands")
     obstacles: Obstacles | None = Field(
         default=None, description="obstacles to judge the plan by, instead of those that it states"
     )
@@ -108,6 +114,26 @@ class PostureScene(JsonDocument):
     reaches: bool = Field(description="beam or probe comes to the target")
     violations: list[str] = Field(description="what it breaks of the plan's constraints, in words")
     touches: list[str]
+    sights: list[list[list[float]]] = Field(description="lines to what an instrument measures")
+    axes: list[list[float]] | None = Field(
+        default=None, description="n unit vectors, of the joints; with `links`", exclude_if=is_none
+    )
+    links: list[list[list[float]]] | None = Field(
+        default=None, description="n + 1 poses of base and links: rows of 3 x 4", exclude_if=is_none
+    )
+
+
+class CellMark(JsonDocument):
+    """What stands in the cell: an instrument or a target, mm in the base frame."""
+
+    kind: Literal["psd", "tracker", "plane", "sphere", "ballbar", "dial", "pose", "point"]
+    name: str
+    at: list[float]
+    normal: list[float] | None = Field(default=None, exclude_if=is_none)
+    radius: float | None = Field(default=None, description="of a ball or a face", exclude_if=is_none)
+    acceptance_deg: float | None = Field(
+        default=None, description="largest angle of a beam to the normal", exclude_if=is_none
+    )
 
 
 class NullMotion(JsonDocument):
@@ -137,10 +163,14 @@ class CheckRemarks(JsonDocument):
 
 
 class CheckAnswer(JsonDocument):
-    """`zerobeam/check/1`; with `scene` also what a picture needs and what the command prints besides."""
+    """`zerobeam/check/1` with its message and action; with `scene` also what a picture needs and what the
+    command prints besides."""
 
     model_config = ConfigDict(extra="allow")
 
+    message: Message
+    action: OfferedAction
+    marks: list[CellMark] | None = Field(default=None, exclude_if=is_none)
     scene: list[PostureScene] | None = Field(default=None, exclude_if=is_none)
     touched_boxes: list[int] | None = Field(default=None, exclude_if=is_none)
     null_motion: list[NullMotion] | None = Field(default=None, exclude_if=is_none)
@@ -222,11 +252,15 @@ def check(folder: Folder, request: AskedCheck) -> CheckAnswer:
         if request.obstacles is not None:
             aimed = _among(aimed, request.obstacles)
         checked = check_plan(aimed.plan, aimed)
-        answer = CheckAnswer(**check_json(checked), warnings=notes)
+        message = plan_message(checked)
+        offered = action_of_plan(checked, message.action)
+        content = {**check_json(checked), "message": message, "action": offered}
+        answer = CheckAnswer(**content, warnings=notes)
         if request.scene:
             answer = answer.model_copy(
                 update={
-                    "scene": _scene(aimed, checked.violations),
+                    "scene": _scene(aimed, checked.violations, links=request.links),
+                    "marks": list(_marks(aimed)),
                     "touched_boxes": touched_boxes(aimed),
                     "null_motion": _null_motion(checked),
                     "said": _remarks(checked),
@@ -331,10 +365,71 @@ class _Placed(Document):
         return self.finder(keys)
 
 
-def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureScene]:
+def _marks(aimed: AimedPlan) -> Iterator[CellMark]:
+    """The targets at their nominal places, and the stations where they stand."""
+    plan, problem, x = aimed.plan, aimed.problem, aimed.x
+    header, kept = plan.header, plan.constraints
+    kinds = {kind.name for kind in header.kinds.values()}
+    for label, kind in header.kinds.items():
+        if kind.target_is == "nothing":
+            instrument = header.made(label, plan.robot.n)
+            at = instrument.in_sight(Target(np.zeros(3), None))
+            at = instrument.stands_at[:3] if at is None else at
+            if len(at) == 3:
+                yield CellMark(
+                    kind="pose" if kind.name == "pose" else "tracker", name=label, at=rounded(at, 3)
+                )
+    for name, at_target in zip(problem.targets, problem.split(x).targets, strict=True):
+        if problem.is_station(name):
+            continue
+        entry = header.targets.get(name)
+        if entry is not None and entry.kind in ("plane", "sphere"):
+            if entry.guess_mm is not None:
+                ball = entry.kind == "sphere"
+                radius = (entry.diameter_mm or 0.0) / 2 if ball else entry.radius_mm
+                yield CellMark(
+                    kind="sphere" if ball else "dial" if kinds == {"dial"} else "plane",
+                    name=name,
+                    at=list(entry.guess_mm),
+                    normal=None if entry.normal is None else list(entry.normal),
+                    radius=radius,
+                )
+        elif any(kind.beam for kind in header.kinds.values()):
+            facing = kept.facing
+            yield CellMark(
+                kind="psd",
+                name=name,
+                at=rounded(at_target, 3),
+                normal=None if facing is None else list(facing),
+                acceptance_deg=None if facing is None else kept.acceptance_deg,
+            )
+        else:
+            yield CellMark(
+                kind="ballbar" if "ballbar" in kinds else "point", name=name, at=rounded(at_target, 3)
+            )
+
+
+def _sights(aimed: AimedPlan, joints: Matrix) -> list[list[list[list[float]]]]:
+    """Per posture the lines to what is measured."""
+    problem, parts = aimed.problem, aimed.problem.split(aimed.x)
+    poses = problem.poses(aimed.x, joints)
+    rows = []
+    for i, pose in enumerate(poses):
+        target = parts.targets[problem.target_index[i]]
+        lines = (
+            part.instrument.sight(pose, target, parts.tool[part.unknowns], part.reading, part.variant)
+            for part in problem.tool.read_at(problem.readings[i])
+        )
+        rows.append([rounded(line, 3) for line in lines if line is not None])
+    return rows
+
+
+def _scene(aimed: AimedPlan, violations: Sequence[Violation], *, links: bool) -> list[PostureScene]:
     scene_plan, postures, problem = aimed.plan, postures_of(aimed), aimed.problem
     names = [problem.targets[k] for k in problem.target_index.tolist()]
     joints = postures.joints * scene_plan.robot.display
+    sights = _sights(aimed, postures.joints)
+    placed = [placed_links(scene_plan.robot, row) if links else (None, None) for row in postures.joints]
     broken_in = [[broken for broken in violations if broken.posture == i] for i in range(len(joints))]
     return [
         PostureScene(
@@ -349,6 +444,9 @@ def _scene(aimed: AimedPlan, violations: Sequence[Violation]) -> list[PostureSce
                 3,
             ),
             target_name=names[i],
+            sights=sights[i],
+            axes=placed[i][0],
+            links=placed[i][1],
             reaches=bool(postures.reaches[i]),
             violations=[violation_words(one) for one in broken_in[i]],
             touches=[

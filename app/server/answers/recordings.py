@@ -47,12 +47,15 @@ class CoursePoint(JsonDocument):
 
     recorded: int = Field(description="how many measurements there were")
     std: dict[str, float | None] = Field(description="of each offset, deg or mm; null: not determined")
+    expanded: dict[str, float | None] = Field(description="the same as U = k std")
 
 
 class RunSoFar(RecordedRun):
     """A run file, with what its measurements determine."""
 
     std: dict[str, float | None] = Field(description="of each offset, deg or mm; null: not determined")
+    expanded: dict[str, float | None] = Field(description="the same as U = k std")
+    tolerance: dict[str, float] = Field(description="up to which std an offset counts as identified")
     course: list[CoursePoint] = Field(description="after each of the last measurements")
     worst_std: float | None
     headline: str | None
@@ -68,7 +71,12 @@ def recording(folder: Folder, name: str) -> RunSoFar:
     return RunSoFar(
         **dict(facts),
         std={} if state is None else state.offset_std,
-        course=[CoursePoint(recorded=count, std=so_far.offset_std) for count, so_far in states],
+        expanded={} if state is None else state.offset_expanded,
+        tolerance={} if state is None else state.offset_tolerance,
+        course=[
+            CoursePoint(recorded=count, std=so_far.offset_std, expanded=so_far.offset_expanded)
+            for count, so_far in states
+        ],
         worst_std=None if state is None else state.worst,
         headline=None if state is None else headline_so_far(state, person),
         notes=notes,

@@ -18,6 +18,7 @@ from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
 from ..kept import Kept
 from ..requests import EndPoint
+from .actions import action_of_result
 
 LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
@@ -71,6 +72,9 @@ def result(folder: Folder, name: str) -> dict[str, Any]:
         "posterior_file": _called(folder, path.with_name("posterior.nc"), beside),
         "files": [{"path": folder.called(file), "bytes": file.stat().st_size} for file in beside],
         **content.model_dump(include=_SENTENCES),
+        "action": None
+        if content.message is None
+        else action_of_result(folder, content.message.action, run).to_json(),
         "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
         "diagnosis": [row.sentence for row in content.diagnosis],
         "parameters": [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,6 +17,7 @@ from ....model.files.header import RobotRef, UrdfRef
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
+from ....model.kinematics.robot import Robot
 from ....model.parsing.validation import FileModel, as_tuple
 from ..folder import Folder
 from ..requests import EndPoint, noted
@@ -100,6 +101,18 @@ def robot(folder: Folder, request: AskedRobot) -> DrawnArm:
         joints = [] if request.joints_deg is None else [request.joints_deg]
         arm = shown_arm(ref, joints, j3=j3, as_in_files=request.as_in_files)
     return arm_of(arm, notes)
+
+
+def placed_links(robot: Robot, joints: Matrix) -> tuple[list[Any], list[Any]]:
+    """The joints' axes, n unit vectors, and the n + 1 poses of base and links at joints (n,), rad or mm."""
+    axes, links = (np.array(part) for part in _placed(robot)(joints))
+    return rounded(axes.T, 9), rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6)
+
+
+@lru_cache(maxsize=8)
+def _placed(robot: Robot) -> ca.Function:
+    theta = ca.SX.sym("theta", robot.n)
+    return ca.Function("arm", [theta], [ca.densify(part) for part in (robot.axes(theta), robot.links(theta))])
 
 
 def arm_of(arm: ShownArm, notes: list[str] | None = None) -> DrawnArm:

@@ -108,10 +108,9 @@ def test_the_fewest_shots(tmp_path: Path) -> None:
     assert answer["limit"] is None
     assert answer["shots"] == answer["curve"][-1]["shots"]
     assert max(answer["predicted_std"][name] for name in OFFSETS) <= tolerance * (1 + 1e-4)
-    # One fewer is not enough, in its own telling and when asked for.
-    assert answer["curve"][-2]["worst_std"] > tolerance
-    fewer = made(tmp_path / "fewer.yaml", shots=answer["shots"] - 1).as_json()
-    assert max(fewer["predicted_std"][name] for name in OFFSETS) > tolerance
+    # One fewer is not enough: for the tolerance, or to notice wrong models.
+    fewer = made(tmp_path / "fewer.yaml", tolerance=tolerance, max_shots=answer["shots"] - 1).as_json()
+    assert (fewer["plan"], fewer["limit"] is None) == (None, False)
 
 
 def test_a_tolerance_that_no_number_reaches(tmp_path: Path) -> None:

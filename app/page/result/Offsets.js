@@ -1,0 +1,73 @@
+// Values to enter and the offsets: with their expanded uncertainty and status, beside them what a fit without some measurements says.
+import { html } from "htm/preact";
+import { capital, fixed, marked, named, sentence, SHAPES, WORDS } from "../core/words.js";
+import { Fold } from "../parts/Fold.js";
+import { estimateOf, expandedOf } from "./numbers.js";
+import { refitFault, refitted, shift, single } from "./state.js";
+
+/** @typedef {import("./types.js").Found} Found */
+
+/** @param {{found: Found, simulated: boolean}} props */
+export function Enter({ found, simulated }) {
+  const next = found.next_steps;
+  if (next === null) return html`<p>This result is of an earlier version, which does not say it here. Make the report of the run again; until then enter nothing.</p>`;
+  if (!next.enter.length) return null;
+  return html`
+    <div class="scroll" tabindex="0" role="region" aria-label="Values to enter"><table class="enter">
+      <caption>${simulated && html`<strong class="simulated">SIMULATED</strong> `}Values to enter: corrected reading = recorded position + value</caption>
+      <thead><tr><th scope="col">joint</th><th scope="col" class="right">to enter</th><th scope="col" class="right">U</th><th scope="col" class="right">offset of the arm</th></tr></thead>
+      <tbody>${next.enter.map((row) => html`<tr key=${row.name} data-enter=${row.name}><th scope="row">${named(row.name)}</th><td class="right copy">${row.value}</td><td class="right">${row.expanded_u}</td><td class="right">${row.estimate ?? ""}</td></tr>`)}</tbody>
+    </table></div>`;
+}
+
+/** What else there is to do, after the action of the message. @param {{found: Found}} props */
+export function Steps({ found }) {
+  const steps = found.next_steps?.steps.slice(found.message ? 1 : 0) ?? [];
+  return html`${steps.map((step) => html`<p>${named(step.text)}</p>${step.commands.length > 0 && html`<pre class="commands" tabindex="0" aria-label="Commands"><code>${step.commands.join("\n")}</code></pre>`}`)}`;
+}
+
+/** @param {import("./types.js").RefitRow} row */
+const ratio = (row) => (row.std === null || row.before.std === null ? "" : `${fixed(row.std / row.before.std, 2)}\u00a0×`);
+
+/** @param {{rows: import("./types.js").ParameterRow[], k: number, again: import("./types.js").Refit | null, label: string}} props `again`: the fit beside */
+function Table({ rows, k, again, label }) {
+  const others = new Map(again?.parameters.map((row) => [row.name, row]));
+  const shape = (/** @type {string} */ status) => html`<span aria-hidden="true">${SHAPES[status] ?? ""}</span><span class="unseen">${status}</span>`;
+  return html`
+    <div class="scroll" tabindex="0" role="region" aria-label=${label}><table class="offsets">
+      <thead><tr><th scope="col">name</th><th scope="col" class="right">estimate</th><th scope="col" class="right">U</th><th scope="col">${again ? html`<span class="unseen">status</span>` : "status"}</th>
+        ${again && html`<th scope="col" class="right">without them</th><th scope="col" class="right">U</th><th scope="col"><span class="unseen">status without them</span></th>`}</tr></thead>
+      <tbody>${rows.map((row) => {
+        const other = others.get(row.name);
+        return html`
+          <tr key=${row.name} class=${row.status} title=${row.reason ? sentence(row.reason) : undefined} data-of=${row.name}>
+            <th scope="row">${named(row.name)}</th><td class="right u">${estimateOf(row, k)}</td><td class="right">${expandedOf(row, k)}</td><td class="status">${again ? shape(row.status) : marked(row.status)}</td>
+            ${again && html`<td class="right refit">${other ? estimateOf(other, again.coverage_factor) : "—"}</td><td class="right">${other ? html`${expandedOf(other, again.coverage_factor)}<small>${ratio(other)}</small>` : "—"}</td><td class=${`refit-status ${other?.status ?? ""}`}>${other ? shape(other.status) : "—"}</td>`}
+          </tr>`;
+      })}</tbody></table></div>`;
+}
+
+/** @param {{found: Found}} props */
+export function Offsets({ found }) {
+  const others = found.parameters.filter((row) => row.group !== "offset");
+  return html`
+    <h2>Offsets</h2>
+    <${Table} rows=${found.parameters.filter((row) => row.group === "offset")} k=${found.coverage_factor} again=${refitted.value} label="Offsets" />
+    <${Without} found=${found} />
+    ${others.length > 0 && html`<${Fold} title="Tool and noise"><${Table} rows=${others} k=${found.coverage_factor} again=${null} label="Tool and noise" /><//>`}`;
+}
+
+/** What the fit without some measurements says. @param {{found: Found}} props */
+function Without({ found }) {
+  const again = refitted.value, alone = shift.value;
+  if (found.run === null) return html`<p class="muted">The run of this result is not in the folder: nothing can be left out.</p>`;
+  if (refitFault.value) return html`<p class="error" role="alert">${refitFault.value}</p>`;
+  if (again === null) return alone === null ? null : html`<p class="muted" role="status">Arrow: the estimates without measurement ${single.value}.${alone.lost.length > 0 && ` Without it no longer determined: ${alone.lost.map(named).join(", ")}.`}</p>`;
+  return html`
+    <div class=${`without verdict ${again.verdict}`} role="status">
+      <p>Fitted again without measurement${again.without.length === 1 ? "" : "s"} ${again.without.join(", ")}: ${again.measurements} of ${again.of} are left.${again.lost.length > 0 && ` Without them no longer determined: ${again.lost.map(named).join(", ")}.`}</p>
+      <p><b class="word">${WORDS[again.verdict]}.</b> ${capital(named(again.headline))}</p>
+      ${again.misfit.length > 0 && html`<ul>${again.misfit.map((one) => html`<li>${sentence(one)}</li>`)}</ul>`}
+      ${again.null_space.map((one) => html`<p>Why: ${sentence(one.reason)} To do: ${sentence(one.remedy)}</p>`)}
+    </div>`;
+}

@@ -1,0 +1,100 @@
+// The step Result: what a run determined, what it does to the TCP, and what to do with it.
+import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
+import { go, route, toJob } from "../core/route.js";
+import { attempt, calibration, files } from "../core/store.js";
+import { named, sentence, WORDS } from "../core/words.js";
+import { Choice } from "../parts/Choice.js";
+import { Fold } from "../parts/Fold.js";
+import { Message } from "../parts/Message.js";
+import { Workspace } from "../parts/Workspace.js";
+import { Bare } from "./Bare.js";
+import { Compare } from "./Compare.js";
+import { Downloads, ReportLink } from "./Downloads.js";
+import { Exports } from "./Exports.js";
+import { History } from "./History.js";
+import { Measurements } from "./Measurements.js";
+import { Enter, Offsets, Steps } from "./Offsets.js";
+import { Pairs } from "./Pairs.js";
+import { Picture } from "./Picture.js";
+import { Program } from "./Program.js";
+import { bareRun, failure, history, loadHistory, open, show } from "./state.js";
+
+/** @typedef {import("./types.js").Found} Found */
+
+/** The file that the address names, else the newest of the calibration: of a run its newest result, if there is one. */
+function useAddressed() {
+  const { file, name } = route.value, known = calibration.value, own = known?.state.file ?? "";
+  const ours = known ? [...known.files.result, ...known.files.run] : [];
+  const wanted = file || (ours.includes(own) ? own : ours[0] ?? ""), isRun = files.value.find((one) => one.path === wanted)?.kind === "run";
+  const made = isRun ? history.value?.runs.find((one) => one.file === wanted)?.results.find((one) => !one.error)?.file : undefined;
+  const version = known?.modified ?? "";
+  useEffect(() => { attempt(loadHistory); }, [version]);
+  useEffect(() => {
+    if (!wanted || (isRun && history.value === null)) return;
+    if (made) { go(toJob(name, "result", made), { replace: true }); return; }
+    show(wanted, isRun);
+  }, [wanted, isRun, made, history.value === null]);
+  return wanted;
+}
+
+/** Results and runs of the calibration, where there are several. */
+function Others() {
+  const known = calibration.value, { name } = route.value, here = open.value?.file || bareRun.value;
+  const reported = new Set(history.value?.runs.filter((run) => run.results.length).map((run) => run.file));
+  const groups = /** @type {[string, [string, string][]][]} */ ([["results", (known?.files.result ?? []).map((one) => [one, one])], ["runs without a report", (known?.files.run ?? []).filter((one) => !reported.has(one)).map((one) => [one, one])]]);
+  if (groups.flatMap(([, items]) => items).length < 2) return null;
+  return html`<${Choice} label="Result" value=${here} groups=${groups} onValue=${(/** @type {string} */ value) => go(toJob(name, "result", value))} />`;
+}
+
+/** Of a result of an earlier version, which has no message. @param {{found: Found}} props */
+function Headline({ found }) {
+  return html`
+    <section class=${`message verdict ${found.verdict}`} aria-label="Verdict"><div role="status">
+      <p class="word">${WORDS[found.verdict]}.</p><p>${named(found.headline)}</p>
+      ${found.notes.length > 0 && html`<ul>${found.notes.map((note) => html`<li>${sentence(note)}</li>`)}</ul>`}
+    </div></section>`;
+}
+
+/** @param {{found: Found}} props */
+function About({ found: { inputs } }) {
+  const parts = [`${inputs.run}: ${inputs.shots} measurements of ${inputs.targets.length === 1 ? inputs.targets[0] : `${inputs.targets.length} targets`}, ${inputs.robot}`,
+    inputs.serial && `serial number ${inputs.serial}`, inputs.when, inputs.who && `by ${inputs.who}`, inputs.instrument, inputs.version && `made by zerobeam ${inputs.version}`];
+  return html`<p class="muted about-result">${parts.filter(Boolean).join("; ")}.</p>`;
+}
+
+const isSimulated = (/** @type {Found} */ found) => found.inputs.origin === "simulated" || Boolean(found.message?.verdict.startsWith("Simulated"));
+
+/** @param {{found: Found}} props */
+function Inspector({ found }) {
+  const stated = history.value?.runs.find((run) => run.file === found.run)?.serial, serial = stated && !/^none\b/i.test(stated) ? stated : null;
+  const why = [...found.misfit, ...found.diagnosis];
+  return html`
+    <${Others} />
+    ${bareRun.value && html`<${Bare} key=${bareRun.value} run=${bareRun.value} analysed=${true} />`}
+    <div class="bar"><${ReportLink} found=${found} /></div>
+    ${why.length > 0 && html`<ul class="notes">${why.map((one) => html`<li>${sentence(one)}</li>`)}</ul>`}
+    <${Enter} found=${found} simulated=${isSimulated(found)} />
+    <${Offsets} found=${found} />
+    <${Fold} title="What to do next"><${Steps} found=${found} /><//>
+    ${found.run && html`<${Fold} title="Export to a controller"><${Exports} key=${found.run} run=${found.run} /><//>
+    <${Fold} title="Correct a program"><${Program} key=${found.run} run=${found.run} /><//>`}
+    ${found.file && html`<${Fold} title="Posterior of the offsets, pair by pair"><${Pairs} key=${found.file} found=${found} /><//>`}
+    <${Fold} title="History of this arm, and drift"><${History} serial=${serial} run=${found.run} /><//>
+    <${Fold} title="Compare runs or results"><${Compare} serial=${serial} /><//>
+    ${found.file && html`<${Fold} title="Files"><${Downloads} found=${found} /><//>`}
+    <${About} found=${found} />`;
+}
+
+export function Result() {
+  const wanted = useAddressed(), found = open.value;
+  if (!wanted) return html`<div class="alone"><h2>No result yet</h2><p>A run becomes a result here: measure the plan, or import a recording into this calibration.</p></div>`;
+  if (failure.value) return html`<div class="alone"><p class="fault" role="alert">${failure.value}</p><${Others} /></div>`;
+  if (found === null) return bareRun.value ? html`<div class="alone"><${Others} /><${Bare} key=${bareRun.value} run=${bareRun.value} analysed=${false} /></div>` : html`<p class="muted centred" role="status">…</p>`;
+  return html`
+    <${Workspace} name="Result"
+      message=${found.message ? html`<${Message} verdict=${found.verdict} message=${found.message} action=${found.action ?? null} simulated=${isSimulated(found)} />` : html`<${Headline} found=${found} />`}
+      scene=${html`<${Picture} key=${found.file || found.run} found=${found} />`}
+      inspector=${html`<${Inspector} key=${found.file || found.run} found=${found} />`}
+      drawer=${html`<${Measurements} key=${found.file || found.run} found=${found} />`} />`;
+}

@@ -1,0 +1,183 @@
+// The result that is open, and what is done with it: measurements left out, draws chosen.
+import { batch, signal } from "@preact/signals";
+import { get, getFile, latest, post, Refused } from "../core/api.js";
+import { say } from "../core/store.js";
+import { named } from "../core/words.js";
+
+/** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./types.js").Refit} Refit */
+
+/** @type {import("@preact/signals").Signal<Found | null>} */
+export const open = signal(null);
+/** A run that has no report yet; "" where none is open. */
+export const bareRun = signal("");
+export const failure = signal("");
+/** @type {import("@preact/signals").Signal<import("./types.js").History | null>} */
+export const history = signal(null);
+
+/** Measurements that are left out. @type {import("@preact/signals").Signal<number[]>} */
+export const out = signal([]);
+/** The measurement whose shift is shown. @type {import("@preact/signals").Signal<number | null>} */
+export const single = signal(null);
+/** @type {import("@preact/signals").Signal<Refit | null>} */
+export const refitted = signal(null);
+/** @type {import("@preact/signals").Signal<Refit | null>} */
+export const shift = signal(null);
+export const refitFault = signal("");
+
+/** @type {import("@preact/signals").Signal<import("./types.js").Posterior | null>} */
+export const posterior = signal(null);
+export const posteriorSays = signal("");
+/** @type {import("@preact/signals").Signal<import("./types.js").Ranges>} */
+export const ranges = signal({});
+/** @type {import("@preact/signals").Signal<import("./types.js").Brushed | null>} */
+export const brushed = signal(null);
+export const brushFault = signal("");
+
+/** Analyses of runs without a report, by run file. @type {Map<string, Found>} */
+const analyses = new Map();
+
+function clear() {
+  open.value = refitted.value = shift.value = posterior.value = brushed.value = null;
+  bareRun.value = failure.value = refitFault.value = posteriorSays.value = brushFault.value = "";
+  out.value = [];
+  single.value = null;
+  ranges.value = {};
+}
+
+/** What `analyse` printed, as the page shows a result. @param {any} answer @param {string} run @returns {Found} */
+export function analysisOf(answer, run) {
+  const { header, versions, provenance, ...inputs } = answer.inputs;
+  return {
+    ...answer, file: "", run, report: null, posterior_file: null, files: [], posterior: { converged: false, message: "The posterior is drawn with the report." },
+    misfit: (answer.misfit?.criteria ?? []).map((/** @type {any} */ one) => one.sentence), diagnosis: answer.diagnosis.map((/** @type {any} */ one) => one.sentence),
+    parameters: answer.parameters.filter((/** @type {any} */ row) => ["offset", "tool", "noise"].includes(row.group)),
+    inputs: { ...inputs, version: versions?.zerobeam, origin: header?.provenance?.origin },
+  };
+}
+
+/** An analysis is there without being made again, as long as the page is open. @param {any} answer @param {string} run */
+export const keepAnalysis = (answer, run) => { analyses.set(run, analysisOf(answer, run)); };
+
+/** @param {string} file @param {boolean} isRun */
+export async function show(file, isRun) {
+  batch(clear);
+  try {
+    if (isRun) {
+      bareRun.value = file;
+      open.value = analyses.get(file) ?? null;
+      if (open.value) warm(open.value);
+      return;
+    }
+    const found = await getFile("result", file);
+    open.value = found;
+    warm(found);
+    await draws(found);
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    failure.value = error.text;
+  }
+}
+
+/** @param {any} answer */
+export function showAnalysis(answer) {
+  const run = bareRun.value;
+  keepAnalysis(answer, run);
+  open.value = analyses.get(run) ?? null;
+  if (open.value) warm(open.value);
+}
+
+export async function loadHistory() {
+  history.value = await get("/api/history");
+}
+
+/** The first fit takes longest: it is made before anybody waits for it. @param {Found} found */
+function warm(found) {
+  if (found.run === null) return;
+  post("/api/refit", { run: found.run }).catch((error) => {
+    if (!(error instanceof Refused)) throw error;
+    if (open.value === found) refitFault.value = error.text;
+  });
+}
+
+/** @param {Found} found */
+async function draws(found) {
+  const unknown = found.parameters.filter((row) => row.group === "offset" && row.status === "unidentifiable").map((row) => named(row.name));
+  const lines = unknown.length ? [`${unknown.join(", ")}: prior only, the measurements do not determine ${unknown.length === 1 ? "it" : "them"}; not drawn.`] : [];
+  if (found.posterior_file === null) lines.push(found.posterior.message ?? "There is no posterior.nc beside this result.");
+  else {
+    const drawn = await getFile("posterior", found.posterior_file);
+    if (open.value !== found) return;
+    if (!drawn.converged) lines.push(`No posterior is shown: ${found.posterior.message ?? "it has not converged"}`);
+    else if (!drawn.names.length) lines.push("The measurements determine no offset: there is nothing to draw.");
+    else lines.push(`${drawn.draws[0].length} of ${drawn.total} draws.`);
+    posterior.value = drawn.converged && drawn.names.length ? drawn : null;
+  }
+  posteriorSays.value = lines.map(named).join(" ");
+}
+
+const refit = latest(
+  async () => {
+    const found = open.value, without = out.value, alone = single.value;
+    if (found?.run == null || (!without.length && alone === null)) return null;
+    const of = { run: found.run };
+    const answers = { alone: alone === null ? null : await post("/api/refit", { ...of, without: [alone] }), whole: without.length ? await post("/api/refit", { ...of, without }) : null };
+    return open.value === found ? answers : null;
+  },
+  ({ whole, alone }) => batch(() => {
+    if (!out.value.length && single.value === null) return;
+    refitted.value = whole;
+    shift.value = alone ?? whole;
+    refitFault.value = "";
+    const { without, verdict, lost } = alone ?? whole;
+    say(`Without measurement ${without.join(", ")}: ${verdict}${lost.length ? `, no longer determined: ${lost.map(named).join(", ")}` : ""}`);
+  }),
+  (error) => batch(() => {
+    refitted.value = shift.value = null;
+    refitFault.value = error.text;
+  }),
+);
+
+function change() {
+  refitFault.value = "";
+  if (!out.value.length) refitted.value = null;
+  if (!out.value.length && single.value === null) { shift.value = null; return; }
+  refit();
+}
+
+/** @param {number} shot @param {boolean} on */
+export function leaveOut(shot, on) {
+  out.value = [...out.value.filter((other) => other !== shot), ...(on ? [shot] : [])].sort((a, b) => a - b);
+  single.value = null;
+  change();
+}
+
+export function leaveNoneOut() {
+  out.value = [];
+  single.value = null;
+  change();
+}
+
+/** @param {number | null} shot */
+export function showShift(shot) {
+  single.value = shot;
+  change();
+}
+
+const brush = latest(
+  async () => {
+    const found = open.value;
+    return found?.run && found.posterior_file && Object.keys(ranges.value).length ? post("/api/brush", { posterior: found.posterior_file, run: found.run, ranges: ranges.value }) : null;
+  },
+  (answer) => { if (Object.keys(ranges.value).length) brushed.value = answer; },
+  (error) => { brushFault.value = error.text; },
+);
+
+/** Chooses draws by ranges of parameters; {}: none. @param {import("./types.js").Ranges} next */
+export function chooseDraws(next) {
+  ranges.value = next;
+  brushFault.value = "";
+  if (!Object.keys(next).length) { brushed.value = null; return; }
+  if (open.value?.run == null) brushFault.value = "The run of this result is not in the folder: its residuals cannot be computed.";
+  else brush();
+}

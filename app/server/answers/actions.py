@@ -1,0 +1,137 @@
+"""What the page can do of what a message says: its button, and what that does."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ....analysis.answer.message import Action
+from ....analysis.observability.check import Check
+from ....analysis.observability.outlook import advised_joints
+from ....experiments.makers.maker import makers
+from ....model.errors import BadInput
+from ....model.files.json_document import JsonDocument
+from ..folder import Folder
+from ..job_commands import job_command
+
+Step = Literal["plan", "measure", "result", "cell"]
+_DECIMALS = 6
+
+
+class DoesJob(JsonDocument):
+    """The button begins a job, and the page shows what it makes."""
+
+    kind: Literal["job"] = "job"
+    command: list[str] = Field(description="what POST /api/jobs takes")
+    then: Literal["plan", "result", "file"]
+
+
+class DoesPostures(JsonDocument):
+    """The button gives the plan other postures."""
+
+    kind: Literal["postures"] = "postures"
+    postures_deg: list[list[float]]
+    targets: list[str] | None = Field(default=None, description="of each, where there are several")
+
+
+class DoesStep(JsonDocument):
+    """The button leads to another step of the calibration."""
+
+    kind: Literal["step"] = "step"
+    step: Step
+
+
+class OfferedAction(JsonDocument):
+    """What to do next, and the button that does it."""
+
+    text: str
+    label: str | None = Field(description="of the button; null where the page can do nothing")
+    does: DoesJob | DoesPostures | DoesStep | None
+
+
+def action_of_plan(check: Check, action: Action) -> OfferedAction:
+    """Of a plan: its change, or the way to the measurements."""
+    plan = check.aimed.plan
+    rows = (plan.postures * plan.robot.display).round(_DECIMALS).tolist()
+    targets = [str(name) for name in plan.called]
+    simple = not any(map(any, plan.means)) and not any(len(between) for between in plan.via)
+    does: DoesJob | DoesPostures | DoesStep | None = None
+    label: str | None = None
+    if check.violations:
+        broken = {each.posture for each in check.violations}
+        kept = [i for i in range(len(rows)) if i not in broken]
+        if simple and len(kept) >= 2:
+            label = "Remove the postures that break constraints"
+            does = _postures([rows[i] for i in kept], [targets[i] for i in kept])
+    elif check.verdict == "pass":
+        label, does = "Measure", DoesStep(step="measure")
+    elif check.advice is not None and simple:
+        joints = (advised_joints(check.aimed, check.advice) * plan.robot.display).round(_DECIMALS).tolist()
+        at = check.advice.posture
+        if check.advice.add:
+            rows, targets = [*rows, joints], [*targets, targets[at]]
+        else:
+            rows[at] = joints
+        label, does = "Apply the suggested posture", _postures(rows, targets)
+    return OfferedAction(text=action.text, label=label, does=does)
+
+
+def _postures(rows: list[list[float]], targets: list[str]) -> DoesPostures:
+    return DoesPostures(postures_deg=rows, targets=targets if len(set(targets)) > 1 else None)
+
+
+def action_of_result(folder: Folder, action: Action, run: Path | None) -> OfferedAction:
+    """Of a result: the command of its message, where the app may carry it out on its run."""
+    command = _command(folder, action, run)
+    if command is None:
+        return OfferedAction(text=action.text, label=None, does=None)
+    label, then = _label(command)
+    return OfferedAction(text=action.text, label=label, does=DoesJob(command=command, then=then))
+
+
+def _command(folder: Folder, action: Action, run: Path | None) -> list[str] | None:
+    """The command with the run as it is called in the folder, and new files beside it."""
+    if action.command is None or run is None:
+        return None
+    words = shlex.split(action.command)[1:]
+    if words[:1] == ["analyse"]:  # what a page shows is a report
+        words = ["report", *words[1:], f"--out={_free(folder, run.with_name('report'))}"]
+    called, made = folder.called(run), list[str]()
+    for i, word in enumerate(words):
+        if word == run.name or (i > 0 and words[i - 1] == "--header"):
+            made.append(called)
+        elif i > 0 and words[i - 1] == "-o":
+            made.append(_free(folder, run.with_name(word)))
+        else:
+            made.append(word)
+    try:
+        job_command(folder, made)
+    except BadInput:
+        return None
+    return made
+
+
+def _free(folder: Folder, path: Path) -> str:
+    """A name that is not taken, as the folder calls it."""
+    number, free = 1, path
+    while free.exists() or free.is_symlink():
+        number += 1
+        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return folder.called(free)
+
+
+def _label(command: Sequence[str]) -> tuple[str, Literal["plan", "result", "file"]]:
+    if command[0] == "export":
+        maker = next(
+            (maker for maker in makers() if command[1] in [kind.name for kind in maker.offsets]), None
+        )
+        if maker is None or maker.vendor is None:
+            return "Export the corrected robot", "file"
+        return f"Export for the {maker.name} controller", "file"
+    if command[0] == "plan":
+        return ("Plan a verification" if command[1] == "verify" else "Plan more measurements"), "plan"
+    return "Analyse again", "result"

@@ -1,0 +1,107 @@
+"""The one message of a plan: what it will determine, how well, what limits it, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..analysis.answer.message import Action, Message, WorstOffset
+from ..analysis.observability.causes import worst_direction
+from ..analysis.observability.check import Check, CheckedParameter
+from ..analysis.status import Status
+from . import numbers
+from .geometry import by_tolerances
+from .observability import advice_sentence, condition, over_target_sentence, power_sentences, reason, remedy
+from .verdict import VERDICT_WORDS, check_notes, violation_words
+from .wording import be, capital, counted, ended, listed, person, sentence
+
+COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
+_MOST_CAUTIONS = 6
+
+
+def plan_message(check: Check) -> Message:
+    """The message of a plan; broken constraints come before all else."""
+    worst = max(_offsets(check), key=lambda row: (row.std is None, row.std or 0.0), default=None)
+    cause = _cause(check)
+    return Message(
+        verdict=f"{VERDICT_WORDS[check.verdict]}. {_determined(check)}",
+        worst=None if worst is None else _worst(worst),
+        cause=None if cause is None else ended(sentence(capital(cause))),
+        action=Action(ended(sentence(_action(check))), None),
+        cautions=tuple(ended(sentence(text)) for text in _cautions(check))[:_MOST_CAUTIONS],
+    )
+
+
+def _offsets(check: Check, *status: Status) -> list[CheckedParameter]:
+    rows = [row for row in check.parameters if row.group == "offset" and not row.held]
+    return [row for row in rows if not status or row.status in status]
+
+
+def _worst(row: CheckedParameter) -> WorstOffset:
+    value = None if row.std is None else COVERAGE * row.std
+    known = (
+        "not determined by this plan"
+        if value is None
+        else f"U {numbers.spread(value, numbers.unit_of(row.unit))} ({numbers.coverage(COVERAGE)})"
+    )
+    return WorstOffset(row.name, value, row.unit, f"Least well determined: {person(row.name)}, {known}.")
+
+
+def _determined(check: Check) -> str:
+    """What a run of the plan will determine, the gravest first."""
+    sentences = []
+    if check.violations:
+        broken = sorted({each.posture for each in check.violations})
+        verb = "break" if len(broken) > 1 else "breaks"
+        sentences.append(
+            f"{len(broken)} of {counted(len(check.postures), 'posture')} {verb} the constraints of the plan."
+        )
+    texts: dict[Status, str] = {
+        "unidentifiable": "unidentifiable by this plan",
+        "weak": "only weakly observable",
+        "identified": "identified",
+    }
+    for status, text in texts.items():
+        if names := [person(row.name) for row in _offsets(check, status)]:
+            sentences.append(f"{listed(names)} {be(names)} {text}.")
+    return " ".join(sentences) or "No offset is estimated: all are held."
+
+
+def _limiting(check: Check) -> CheckedParameter | None:
+    """The offset that a weak or degenerate plan owes its verdict to."""
+    rows = _offsets(check, "unidentifiable") or _offsets(check, "weak")
+    return max(rows, key=lambda row: (row.std is None, row.std or 0.0), default=None)
+
+
+def _cause(check: Check) -> str | None:
+    if check.violations:
+        first = check.violations[0]
+        return f"posture {first.posture}: {violation_words(first)}"
+    row = _limiting(check)
+    if row is not None:
+        cause = worst_direction(check.identifiability.null_space, row.name).cause
+        return f"{person(row.name)}: {by_tolerances(cause, row.tolerance_share) or reason(cause, person)}"
+    subject_to = condition(check.power)
+    return None if subject_to is None else f"a pass of such a run holds if {subject_to}"
+
+
+def _action(check: Check) -> str:
+    if check.violations:
+        broken = sorted({each.posture for each in check.violations})
+        noun = "posture" if len(broken) == 1 else "postures"
+        return f"Change or remove {noun} {listed([str(i) for i in broken])}, or loosen the constraint"
+    row = _limiting(check)
+    if row is None:
+        return "Measure by this plan" if _offsets(check) else "Estimate an offset: leave it out of `held`"
+    if check.advice is not None:
+        return advice_sentence(check.advice)
+    cause = worst_direction(check.identifiability.null_space, row.name).cause
+    return capital(remedy(cause, person))
+
+
+def _cautions(check: Check) -> Iterator[str]:
+    """What a reader must not miss besides the cause, the gravest first."""
+    yield from check_notes(check)[1 if check.violations else 0 :]
+    if check.over_target is not None:
+        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
+        yield over_target_sentence(check.over_target, units)
+    yield from (text for text in power_sentences(check.power) if "may not detect" in text)
