@@ -131,12 +131,17 @@ class Chromium:
         page.set_default_timeout(_PATIENCE_MS)
         page.emulate_media(media="print" if size.print else "screen")
         tab = Tab(self, page.main_frame, address)
-        page.on("console", lambda message: tab.messages.append(message.text))
+        page.on("console", lambda message: _of_driver(message.text) or tab.messages.append(message.text))
         page.on("pageerror", lambda error: tab.messages.append(error.message))
         page.on("request", lambda request: tab.requests.append(request.url))
         page.on("dialog", tab.accept)
         page.goto(address)
         return tab
+
+
+def _of_driver(message: str) -> bool:
+    """Whether it is about how fast WebGL is where there is no graphics card, and not about the page."""
+    return message.startswith("[.WebGL-") and "GL Driver Message (OpenGL, Performance" in message
 
 
 class Tab:

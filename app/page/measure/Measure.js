@@ -17,7 +17,7 @@ import { numbered } from "./events.js";
 import { Hand } from "./Hand.js";
 import { CameraPicture, Face, Trace } from "./Pictures.js";
 import { picture, planned, preparePlan, units } from "./picture.js";
-import { earlier, fetchEarlier, followedFile, listUnfinished, missing, now, progress, remarks, run, settled, state, underWay } from "./running.js";
+import { command, earlier, fetchEarlier, followedFile, listUnfinished, missing, now, progress, remarks, run, settled, state, underWay } from "./running.js";
 import { Start } from "./Start.js";
 import { Unfinished } from "./Unfinished.js";
 
@@ -33,7 +33,7 @@ function Now() {
     <progress max="1" value=${at.share} aria-label="Measurements done"></progress>
     <p class="muted time">${progress(at, seen)}</p>
     <ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`;
-  if (seen.end) return html`<${Message} verdict=${seen.end.verdict} message=${seen.end.message} action=${seen.end.action ?? null} simulated=${seen.rig === "simulated"}><p class="now">${words} <a href=${toJob(route.value.name, "result", seen.file)}>Open the result</a></p>${notes.length > 0 && html`<ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`}<//>`;
+  if (seen.end) return html`<${Message} verdict=${seen.end.verdict} message=${seen.end.message} action=${seen.end.action ?? null} simulated=${seen.rig === "simulated"}><p class="now">${words} <a href=${toJob(route.value.name, "result", followedFile.value)}>Open the result</a></p>${notes.length > 0 && html`<ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`}<//>`;
   return html`<section class="verdict held run-now" aria-label="The run"><p class="now" role="status">${words}${seen.rig === "simulated" && html` <strong class="simulated">SIMULATED</strong>`}</p>${rest}</section>`;
 }
 
@@ -87,7 +87,7 @@ function useAddress() {
 export function Measure() {
   const addressed = useAddress(), { file, name } = route.value, at = state.value, seen = run.value;
   const following = at !== null && (underWay.value ? true : !file || file === followedFile.value), picked = useSignal("");
-  const plan = following && at.command.length ? /** @type {string} */ (at.command.at(-1)) : picked.value || addressed;
+  const plan = following && command.value.length ? /** @type {string} */ (command.value.at(-1)) : picked.value || addressed;
   useEffect(() => { preparePlan(plan).catch(failed); }, [plan]);
   useEffect(() => { attempt(listUnfinished); }, []);
   const resumed = following && seen.recorded.length > 0 && !seen.course.length && !over(at);

@@ -29,8 +29,12 @@ export const underWay = computed(() => state.value !== null && !over(state.value
 
 /** @param {string[]} words */
 export const outOf = (words) => words.find((word) => word.startsWith("--out="))?.slice(6) ?? "";
+/** The command as it was begun, until the server says it. @type {import("@preact/signals").Signal<string[]>} */
+const sent = signal([]);
+/** The words of what is followed; the last is the plan. */
+export const command = computed(() => (state.value?.command.length ? state.value.command : sent.value));
 /** The run file that is followed. */
-export const followedFile = computed(() => (state.value ? outOf(state.value.command) || run.value.file : ""));
+export const followedFile = computed(() => (state.value ? outOf(command.value) || run.value.file : ""));
 
 /** @param {string} file */
 const ofRun = (file) => get(`/api/run?file=${encodeURIComponent(file)}`);
@@ -47,7 +51,9 @@ function hear(event) {
 
 /** @param {string[]} words @param {string} [password] */
 export async function start(words, password) {
-  attach(await begin(words, { ...(password && words.includes("--rig=abb") ? { password } : {}), run: hear }));
+  const followed = await begin(words, { ...(password && words.includes("--rig=abb") ? { password } : {}), run: hear });
+  sent.value = words;
+  attach(followed);
 }
 
 /** @param {import("../core/jobs.js").Followed} followed */

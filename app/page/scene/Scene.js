@@ -90,7 +90,7 @@ export function Scene({ scene, chosen, tools = {}, motion = null, caption, label
     const keys = {
       ArrowLeft: () => turned(-6, 0), ArrowRight: () => turned(6, 0), ArrowUp: () => turned(0, 6), ArrowDown: () => turned(0, -6),
       "+": () => zoom(1.25), "=": () => zoom(1.25), "-": () => zoom(0.8), 0: acting.reset, f: acting.fit,
-      ...(count > 1 ? { n: acting.next, p: acting.previous, a: acting.all } : {}),
+      ...(count > 1 && onChoose ? { n: acting.next, p: acting.previous, a: acting.all } : {}),
       x: () => side(SIDES[0]), X: () => side(SIDES[1]), y: () => side(SIDES[2]), Y: () => side(SIDES[3]), z: () => side(SIDES[4]), Z: () => side(SIDES[5]),
       g: through,
       ...(held.value ? {
@@ -124,7 +124,7 @@ export function Scene({ scene, chosen, tools = {}, motion = null, caption, label
         <button type="button" onClick=${() => hold(null)}>Release</button>
       </div>` : null}
       <div class="scene-tools" role="group" aria-label="View">
-        ${count > 1 ? html`<button type="button" aria-label="Previous posture" onClick=${acting.previous}>‹</button>
+        ${count > 1 && onChoose ? html`<button type="button" aria-label="Previous posture" onClick=${acting.previous}>‹</button>
         <output aria-live="polite">${chosen === null ? `all ${count}` : `${chosen + 1} of ${count}`}</output>
         <button type="button" aria-label="Next posture" onClick=${acting.next}>›</button>
         <button type="button" aria-pressed=${chosen === null} onClick=${acting.all}>All</button>` : null}
