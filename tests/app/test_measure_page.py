@@ -24,7 +24,7 @@ from zerobeam.model.files.run import read_run
 pytestmark = pytest.mark.browser
 
 NAME = "<img src=x onerror=alert(1)>.yaml"
-NOW = "document.querySelector('.now').textContent"
+NOW = "(document.querySelector('.now')?.textContent ?? '')"
 POSTURES = 120  # no machine has carried them out before somebody stops it
 UNDER_WAY = "document.querySelector('.stop-bar')"
 OVER = "!document.querySelector('.stop-bar') && document.querySelector('.now')"

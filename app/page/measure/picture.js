@@ -22,7 +22,7 @@ export async function preparePlan(file) {
   planned.value = null;
   try {
     const found = await get(`/api/plan?file=${encodeURIComponent(file)}`);
-    const checked = await post("/api/check", { plan: found.plan, file: found.file, scene: true });
+    const checked = await post("/api/check", { plan: found.plan, file: found.file, scene: true, links: true });
     if (wanted === file) planned.value = { of: file, robot: found.robot, checked };
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // the run goes on without a picture
