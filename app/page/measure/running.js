@@ -78,7 +78,7 @@ async function ended(followed, last) {
     missing.value = "The server was started anew, and what was under way has ended with it. Go on with the run below.";
   } else {
     // What a run that was broken off keeps is what its file has: of the last measurement no event may have come.
-    const file = newest.file || outOf(last.command);
+    const file = outOf(last.command); // as the app's folder has it: the run itself says its last part
     if (!newest.end && file && newest.file) {
       try {
         const found = await ofRun(file);
@@ -98,7 +98,7 @@ async function ended(followed, last) {
 
 /** u of earlier sessions, once a run that was resumed is heard. */
 export async function fetchEarlier() {
-  const of = job.value, file = run.value.file;
+  const of = job.value, file = followedFile.value;
   try {
     const { course } = await ofRun(file);
     if (job.value === of) earlier.value = course;
