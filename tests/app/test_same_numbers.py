@@ -58,11 +58,13 @@ def in_json(document: dict[str, Any]) -> Numbers:
 
 
 def in_terminal(text: str) -> Numbers:
+    """Values to enter are printed where they are not the offsets: those of nominal geometry are."""
     offsets, _, after = text.partition("What to do next")
     rows = re.findall(r"^(J\d) \(δ\d\) +(\S+°) +(\S+°) +\S identified", offsets, re.MULTILINE)
     entered = re.findall(r"^(J\d) +(\S+°) +(\S+°) +\S+°$", after, re.MULTILINE)
+    assert ("Values to enter" in after) == bool(entered)
     return {name: (value, u) for name, value, u in rows} | {
-        f"enter {name}": (value, u) for name, value, u in entered
+        f"enter {name}": (value, u) for name, value, u in entered or rows
     }
 
 
