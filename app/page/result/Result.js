@@ -28,13 +28,13 @@ function useAddressed() {
   const ours = known ? [...known.files.result, ...known.files.run] : [];
   const wanted = file || (ours.includes(own) ? own : ours[0] ?? ""), isRun = files.value.find((one) => one.path === wanted)?.kind === "run";
   const made = isRun ? history.value?.runs.find((one) => one.file === wanted)?.results.find((one) => !one.error)?.file : undefined;
-  const version = known?.modified ?? "";
+  const ready = !isRun || history.value !== null, version = known?.modified ?? "";
   useEffect(() => { attempt(loadHistory); }, [version]);
   useEffect(() => {
-    if (!wanted || (isRun && history.value === null)) return;
+    if (!wanted || !ready) return;
     if (made) { go(toJob(name, "result", made), { replace: true }); return; }
     show(wanted, isRun);
-  }, [wanted, isRun, made, history.value === null]);
+  }, [wanted, isRun, made, ready]);
   return wanted;
 }
 
