@@ -40,7 +40,7 @@ class ExportForm(JsonDocument):
 @cache
 def exports(_: Folder) -> list[ExportForm]:
     """The forms of all makers, those for robots of any maker first."""
-    found = sorted(makers(), key=lambda maker: maker.vendor is not None)
+    listed_first = sorted(makers(), key=lambda maker: maker.vendor is not None)
     return [
         ExportForm(
             name=form.name,
@@ -50,7 +50,7 @@ def exports(_: Folder) -> list[ExportForm]:
             ending=form.ending,
             options=list(_options(form.text)),
         )
-        for maker in found
+        for maker in listed_first
         for form in maker.offsets
     ]
 
