@@ -152,8 +152,11 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
-    if request.rig != "simulated":
+    if request.rig == "manual":
+        _require_one_reading(plan)
+    elif request.rig != "simulated":
         plan.header.require_tool()
+    if request.rig != "simulated":
         _refuse({"--arm": request.arm}, "is for the simulated rig")
     if request.rig in ("abb", "manual"):
         require_constraints(plan)
@@ -195,6 +198,8 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
     if not plan.header.only_beam:
         _refuse({"--adaptive": request.tolerance}, _for_a_beam(plan))
+    if not plan.header.only_tools and request.closing:
+        raise BadInput(f"--closing {_for_tools(plan)}", remedy="leave --closing out")
     pendant, lines = pendant_of(plan.robot, answers.j3), answers.lines
     pendant.per_degree(answers.units)
     units = answers.units or pendant.unit
@@ -204,6 +209,29 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
         return Manual(plan, journal, order, listener, lines, pendant, units, request.scene).carry_out()
 
     return {"origin": "by hand", "plan sha256": plan.sha256}, measure, adaptive
+
+
+def _require_one_reading(plan: Plan) -> None:
+    """BadInput for a plan that a person is not led through: one instrument reads once at each posture."""
+    if len(plan.header.kinds) > 1:
+        raise BadInput(
+            "a run by hand is for one instrument",
+            found=", ".join(f"{label}: {kind.name}" for label, kind in plan.header.kinds.items()),
+            remedy="record the instruments in files, and import them",
+            file=plan.path,
+        )
+    postures = [means.posture for means in plan.means if means.posture is not None]
+    if len(set(postures)) < len(postures):
+        raise BadInput(
+            "a run by hand reads once at each posture, and the plan has several measurements at one",
+            remedy="give each measurement a posture of its own, or import what was recorded",
+            file=plan.path,
+        )
+
+
+def _for_tools(plan: Plan) -> str:
+    kind = plan.header.instrument
+    return f"is for what meets a target; the plan measures with a {kind.name}"
 
 
 def _for_a_beam(plan: Plan) -> str:

@@ -26,6 +26,12 @@ def recorded_words(recorded: int, of: int | None, *, under_way: bool) -> str:
     return f"measured: {counted(recorded, 'measurement')}"
 
 
+def due_words(date: str, reason: str, *, overdue: bool) -> str:
+    """Of the next calibration of an arm; `reason` where it is due already."""
+    text = f"Calibration due since {date}" if overdue else f"Next calibration due on {date}"
+    return f"{text}: {reason}" if reason else text
+
+
 def result_words(result: ReadResult) -> str:
     """The verdict's word, and how well the least well determined offset is known."""
     word = VERDICT_WORDS[result.verdict]

@@ -109,6 +109,12 @@ def symbol(unit: str) -> str:
     return _UNITS.get(unit, unit).strip(NO_BREAK)
 
 
+def number_in(text: str) -> float:
+    """The number of a text that is written here, as rounded; ValueError where it has none."""
+    number = text.replace(MINUS, "-").rstrip("°m" + NO_BREAK)
+    return float(number)
+
+
 def unit_of(unit: str) -> str:
     """What follows a number in this unit; a noise factor is so many times the stated noise."""
     return "times" if unit == "1" else unit

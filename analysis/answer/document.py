@@ -42,6 +42,7 @@ from .result import RESULT_SCHEMA, AngleResult, DistanceResult, Inputs, NextStep
 Interval = tuple[float, float]
 Rows = tuple[tuple[float, ...], ...]
 Number = float | None
+ReadPoint = tuple[float, float, float]
 _SURROGATE = re.compile(r"\\u[dD][89abAB]")
 _ALONE = re.compile("[\ud800-\udfff]")
 
@@ -632,7 +633,18 @@ class _ReadFits(DocumentPart):
 
 
 class _ReadAccuracy(DocumentPart):
+    point_mm: ReadPoint | None = None
     sensitivity_mm2: Rows | None = None
+
+
+class _ReadSceneShot(DocumentPart):
+    shot: int
+    links: tuple[ReadPoint, ...]
+    beam_to: ReadPoint | None
+
+
+class _ReadScene(DocumentPart):
+    shots: tuple[_ReadSceneShot, ...]
 
 
 class _ReadMisfit(DocumentPart):
@@ -652,6 +664,7 @@ class ReadResult(DocumentPart):
     posterior: PosteriorMessage
     shots: tuple[ShotResult, ...]
     accuracy: _ReadAccuracy | None = None
+    scene: _ReadScene | None = None
     misfit: _ReadMisfit | None = None
     diagnosis: tuple[SentenceDocument, ...] = ()
     notes: tuple[str, ...]

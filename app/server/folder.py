@@ -121,9 +121,11 @@ class Folder:
                     files.append(KindOfFile(path, kind, _moment(facts)))
         return files
 
-    def has_suffix(self, suffixes: frozenset[str]) -> bool:
-        """Whether there is a file with such an end of its name."""
-        return any(PurePosixPath(path).suffix.lower() in suffixes for path, _ in self._regular())
+    def of_suffix(self, suffixes: frozenset[str]) -> list[Path]:
+        """The files with such an end of their name, newest first."""
+        return [
+            self.root / path for path, _ in self._newest() if PurePosixPath(path).suffix.lower() in suffixes
+        ]
 
     def _newest(self) -> list[tuple[str, os.stat_result]]:
         return sorted(self._regular(), key=lambda row: (-row[1].st_mtime_ns, row[0]))

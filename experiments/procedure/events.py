@@ -152,10 +152,20 @@ class MeasurementRecorded(RunEvent):
 
 
 @dataclass(frozen=True)
+class EnteredReading:
+    """What a person reads off an instrument: so many `numbers`, recorded as `key`, called `words`."""
+
+    key: str
+    words: str
+    numbers: int
+
+
+@dataclass(frozen=True)
 class PostureRequested(RunEvent):
     """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
     planned, joint 3 as the pendant counts it; `pendant`: name, value and unit of each joint as it shows
-    them."""
+    them; `reads`: what is entered besides the joints, `reflector` which one is read, if there are several.
+    """
 
     event: ClassVar[str] = "posture"
     shot: int
@@ -164,11 +174,23 @@ class PostureRequested(RunEvent):
     postures: int
     joints_deg: tuple[float, ...]
     pendant: tuple[dict[str, str | float], ...]
+    reads: tuple[EnteredReading, ...] = ()
+    reflector: str | None = None
+
+
+@dataclass(frozen=True)
+class ReadingRequested(RunEvent):
+    """The joints of measurement `shot` are taken, and what the instrument reads there is asked for."""
+
+    event: ClassVar[str] = "reading"
+    shot: int
+    reads: tuple[EnteredReading, ...]
 
 
 @dataclass(frozen=True)
 class Doubted(RunEvent):
-    """Typed values are not recorded: `kind` is limit, radians, repeated, far, unreadable, refused or help;
+    """Typed values are not recorded: `kind` is limit, radians, metres, repeated, far, unreadable, refused or
+    help;
     `answers` are the words that record it all the same."""
 
     event: ClassVar[str] = "doubt"

@@ -47,6 +47,7 @@ class Ballbar(TipStation):
     name = "ballbar"
     also_called = ("ball bar", "bar", "draw wire", "drawwire", "wire", "string pot", "telescope")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
+    entered: ClassVar[dict[str, str]] = {"measured_mm": "length (mm)"}
     target = "socket"
     target_is = "point"
     met = False

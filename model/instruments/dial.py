@@ -60,6 +60,7 @@ class Dial(TipStation):
     name = "dial"
     also_called = ("dial gauge", "dial indicator", "gauge", "indicator", "clock", "plunger")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
+    entered: ClassVar[dict[str, str]] = {"measured_mm": "reading (mm)"}
     target = "plane"
     target_is = "plane"
     met = False

@@ -174,7 +174,8 @@ class Instrument(ABC):
 
     It either reads wherever the arm stands, or is `met`: then a measurement is taken where its residual is
     zero, and the joints are turned until it is. A `beam` has a direction and a length, and is steered by the
-    wrist onto a detector; what is none has all joints to meet its target. Where a free one `turns` about the
+    wrist onto a detector; what is none has all joints to meet its target. `entered` says in words what a
+    person reads off for each of the columns. Where a free one `turns` about the
     last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
     then the first offset is determined.
     """
@@ -187,6 +188,7 @@ class Instrument(ABC):
     touches_ball: ClassVar[bool] = False
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
+    entered: ClassVar[Mapping[str, str]] = {}
     words: ClassVar[Words]
 
     label: str

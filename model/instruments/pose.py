@@ -83,6 +83,10 @@ class PoseStation(FramedStation):
     name = "pose"
     also_called = ("6d", "6dof", "t-mac", "tmac", "marker", "camera", "hand-eye", "mocap")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3, "measured_quat": 4}
+    entered: ClassVar[dict[str, str]] = {
+        "measured_mm": "position x, y, z (mm)",
+        "measured_quat": "quaternion w, x, y, z",
+    }
     residual_size = 6
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose

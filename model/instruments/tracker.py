@@ -160,6 +160,7 @@ class Tracker(FramedStation):
     name = "tracker"
     also_called = ("laser tracker", "cmm", "reflector", "smr", "total station", "photogrammetry")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
+    entered: ClassVar[dict[str, str]] = {"measured_mm": "position of the reflector x, y, z (mm)"}
     residual_size = 3
     reading_size = 7
     Stated: ClassVar[type[FileModel]] = StatedTracker

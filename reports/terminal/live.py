@@ -16,11 +16,13 @@ from rich.text import Text
 from ...experiments.procedure.events import (
     Attempted,
     Doubted,
+    EnteredReading,
     GivenUp,
     Listener,
     MeasurementRecorded,
     PhaseBegun,
     PostureRequested,
+    ReadingRequested,
     Retried,
     RunEvent,
     RunOpened,
@@ -30,7 +32,7 @@ from ...experiments.procedure.events import (
     Withdrawn,
 )
 from ...words import numbers
-from ...words.wording import clipped, counted, ended, label, sentence, shown
+from ...words.wording import clipped, counted, ended, label, listed, sentence, shown
 from ..style.console import STYLE
 from .answers import contradicted
 
@@ -213,7 +215,11 @@ def _stds(std: Mapping[str, float | None]) -> RenderableType:
 
 
 _DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
-_ANSWERS = {"yes": "'yes' records it all the same", "rad": "'rad' takes them as radians"}
+_ANSWERS = {
+    "yes": "'yes' records it all the same",
+    "rad": "'rad' takes them as radians",
+    "metres": "'metres' takes them as metres",
+}
 
 
 def led_view(console: Console) -> Listener:
@@ -229,6 +235,8 @@ def led_view(console: Console) -> Listener:
                 console.print()
                 _say(console, _request(event), "bold")
                 _say(console, _joints(event.pendant))
+            case ReadingRequested():
+                _say(console, f"Type {_reads(event.reads)}.", "bold")
             case Doubted(kind="help"):
                 _say(console, sentence(event.found))
             case Doubted():
@@ -269,10 +277,20 @@ def _beginning(event: RunOpened) -> str:
 def _request(event: PostureRequested) -> str:
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
+    if event.reads:
+        which = f", reflector {shown(event.reflector)}" if event.reflector else ""
+        return (
+            f"Posture {of} (measurement {event.shot}), {shown(event.target)}{which}: go there, measure, and"
+            f" type the joint values; then {_reads(event.reads)}."
+        )
     return (
         f"Posture {of} (measurement {event.shot}{again}), target {shown(event.target)}:"
         " go there, bring the beam or probe onto the target, and type the joint values."
     )
+
+
+def _reads(reads: Sequence[EnteredReading]) -> str:
+    return listed([f"the {read.words}" for read in reads])
 
 
 def _joints(readings: Sequence[Mapping[str, str | float]]) -> str:

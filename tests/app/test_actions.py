@@ -59,15 +59,13 @@ def test_the_suggested_posture_makes_the_plan_better(client: TestClient, content
 
 
 def test_an_advice_names_the_posture_of_the_plan(client: TestClient, content: dict[str, Any]) -> None:
-    """Postures that give no measurement are counted all the same."""
+    """A posture that gives no measurement is counted all the same: here one with the target behind it."""
     content["noise"]["joint_deg"] = 0.3
     before = checked(client, content)["advice"]
-    away = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    content["targets"]["psd"]["sigma_mm"] = 1.0
-    rows = [away, *content["postures_deg"]]
-    after = checked(client, content | {"postures_deg": rows})
-    if not after["postures"][0]["hit"]:
-        assert after["advice"]["posture"] == before["posture"] + 1
+    away = [170.0, 60.0, -60.0, 0.0, -90.0, 0.0]
+    after = checked(client, content | {"postures_deg": [away, *content["postures_deg"]]})["advice"]
+    assert after.pop("posture") == before.pop("posture") + 1
+    assert after == pytest.approx(before)  # it adds nothing to what is known
 
 
 def test_a_degenerate_plan_says_why_in_the_words_of_the_check(client: TestClient, root: Path) -> None:

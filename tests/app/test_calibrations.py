@@ -149,3 +149,16 @@ def test_a_new_calibration_is_planned_rehearsed_and_reported(client: TestClient,
     states = {row["name"]: row["state"] for row in client.get("/api/home").json()["calibrations"]}
     assert states["cell 4"]["kind"] == "planned"
     assert states["example"]["kind"] == "held"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("robot", ["irb120", "ur5e", "irb6700"])
+@pytest.mark.parametrize("instrument", ["plane", "sphere", "ballbar", "dial"])
+def test_what_reads_one_number_is_planned_with_the_defaults(
+    client: TestClient, root: Path, instrument: str, robot: str
+) -> None:
+    made = client.post("/api/calibrations", json=WHOLE | {"instrument": instrument, "robot": robot}).json()
+    assert "--shots=30" in made["command"]
+    job = ended(client, begun(client, *made["command"]))
+    assert job["answer"]["verdict"] in ("pass", "weak"), job["log"]
+    assert len(read_plan(root / "cell 4/plan.yaml").postures) == 30

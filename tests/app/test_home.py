@@ -6,14 +6,20 @@ import hashlib
 import json
 import os
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+from histories import a_result, write_result
 from starlette.testclient import TestClient
 
-from zerobeam.app.server.answers import home
+from zerobeam.app.server.answers import due_dates, home
 from zerobeam.app.server.folder import Folder
+from zerobeam.experiments.history.arm_drift import arm_drift
+from zerobeam.experiments.history.database import open_history
+from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.store import add, results
 from zerobeam.model.files.run import read_run, write_run
 
 HEADER = "robot: ur5e\ntool: {kind: probe, point_mm: [0, 0, 60]}\nnoise: {joint_deg: 0.01, spot_mm: 0.1}\n"
@@ -160,3 +166,64 @@ def test_what_takes_long_is_said_next_time(root: Path, monkeypatch: pytest.Monke
     assert (late.unread > 0, state.kind, state.text) == (True, "planned", "not read yet")
     monkeypatch.setattr(home, "_PATIENCE_S", 60.0)
     assert home.home(Folder(root)).unread == 0
+
+
+def history_of(folder: Path, *dates: str) -> None:
+    """Results of arm 123-4 of these dates, in history.db."""
+    made = open_history(str(folder / "history.db"), create=True)
+    entries = []
+    for when in dates:
+        file = write_result(folder.parent / "one.json", a_result("123-4", when))
+        entry = read_entry(file, lambda sha256: None)
+        assert entry is not None
+        entries.append(entry)
+    add(made, entries)
+    made.engine.dispose()
+
+
+def dues(client: TestClient) -> Any:
+    """The due date of the folder itself, once nothing is under way."""
+    listed(client)
+    for made in list(due_dates._MADE.values()):
+        made.exception(timeout=60)
+    return listed(client)["."]["due"]
+
+
+def test_the_due_date_is_that_of_the_drift(client: TestClient, root: Path) -> None:
+    part_of_run(root, "five.jsonl", 5)
+    assert dues(client) is None
+    history_of(root, "2020-01-31", "2021-01-31")
+    history = open_history(str(root / "history.db"))
+    arm = ("123-4", "irb1600")
+    drift = arm_drift(arm, list(results(history, arm)), [], 0.5)
+    assert drift.due is not None
+    answer = dues(client)
+    assert answer["date"] == f"{drift.due:%Y-%m-%d}"
+    assert answer["overdue"]
+    assert answer["text"].startswith(f"Calibration due since {answer['date']}")
+    # Another result, another version, another date.
+    history_of(root, "2024-01-31")
+    later = dues(client)
+    again = arm_drift(arm, list(results(history, arm)), [], 0.5)
+    assert again.due is not None
+    assert later["date"] == f"{again.due:%Y-%m-%d}" != answer["date"]
+    history.engine.dispose()
+
+
+def test_the_history_of_other_arms_or_of_another_program_gives_no_date(
+    client: TestClient, root: Path
+) -> None:
+    history_of(root, "2020-01-31", "2021-01-31")
+    (root / "notes.db").write_text("no database")
+    assert dues(client) is None  # run.jsonl states another arm
+    assert (root / "notes.db").read_text() == "no database"
+
+
+def test_nobody_waits_for_a_long_fit(tmp_path: Path) -> None:
+    history_of(tmp_path, "2020-01-31", "2021-01-31")
+    database = tmp_path / "history.db"
+    assert due_dates.due_dates([database], {"123-4"}, patience_s=0.0) == {}
+    assert list(due_dates.due_dates([database], {"123-4"}, patience_s=60.0)) == ["123-4"]
+    began = time.monotonic()
+    assert list(due_dates.due_dates([database], {"123-4"}, patience_s=0.0)) == ["123-4"]
+    assert time.monotonic() - began < 0.5

@@ -23,13 +23,14 @@ from ....model.files.robot_file import built_in_robots, read_rows, stated_rows
 from ....model.instruments.registry import kinds_of
 from ....model.parsing.reading import read_yaml
 from ....model.parsing.validation import validate
-from ....words.brief import planned_words, recorded_words, result_tone, result_words, simulated
+from ....words.brief import due_words, planned_words, recorded_words, result_tone, result_words, simulated
 from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_simulated
 from ....words.wording import clipped
 from ..folder import Folder, KindOfFile
 from ..kept import Kept
 from ..requests import EndPoint
 from ..started_runs import StartedRuns
+from .due_dates import DueDate, due_dates
 from .recordings import PLAN_HASH
 from .results import read_result, sha256_of
 
@@ -178,11 +179,31 @@ def home(folder: Folder) -> HomeAnswer:
     reading = _Reading(folder)
     rows = list(_by_calibration(reading, folder.of_kinds(frozenset(_PARTS))).items())
     made = [_calibration(reading, name, files) for name, files in rows[:MOST]]
+    databases = folder.of_suffix(_DATABASES)
     return HomeAnswer(
-        calibrations=[calibration for calibration, _ in made],
+        calibrations=_with_due_dates([calibration for calibration, _ in made], databases),
         left_out=len(rows) - len(made),
         unread=sum(later for _, later in made),
-        history=folder.has_suffix(_DATABASES),
+        history=bool(databases),
+    )
+
+
+def _with_due_dates(calibrations: list[Calibration], databases: list[Path]) -> list[Calibration]:
+    """A rehearsal wears no arm: it has no date."""
+    serials = {one.serial for one in calibrations if one.serial and not one.simulated}
+    dates = due_dates(databases, serials)
+    return [
+        one
+        if one.simulated or one.serial not in dates
+        else one.model_copy(update={"due": _due(dates[one.serial])})
+        for one in calibrations
+    ]
+
+
+def _due(due: DueDate) -> CalibrationDue:
+    date = f"{due.date:%Y-%m-%d}"
+    return CalibrationDue(
+        date=date, overdue=due.overdue, text=due_words(date, due.reason, overdue=due.overdue)
     )
 
 

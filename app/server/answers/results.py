@@ -19,6 +19,7 @@ from ..folder import Folder
 from ..kept import Kept
 from ..requests import EndPoint
 from .actions import action_of_result
+from .displacements import in_workspace
 
 LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
@@ -75,6 +76,7 @@ def result(folder: Folder, name: str) -> dict[str, Any]:
         "action": None
         if content.message is None
         else action_of_result(folder, content.message.action, run).to_json(),
+        **in_workspace(content, run).to_json(),
         "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
         "diagnosis": [row.sentence for row in content.diagnosis],
         "parameters": [

@@ -18,25 +18,36 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.journal import RunJournal
 from ....model.files.plan import Plan
-from ....model.files.shot import Shot
+from ....model.files.shot import Shot, shot_model
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
 from ...makers.joint_text import labelled, typed_joints
-from ...procedure.events import Doubted, GivenUp, Listener, PostureRequested, Suspected, Withdrawn
+from ...procedure.events import (
+    Doubted,
+    GivenUp,
+    Listener,
+    PostureRequested,
+    ReadingRequested,
+    Suspected,
+    Withdrawn,
+)
 from ...procedure.order import Order
 from ...procedure.rig import RefusalReason, RefusedPosture
 from ...procedure.session import ProcedureResult, arm_sent, recorded_event, state_of
 from ...procedure.steering import Belief
 from .doubts import Doubt, Judge
+from .instrument_readings import InstrumentReadings, Reading
 from .lines import Lines
 
 HELP = (
-    "joint values as the pendant shows them; or: skip [why], redo [measurement], comment TEXT, show, pause. "
-    "To a question: yes, rad (they are radians), as N (they are posture N)"
+    "joint values as the pendant shows them, then what the instrument reads, in the next line or behind |;"
+    " or: skip [why], redo [measurement], comment TEXT, show, pause. "
+    "To a question: yes, rad (they are radians), metres (they are in metres), as N (they are posture N)"
 )
 _MOST = 200  # characters of a comment
 _ANSWERS = ("yes", "rad", "as")
+_METRES = "metres"
 _WORDS = ("skip", "redo", "comment", "show", "pause", "quit", "help", "?")
 
 
@@ -76,6 +87,7 @@ class Manual:
     def __post_init__(self) -> None:
         self._problem = Problem.from_plan(self.plan)
         self._judge = Judge(self.plan, self.pendant)
+        self._readings = InstrumentReadings(self.plan, self._problem)
         shots = self.journal.shots
         self._since = time.monotonic() - (shots[-1].time_s or 0.0 if shots else 0.0)
 
@@ -96,7 +108,8 @@ class Manual:
             self._again = None
             state = state_of(self.plan.header, self._problem, self.journal.shots)
             assert state is not None
-            self.listener(recorded_event(shot, shot.met_target, len(self.journal.shots), state))
+            called = self.plan.called[shot.shot % len(self.plan.postures)]
+            self.listener(recorded_event(shot, called, len(self.journal.shots), state))
             outlier = single_outlier(state.fit, state.dof) if state.converged else None
             if outlier is not None:
                 self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))
@@ -119,19 +132,21 @@ class Manual:
         """The measurement that is typed for `number`, or for another that is named."""
         self._ask(number)
         held: _Held | None = None
-        parts = ""
+        parts = read = ""
         while True:
             line = self.lines.following()
             if line is None:
                 raise _Paused
             text = line.strip()
+            if self._readings.reads and "|" in text:
+                text, _, read = (part.strip() for part in text.partition("|"))
             word, _, rest = text.partition(" ")
             word, rest = word.lower(), rest.strip()
             joints: Matrix | None = None
             if word in _ANSWERS and held is not None:
                 if word == "yes":
                     if self._may_overrule(held.doubt):
-                        return self._shot(number, held.joints)
+                        return self._completed(number, held.joints, read)
                     self._say(number, "refused", held.doubt.sentence)
                     continue
                 number = self._named(rest, number) if word == "as" else number
@@ -154,8 +169,39 @@ class Manual:
                 continue
             number, doubt = self._judged(number, joints)
             if doubt is None:
-                return self._shot(number, joints)
+                return self._completed(number, joints, read)
             held = _Held(joints, doubt) if self.lines.confirms else None
+
+    def _completed(self, number: int, joints: Matrix, text: str) -> Shot:
+        """The measurement with what the instrument reads at `joints` (n,): `text`, or what is typed then."""
+        if not self._readings.reads:
+            return self._shot(number, joints, {})
+        held: Reading | None = None
+        while True:
+            if not text:
+                self.listener(ReadingRequested(number, self._readings.reads))
+                line = self.lines.following()
+                if line is None:
+                    raise _Paused
+                text = line.strip()
+            word, _, rest = text.partition(" ")
+            word, reading, text = word.lower(), text, ""
+            if held is not None and word in ("yes", _METRES):
+                values = held if word == "yes" else self._readings.of_metres(held)
+                return self._shot(number, joints, values)
+            if word in (*_ANSWERS, _METRES, *_WORDS):
+                self._command(word, rest.strip(), number)
+                continue
+            try:
+                typed = self._readings.typed(reading)
+            except BadInput as error:
+                self._say(number, "unreadable", f"{error.what}: {error.found}")
+                continue
+            sentence = self._readings.doubt(number, joints, typed)
+            if sentence is None:
+                return self._shot(number, joints, typed)
+            held = typed if self.lines.confirms else None
+            self._say(number, _METRES, sentence, ("yes", _METRES) if self.lines.confirms else ())
 
     def _unfinished(self, text: str) -> bool:
         """Whether a person pasted the values of some joints by name, and the next line has others."""
@@ -250,6 +296,8 @@ class Manual:
                 postures=len(self.plan.postures),
                 joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),
                 pendant=tuple(self.pendant.readings(joints)),
+                reads=self._readings.reads,
+                reflector=self.plan.means[posture].reflector if self.plan.means else None,
             )
         )
         if self.scene:
@@ -260,12 +308,16 @@ class Manual:
         """Values that were taken for degrees and are radians."""
         return self.pendant.between_links(self.pendant.counted(joints) * self.plan.robot.display)
 
-    def _shot(self, number: int, joints: Matrix) -> Shot:
+    def _shot(self, number: int, joints: Matrix, readings: Reading) -> Shot:
         comment, self._comment = self._comment, None
-        return Shot(
-            shot=number,
-            target=self.plan.targets[number % len(self.plan.postures)],
-            joints_deg=tuple(round(float(value), 9) for value in joints),
-            time_s=round(time.monotonic() - self._since, 3),
-            comment=comment,
-        )
+        posture = number % len(self.plan.postures)
+        content = {
+            "shot": number,
+            "target": self.plan.targets[posture],
+            "joints_deg": tuple(round(float(value), 9) for value in joints),
+            "time_s": round(time.monotonic() - self._since, 3),
+            "comment": comment,
+            **(self.plan.means[posture]._asdict() if self.plan.means else {}),
+            **readings,
+        }
+        return shot_model(self.plan.header).model_validate(content)
