@@ -48,7 +48,17 @@ NAMES = {
 }
 # The fields of what is sent in which a person names a file, and those in which nobody does.
 PATHS = {"file", "files", "robot", "beside", "run", "posterior", "plan", "header"}
-OTHERS = {"scene", "obstacles", "postures", "header_row", "delimiter", "decimal", "columns", "units"}
+OTHERS = {
+    "as_in_files",
+    "scene",
+    "obstacles",
+    "postures",
+    "header_row",
+    "delimiter",
+    "decimal",
+    "columns",
+    "units",
+}
 OTHERS |= {
     "lengths",
     "reversed_joints",

@@ -60,7 +60,7 @@ const ask = latest(
   async () => {
     const content = plan.value, name = file.value;
     if (content === null) return null;
-    const found = await post("/api/check", { plan: content, scene: true, file: name });
+    const found = await post("/api/check", { plan: content, scene: true, links: true, file: name });
     return name === file.value ? found : null;
   },
   (found, newest) => batch(() => {

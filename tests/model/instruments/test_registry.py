@@ -66,11 +66,15 @@ def names_of_kinds(text):
             yield from (line for name, line in strings(part) if name in WORDS)
 
 
+# The defaults of a new calibration are written down in one place, kind by kind.
+DEFAULTS = HOUSE / "experiments" / "plans" / "new_calibration.py"
+
+
 def test_no_code_outside_its_own_file_names_a_kind():
     told = [
         f"{path.relative_to(HOUSE)}:{line}"
         for path in files()
-        if path.parent != HOUSE / "model" / "instruments"
+        if path.parent != HOUSE / "model" / "instruments" and path != DEFAULTS
         for line in names_of_kinds(path.read_text(encoding="utf-8"))
     ]
     assert told == []
