@@ -35,7 +35,7 @@ def in_frame(tab: Tab) -> Tab:
 
 def test_in_the_frame_of_the_page(server: App) -> None:
     with chromium().opened(server.address) as tab:
-        wait(tab, "document.querySelector('nav a[aria-current]')")
+        wait(tab, "document.querySelector('.brand[aria-current]')")
         assert tab.value("location.href") == root(server.address)  # the token has left the address
         tab.value(
             "document.querySelector('main').append(Object.assign(document.createElement('iframe'), {sandbox:"
@@ -55,9 +55,9 @@ def test_in_the_frame_of_the_page(server: App) -> None:
 
 def test_in_a_tab_of_its_own(server: App) -> None:
     with chromium().opened(server.address) as tab:
-        wait(tab, "document.querySelector('nav a[aria-current]')")
+        wait(tab, "document.querySelector('.brand[aria-current]')")
         tab.reload()
-        wait(tab, "document.querySelector('nav a[aria-current]')")
+        wait(tab, "document.querySelector('.brand[aria-current]')")
         tab.visit(f"{root(server.address)}report/history/fleet.html")
         wait(tab, "document.title === 'All arms'")
         tab.value(FOLLOW.format(0))
