@@ -63,7 +63,7 @@ def _routes(client: TestClient) -> list[tuple[str, str]]:
 def test_every_route_is_closed(stranger: TestClient, root: Path, headers: dict[str, str]) -> None:
     (root / "page.html").write_text("swordfish")
     before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
-    routes = [*_routes(stranger), ("GET", "/page/app.js"), ("GET", "/shown/x/page.html"), ("GET", "/none")]
+    routes = [*_routes(stranger), ("GET", "/page/main.js"), ("GET", "/shown/x/page.html"), ("GET", "/none")]
     assert len(routes) > 40
     for method, path in routes:
         queries = ["", "?file=plan.yaml", f"?file=new.yaml&token={TOKEN}"]
@@ -87,7 +87,7 @@ def test_the_address_opens_the_page_and_leaves_a_cookie(stranger: TestClient) ->
     assert cookie == f"zerobeam-8800={TOKEN}; HttpOnly; Path=/; SameSite=Strict"
     assert stranger.get("/api/files").status_code == 200  # by the cookie, which the client keeps
     assert stranger.get("/").status_code == 200
-    assert stranger.get("/page/app.js").status_code == 200
+    assert stranger.get("/page/main.js").status_code == 200
     assert stranger.get("/api/files", headers={"host": "evil.example"}).status_code == 403
     both = {"cookie": f"zerobeam-8800=of an earlier server; zerobeam-8800={TOKEN}"}
     assert stranger.get("/api/files", headers=both).status_code == 200
