@@ -189,6 +189,27 @@ def test_the_suggested_posture_is_applied_by_the_button_of_the_message(address: 
         wait(tab, f"document.querySelectorAll('.strip li').length === {before}")
 
 
+def test_suggested_postures_keep_their_targets_and_a_command_its_file(address: str) -> None:
+    with plan(address) as tab:
+        deed = {"kind": "postures", "postures_deg": [[1] * 6, [2] * 6], "targets": ["a", "b"]}
+        content = "import('/page/core/editing.js').then((m) => m.plan.value)"
+        before = tab.value(content)
+        tab.value(f"import('/page/core/actions.js').then((m) => m.doAction({json.dumps(deed)}, () => {{}}))")
+        after = tab.value(content)
+        assert after["postures_deg"] == [
+            {"joints_deg": [1] * 6, "target": "a"},
+            {"joints_deg": [2] * 6, "target": "b"},
+        ]
+        assert after.get("targets") == before.get("targets")
+        commands = [
+            ["plan", "x", "--out=a/b.yaml"],
+            ["plan", "x", "-o", "a/b.yaml"],
+            ["analyse", "run.jsonl"],
+        ]
+        out = f"import('/page/core/jobs.js').then((m) => {json.dumps(commands)}.map(m.outOf))"
+        assert tab.value(out) == ["a/b.yaml", "a/b.yaml", ""]
+
+
 def test_an_error_stands_in_place_of_the_numbers(address: str) -> None:
     with plan(address) as tab:
         fill(tab, "J2, °", "900")

@@ -1,16 +1,13 @@
 // What the button beside a message does: a job, postures that are applied, or a step that is opened. The server says which.
-import { begin, well } from "./jobs.js";
+import { begin, outOf, well } from "./jobs.js";
 import { change, file, open, plan } from "./editing.js";
 import { failed, refresh } from "./store.js";
 import { go, route, toJob } from "./route.js";
 
 /**
- * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: any[], targets?: Record<string, any>} | {kind: "step", step: import("./route.js").Step}} Deed
+ * @typedef {{kind: "job", command: string[], then: "plan" | "result" | "file"} | {kind: "postures", postures_deg: number[][], targets?: string[] | null} | {kind: "step", step: import("./route.js").Step}} Deed
  * @typedef {{text: string, label: string | null, does: Deed | null}} ActionFacts
  */
-
-/** @param {string[]} command */
-export const outOf = (command) => command.find((word) => word.startsWith("--out="))?.slice("--out=".length) ?? "";
 
 /** @param {Deed} deed @param {(job: import("./jobs.js").Followed) => void} begun */
 export async function doAction(deed, begun) {
@@ -29,14 +26,13 @@ export async function doAction(deed, begun) {
   }
 }
 
-/** The suggested postures become those of the plan: they can be undone. @param {{postures_deg: any[], targets?: Record<string, any>}} suggested */
+/** The suggested postures become those of the plan, each with its target where there are several: they can be undone. @param {{postures_deg: number[][], targets?: string[] | null}} suggested */
 function apply({ postures_deg, targets }) {
   if (plan.value === null) {
     open(file.value).catch(failed);
     return;
   }
   change(null, (content) => {
-    content.postures_deg = postures_deg;
-    if (targets) content.targets = { ...content.targets, ...targets };
+    content.postures_deg = targets ? postures_deg.map((joints_deg, i) => ({ joints_deg, target: targets[i] })) : postures_deg;
   });
 }

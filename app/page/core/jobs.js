@@ -18,6 +18,12 @@ export const over = (job) => OVER.includes(job.state);
 /** Whether a job did what was asked: a verdict is an answer, a refused export none. @param {JobState} job */
 export const well = (job) => job.state === "done" && !(job.command[0] === "export" && job.status === 1);
 
+/** The file or folder that a command writes, as its words name it; "" where none is named. @param {string[]} command */
+export function outOf(command) {
+  const short = command.indexOf("-o");
+  return command.find((word) => word.startsWith("--out="))?.slice("--out=".length) ?? (short < 0 ? "" : command[short + 1] ?? "");
+}
+
 /**
  * Begins a command. @param {string[]} command @param {{password?: string, run?: (event: any) => void}} [how]
  */

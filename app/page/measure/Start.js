@@ -7,7 +7,8 @@ import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
-import { outOf, start } from "./running.js";
+import { outOf } from "../core/jobs.js";
+import { start } from "./running.js";
 
 const USUAL = {
   rig: "simulated", cell: "", seed: /** @type {number | null} */ (0), camera: true, units: "deg", j3: "", host: "", speed: /** @type {number | null} */ (0.25), sensors: "", user: "",

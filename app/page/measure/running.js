@@ -1,7 +1,7 @@
 // The run under way, wherever on the page its reader is: begun, followed, answered, stopped, and found again after a reload.
 import { computed, signal } from "@preact/signals";
 import { get, Refused } from "../core/api.js";
-import { begin, follow, over } from "../core/jobs.js";
+import { begin, follow, outOf, over } from "../core/jobs.js";
 import { failed, fault, refresh, say } from "../core/store.js";
 import { counted, duration } from "../core/words.js";
 import { begun, heard, numbered } from "./events.js";
@@ -27,8 +27,6 @@ export const missing = signal("");
 export const state = computed(() => job.value?.state.value ?? null);
 export const underWay = computed(() => state.value !== null && !over(state.value));
 
-/** @param {string[]} words */
-export const outOf = (words) => words.find((word) => word.startsWith("--out="))?.slice(6) ?? "";
 /** The command as it was begun, until the server says it. @type {import("@preact/signals").Signal<string[]>} */
 const sent = signal([]);
 /** The words of what is followed; the last is the plan. */

@@ -8,7 +8,7 @@ import { go, route, toJob } from "../core/route.js";
 import { attempt, refresh } from "../core/store.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
-import { outOf } from "../core/actions.js";
+import { outOf } from "../core/jobs.js";
 import { history, loadHistory, showAnalysis } from "./state.js";
 
 /** @typedef {import("../core/jobs.js").Followed} Followed */
