@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, get_args, get_origin
+from typing import Annotated, Literal, get_origin
 
 from pydantic import BeforeValidator, Field
 
-from ...experiments.makers.maker import Option, makers
+from ...experiments.makers.maker import makers, options_of_format
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
 from ...model.parsing.validation import FileModel, as_tuple
@@ -42,19 +41,17 @@ def _options(*groups: tuple[Kind, str]) -> dict[str, Kind]:
     return {option: kind for kind, options in groups for option in options.split()}
 
 
-def _options_of(text: Callable[..., str]) -> dict[str, Kind]:
-    """The options of a format, of which its maker says what they are: a path is a file that is read."""
-    options: dict[str, Kind] = {}
-    for parameter in inspect.signature(text).parameters.values():
-        annotation = get_args(parameter.annotation)
-        for option in (part for part in annotation[1:] if isinstance(part, Option)):
-            kinds = {annotation[0], *get_args(annotation[0])}
-            flag = option.flag or f"--{parameter.name.replace('_', '-')}"
-            several = any(get_origin(kind) is list for kind in kinds)
-            options[flag] = (
-                "flag" if bool in kinds else "read" if Path in kinds else "values" if several else "value"
-            )
-    return options
+def _options_of(text: Callable[..., object]) -> dict[str, Kind]:
+    """The options of a format; a path is a file that is read."""
+    return {option.flag: _kind(option.kinds) for option in options_of_format(text)}
+
+
+def _kind(kinds: Sequence[object]) -> Kind:
+    if bool in kinds:
+        return "flag"
+    if Path in kinds:
+        return "read"
+    return "values" if any(get_origin(kind) is list for kind in kinds) else "value"
 
 
 _ANALYSE = _options(("value", "--seed --ess --robust"), ("held out", "--hold-out"))

@@ -6,6 +6,7 @@ entry. What a maker lacks is empty. Only what a command needs is loaded.
 
 from __future__ import annotations
 
+import inspect
 import math
 import pkgutil
 import re
@@ -13,7 +14,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar, get_args
 
 from ...model.errors import BadInput
 
@@ -40,6 +41,28 @@ class Option:
     help: str
     flag: str | None = None
     least: int | None = None
+
+
+@dataclass(frozen=True)
+class FormatOption:
+    """An option of a format: its flag, the kinds that its value may be of, and the value that is usual."""
+
+    flag: str
+    help: str
+    kinds: tuple[Any, ...]
+    default: object
+
+
+def options_of_format(text: Callable[..., object]) -> list[FormatOption]:
+    """The options of a format, of which the parameters of its function say what they are."""
+    options = []
+    for parameter in inspect.signature(text).parameters.values():
+        annotation = get_args(parameter.annotation)
+        for option in (part for part in annotation[1:] if isinstance(part, Option)):
+            flag = option.flag or f"--{parameter.name.replace('_', '-')}"
+            kinds = (annotation[0], *get_args(annotation[0]))
+            options.append(FormatOption(flag, option.help, kinds, parameter.default))
+    return options
 
 
 J3Counting = Annotated[

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal, get_args, get_origin, get_type_hints
+from typing import Literal, get_args, get_origin
 
 from pydantic import Field
 
-from ....experiments.makers.maker import Option, makers
+from ....experiments.makers.maker import FormatOption, makers, options_of_format
 from ....model.files.json_document import JsonDocument
 from ..folder import Folder
 from ..requests import EndPoint
@@ -48,35 +47,19 @@ def exports(_: Folder) -> list[ExportForm]:
             vendor=maker.vendor,
             about=inspect.getdoc(form.text) or form.name,
             ending=form.ending,
-            options=list(_options(form.text)),
+            options=[_described(option) for option in options_of_format(form.text)],
         )
         for maker in ordered
         for form in maker.offsets
     ]
 
 
-def _options(text: Callable[..., str]) -> Iterator[ExportOption]:
-    names = {"Run": object, "RobotCalibration": object}  # which are only imported for type checking
-    hints = get_type_hints(text, localns=names, include_extras=True)
-    for parameter in inspect.signature(text).parameters.values():
-        hint = hints[parameter.name]
-        option = next((part for part in get_args(hint)[1:] if isinstance(part, Option)), None)
-        if get_origin(hint) is not Annotated or option is None:
-            continue
-        kinds = _alternatives(get_args(hint)[0])
-        default = parameter.default
-        yield ExportOption(
-            flag=option.flag or f"--{parameter.name.replace('_', '-')}",
-            help=option.help,
-            choices=[str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)],
-            file=Path in kinds,
-            default=None if default in (None, inspect.Parameter.empty) else str(default),
-        )
-
-
-def _alternatives(kind: object) -> tuple[object, ...]:
-    args = get_args(kind)
-    return args if args and get_origin(kind) is not Literal else (kind,)
+def _described(option: FormatOption) -> ExportOption:
+    choices = [str(word) for kind in option.kinds if get_origin(kind) is Literal for word in get_args(kind)]
+    default = None if option.default in (None, inspect.Parameter.empty) else str(option.default)
+    return ExportOption(
+        flag=option.flag, help=option.help, choices=choices, file=Path in option.kinds, default=default
+    )
 
 
 END_POINTS = [EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports)]
