@@ -118,7 +118,7 @@ class ParameterDocument(DocumentPart):
     prior_std: Number = None
     midpoint: Number = None
     group: str
-    tolerance_share: Annotated[float, Field(ge=0, le=1)] | None = None
+    tolerance_share: Annotated[float, Field(ge=0, lt=1)] | None = None
     reason: str | None = None
 
     @model_validator(mode="after")

@@ -77,13 +77,16 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     return result
 
 
+LARGEST_SHARE = 1 - 1e-9  # of a variance: what is determined owes something to the measurements
+
+
 def tolerance_share(problem: Problem, covariance: Matrix) -> Matrix:
     """(f,) the share of each variance of the scaled free parameters, covariance (f, f), that the tolerances
-    of the geometry set: C L C over C, with their part L of the prior information. At most 1: where noise or
+    of the geometry set: C L C over C, with their part L of the prior information. Below 1: where noise or
     factors of the tolerances are estimated, C is not the inverse of information and prior to the last digit.
     """
     at = problem.parameters.among_free[problem.tolerated]
-    return np.asarray(np.minimum((covariance[:, at] ** 2).sum(axis=1) / np.diag(covariance), 1.0))
+    return np.asarray(np.minimum((covariance[:, at] ** 2).sum(axis=1) / np.diag(covariance), LARGEST_SHARE))
 
 
 def with_tolerances(problem: Problem, covariance: Matrix, factor: float) -> Matrix:
