@@ -81,6 +81,7 @@ class Dial(TipStation):
             ("Dial gauge, maker and serial number", ("dial gauge", "dial gauge serial")),
             ("Dial gauge, calibration certificate", ("dial gauge certificate",)),
         ),
+        act="move slowly until the gauge reads within its range",
     )
 
     direction: Matrix

@@ -94,8 +94,8 @@ class Words:
     `part` is what may lie on the axis of a joint, `motion` what of it a rotation of the last joint is
     equivalent to (in `unit`); `reading` the source of its reading's noise, `method` what a certificate says
     was measured with, `posture` what is drawn at a posture besides the arm, `to_do` what an operator does
-    there, `fields` what else is written down; `traced` the instruments that a certificate names: for each
-    entry the keys of a run's provenance.
+    there, `fields` what else is written down, `act` the same as `to_do` in a clause; `traced` the instruments
+    that a certificate names: for each entry the keys of a run's provenance.
     """
 
     is_: str
@@ -108,6 +108,7 @@ class Words:
     to_do: str
     fields: tuple[str, ...]
     traced: tuple[tuple[str, tuple[str, ...]], ...]
+    act: str = "measure"
 
 
 class Measurement(NamedTuple):

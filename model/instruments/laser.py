@@ -46,6 +46,7 @@ class LaserBeam(FlangeTool):
             ("Laser, maker and serial number", ("laser", "laser serial", "laser serial number")),
             ("Laser, calibration certificate", ("laser certificate",)),
         ),
+        act="bring the beam onto the target with the last joints",
     )
 
     def _free(self) -> Iterator[Unknown]:

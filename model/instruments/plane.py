@@ -59,6 +59,7 @@ class PlaneProbe(BallTipStation):
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),
         ),
+        act="move slowly until the probe touches the face",
     )
 
     def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:

@@ -36,6 +36,7 @@ class ProbeTip(FlangeTool):
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),
         ),
+        act="lead the probe into its socket",
     )
 
     def _free(self) -> Iterator[Unknown]:

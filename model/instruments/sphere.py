@@ -52,6 +52,7 @@ class SphereProbe(BallTipStation):
             ("Probe, calibration certificate", ("probe certificate",)),
             ("Ball, calibration certificate", ("ball certificate",)),
         ),
+        act="move slowly until the probe touches the ball",
     )
 
     def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
