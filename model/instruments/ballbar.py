@@ -48,6 +48,7 @@ class Ballbar(TipStation):
     also_called = ("ball bar", "bar", "draw wire", "drawwire", "wire", "string pot", "telescope")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
     entered: ClassVar[dict[str, str]] = {"measured_mm": "length (mm)"}
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {"measured_mm": ("length (mm)",)}
     target = "socket"
     target_is = "point"
     met = False
@@ -63,7 +64,7 @@ class Ballbar(TipStation):
         posture="the bar to its socket",
         to_do="Go to the posture slowly; stay within the range of the bar. Write down its length and the"
         " joints.",
-        fields=("length (mm)",),
+        fields=(),
         traced=(
             ("Ball bar, maker and serial number", ("ball bar", "ball bar serial", "ball bar serial number")),
             ("Ball bar, calibration certificate", ("ball bar certificate",)),

@@ -61,6 +61,7 @@ class Dial(TipStation):
     also_called = ("dial gauge", "dial indicator", "gauge", "indicator", "clock", "plunger")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
     entered: ClassVar[dict[str, str]] = {"measured_mm": "reading (mm)"}
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {"measured_mm": ("reading (mm)",)}
     target = "plane"
     target_is = "plane"
     met = False
@@ -76,7 +77,7 @@ class Dial(TipStation):
         posture="the gauge at the face",
         to_do="Move slowly towards the face until the gauge reads within its range. Write down its reading"
         " and the joints.",
-        fields=("reading (mm)", "face"),
+        fields=(),
         traced=(
             ("Dial gauge, maker and serial number", ("dial gauge", "dial gauge serial")),
             ("Dial gauge, calibration certificate", ("dial gauge certificate",)),

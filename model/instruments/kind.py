@@ -176,7 +176,8 @@ class Instrument(ABC):
     It either reads wherever the arm stands, or is `met`: then a measurement is taken where its residual is
     zero, and the joints are turned until it is. A `beam` has a direction and a length, and is steered by the
     wrist onto a detector; what is none has all joints to meet its target. `entered` says in words what a
-    person reads off for each of the columns. Where a free one `turns` about the
+    person reads off for each of the columns, `headed` over which columns of a sheet, one a number, it is
+    written. Where a free one `turns` about the
     last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
     then the first offset is determined.
     """
@@ -190,6 +191,7 @@ class Instrument(ABC):
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
     entered: ClassVar[Mapping[str, str]] = {}
+    headed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     words: ClassVar[Words]
 
     label: str
@@ -200,6 +202,21 @@ class Instrument(ABC):
         if cls.target_is == "nothing":
             return ()
         return ("sphere",) if cls.touches_ball else (cls.target_is,)
+
+    @classmethod
+    def read_off(cls) -> Mapping[str, int]:
+        """The columns that a person enters besides the joints, in their order: none where the arm is led to
+        the target."""
+        return {} if cls.met else cls.columns
+
+    @classmethod
+    def heads(cls) -> tuple[str, ...]:
+        """Over each number of `read_off` on a sheet."""
+        return tuple(
+            head
+            for key, size in cls.read_off().items()
+            for head in cls.headed.get(key) or (f"{key} {k}" for k in range(1, size + 1))
+        )
 
     @classmethod
     @abstractmethod

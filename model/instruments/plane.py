@@ -54,7 +54,7 @@ class PlaneProbe(BallTipStation):
         method="a probe on the flange and flat faces in the cell",
         posture="the probe at the face",
         to_do="Move slowly towards the face until the probe touches it, and write down the joints.",
-        fields=("face",),
+        fields=(),
         traced=(
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),

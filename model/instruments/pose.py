@@ -87,6 +87,10 @@ class PoseStation(FramedStation):
         "measured_mm": "position x, y, z (mm)",
         "measured_quat": "quaternion w, x, y, z",
     }
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {
+        "measured_mm": ("x (mm)", "y (mm)", "z (mm)"),
+        "measured_quat": ("quat. w", "quat. x", "quat. y", "quat. z"),
+    }
     residual_size = 6
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose
@@ -100,7 +104,7 @@ class PoseStation(FramedStation):
         posture="the line of sight to the body",
         to_do="Go to the posture, and let the arm settle. Measure position and orientation of the body, and"
         " write down the joints.",
-        fields=("measured x, y, z (mm)", "measured quaternion w, x, y, z"),
+        fields=(),
         traced=(
             ("Instrument, maker and serial number", ("instrument", "instrument serial")),
             ("Instrument, calibration certificate", ("instrument certificate",)),

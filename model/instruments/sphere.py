@@ -46,7 +46,7 @@ class SphereProbe(BallTipStation):
         method="a probe on the flange and balls in the cell",
         posture="the probe at the ball",
         to_do="Move slowly towards the ball until the probe touches it, and write down the joints.",
-        fields=("ball",),
+        fields=(),
         traced=(
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),

@@ -161,6 +161,7 @@ class Tracker(FramedStation):
     also_called = ("laser tracker", "cmm", "reflector", "smr", "total station", "photogrammetry")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
     entered: ClassVar[dict[str, str]] = {"measured_mm": "position of the reflector x, y, z (mm)"}
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {"measured_mm": ("x (mm)", "y (mm)", "z (mm)")}
     residual_size = 3
     reading_size = 7
     Stated: ClassVar[type[FileModel]] = StatedTracker
@@ -174,7 +175,7 @@ class Tracker(FramedStation):
         posture="the line of sight to the reflector",
         to_do="Go to the posture, and let the arm settle. Turn the reflector towards the tracker. Measure its"
         " position, and write down the joints.",
-        fields=("reflector", "measured x, y, z (mm)"),
+        fields=(),
         traced=(
             ("Tracker, maker and serial number", ("tracker", "tracker serial", "tracker serial number")),
             ("Tracker, calibration certificate", ("tracker certificate",)),

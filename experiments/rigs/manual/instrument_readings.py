@@ -27,9 +27,10 @@ _OFF_UNIT = 0.01  # of the length of a quaternion: what rounding does to it
 
 
 def entered_readings(kind: type[Instrument]) -> tuple[EnteredReading, ...]:
-    """What a person enters besides the joints, in its order: nothing of what is led to its target."""
-    columns = {} if kind.met else kind.columns
-    return tuple(EnteredReading(key, kind.entered.get(key, key), size) for key, size in columns.items())
+    """What a person enters besides the joints, in its order."""
+    return tuple(
+        EnteredReading(key, kind.entered.get(key, key), size) for key, size in kind.read_off().items()
+    )
 
 
 class InstrumentReadings:
