@@ -14,6 +14,7 @@ from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal, without_length
 from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
+from .proposal import TIP, Point, ProposedHeader, faces_at
 from .tips import (
     StatedRange,
     StatedTip,
@@ -67,6 +68,8 @@ class Dial(TipStation):
     met = False
     reading_size = 4
     Stated: ClassVar[type[FileModel]] = StatedDial
+    title = "Dial gauge on flat faces"
+    mark = "dial"
     words = Words(
         is_="a gauge that measures the travel to a flat face",
         part="tip of the gauge",
@@ -87,6 +90,12 @@ class Dial(TipStation):
 
     direction: Matrix
     range: tuple[float, float]
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        gauge = {"kind": "dial", "tip_mm": list(TIP), "direction": [0.0, 0.0, 1.0], "sigma_mm": 0.01}
+        faces = {name: row | {"radius_mm": 100.0} for name, row in faces_at(target, ("top", "back")).items()}
+        return ProposedHeader({"instruments": {"gauge": gauge}, "targets": faces}, 1, turns=True)
 
     @classmethod
     def of(cls, label: str, header: StatedDial, *, exact: bool) -> Self:

@@ -17,9 +17,12 @@ import numpy as np
 
 from ..arrays import Index, Mask, Matrix
 from ..parsing.validation import FileModel
+from .proposal import Point, ProposedHeader
 
 TargetKind = Literal["point", "plane", "sphere"]
 POINT: TargetKind = "point"
+# How a target, or an instrument in the world, is drawn.
+Mark = Literal["psd", "tracker", "plane", "sphere", "ballbar", "dial", "pose", "point"]
 # What a header states of a target of each kind besides its position, and what a person calls that; empty
 # where it has a default.
 TARGET_KEYS: dict[TargetKind, dict[str, str]] = {
@@ -177,7 +180,8 @@ class Instrument(ABC):
     zero, and the joints are turned until it is. A `beam` has a direction and a length, and is steered by the
     wrist onto a detector; what is none has all joints to meet its target. `entered` says in words what a
     person reads off for each of the columns, `headed` over which columns of a sheet, one a number, it is
-    written. Where a free one `turns` about the
+    written. `title` is what a person chooses it by, `mark` the shape by which its target is drawn, or the
+    instrument itself where it has none. Where a free one `turns` about the
     last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
     then the first offset is determined.
     """
@@ -192,6 +196,8 @@ class Instrument(ABC):
     beam: ClassVar[bool] = False
     entered: ClassVar[Mapping[str, str]] = {}
     headed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    title: ClassVar[str] = ""
+    mark: ClassVar[Mark] = "point"
     words: ClassVar[Words]
 
     label: str
@@ -202,6 +208,12 @@ class Instrument(ABC):
         if cls.target_is == "nothing":
             return ()
         return ("sphere",) if cls.touches_ball else (cls.target_is,)
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader | None:
+        """What a new calibration states of it at an arm of that reach, mm, with a target in the base frame;
+        None where there is no default."""
+        return None
 
     @classmethod
     def read_off(cls) -> Mapping[str, int]:

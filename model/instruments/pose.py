@@ -15,6 +15,7 @@ from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
 from .kind import Flange, Misread, TargetEntry, Unknown, Words
+from .proposal import Point, ProposedHeader, station_at
 from .rotations import (
     Quaternion,
     matrix_of,
@@ -94,6 +95,8 @@ class PoseStation(FramedStation):
     residual_size = 6
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose
+    title = "Pose camera"
+    mark = "pose"
     words = Words(
         is_="an instrument that measures position and orientation of a body on the flange",
         part="measured body",
@@ -117,6 +120,17 @@ class PoseStation(FramedStation):
     mount_rotation: Matrix
     mount_std: tuple[float, float]
     tolerated: tuple[bool, bool]
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        camera = {
+            "kind": "pose",
+            "sigma_mm": 0.1,
+            "sigma_deg": 0.03,
+            "guess_mm": station_at(reach),
+            "mount": {},
+        }
+        return ProposedHeader({"instruments": {"camera": camera}}, 6)
 
     @classmethod
     def of(cls, label: str, header: StatedPose, *, exact: bool) -> Self:
