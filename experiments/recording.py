@@ -152,9 +152,7 @@ def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> E
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
-    if request.rig == "manual":
-        _require_one_reading(plan)
-    elif request.rig != "simulated":
+    if request.rig not in ("manual", "simulated"):
         plan.header.require_tool()
     if request.rig != "simulated":
         _refuse({"--arm": request.arm}, "is for the simulated rig")
@@ -211,32 +209,17 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     return {"origin": "by hand", "plan sha256": plan.sha256}, measure, adaptive
 
 
-def _require_one_reading(plan: Plan) -> None:
-    """BadInput for a plan that a person is not led through: one instrument reads once at each posture."""
-    if len(plan.header.kinds) > 1:
-        raise BadInput(
-            "a run by hand is for one instrument",
-            found=", ".join(f"{label}: {kind.name}" for label, kind in plan.header.kinds.items()),
-            remedy="record the instruments in files, and import them",
-            file=plan.path,
-        )
-    postures = [means.posture for means in plan.means if means.posture is not None]
-    if len(set(postures)) < len(postures):
-        raise BadInput(
-            "a run by hand reads once at each posture, and the plan has several measurements at one",
-            remedy="give each measurement a posture of its own, or import what was recorded",
-            file=plan.path,
-        )
-
-
 def _for_tools(plan: Plan) -> str:
-    kind = plan.header.instrument
-    return f"is for what meets a target; the plan measures with a {kind.name}"
+    return f"is for what meets a target; {_measures(plan)}"
 
 
 def _for_a_beam(plan: Plan) -> str:
+    return f"is for a {' or '.join(names_of(beam=True))}; {_measures(plan)}"
+
+
+def _measures(plan: Plan) -> str:
     kinds = " and a ".join(kind.name for kind in plan.header.kinds.values())
-    return f"is for a {' or '.join(names_of(beam=True))}; the plan measures with a {kinds}"
+    return f"the plan measures with a {kinds}"
 
 
 def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:

@@ -164,7 +164,8 @@ class EnteredReading:
 class PostureRequested(RunEvent):
     """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
     planned, joint 3 as the pendant counts it; `pendant`: name, value and unit of each joint as it shows
-    them; `reads`: what is entered besides the joints, `reflector` which one is read, if there are several.
+    them; `reads`: what is entered besides the joints, `instrument` and `reflector` what is read, if there are
+    several; `act` what is done there, a clause. The measurements `also` are taken without moving the arm.
     """
 
     event: ClassVar[str] = "posture"
@@ -176,15 +177,21 @@ class PostureRequested(RunEvent):
     pendant: tuple[dict[str, str | float], ...]
     reads: tuple[EnteredReading, ...] = ()
     reflector: str | None = None
+    instrument: str | None = None
+    act: str = ""
+    also: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class ReadingRequested(RunEvent):
-    """The joints of measurement `shot` are taken, and what the instrument reads there is asked for."""
+    """The joints of measurement `shot` are taken, and what the instrument reads there is asked for:
+    `instrument` and `reflector` say of what, if there are several."""
 
     event: ClassVar[str] = "reading"
     shot: int
     reads: tuple[EnteredReading, ...]
+    instrument: str | None = None
+    reflector: str | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from ...model.arrays import Matrix
 from ...model.errors import BadInput, RigFault
 from ...model.files.plan import Plan
 from ...model.files.run import Run
-from ...model.files.shot import Shot
+from ...model.files.shot import Shot, ShotRules
 from ...model.kinematics.robot import same_arm
 from ...model.likelihood.problem import Problem
 from ..procedure.steering import Belief
@@ -107,9 +107,10 @@ class ReplayRig:
 
 
 def require_planned(plan: Plan, run: Run, message: str, remedy: str, *, anywhere: bool = False) -> None:
-    """BadInput for the first measurement that is not of the plan: by its number, its target, and with a laser
-    by the joints that no servo turns, unless it may be `anywhere`."""
-    kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.instrument.beam else slice(0)
+    """BadInput for the first measurement that is not of the plan: by its number, its target and instrument,
+    and with a laser by the joints that no servo turns, unless it may be `anywhere`."""
+    kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.only_beam else slice(0)
+    rules = ShotRules(plan.header, plan.robot)
     planned_deg, count = plan.postures * plan.robot.display, len(plan.postures)
     for shot, line in zip(run.shots, run.lines, strict=True):
         number = shot.shot % count  # a closing measurement is in the posture of the first
@@ -118,9 +119,12 @@ def require_planned(plan: Plan, run: Run, message: str, remedy: str, *, anywhere
                 f"measurement {shot.shot}",
                 f"measurements 0 to {count - 1}, and closing measurements",
             )
-        elif shot.target != plan.called[number]:
+        elif shot.target != plan.targets[number]:
             deviation = f"measurement {shot.shot} at target {shot.target}"
             allowed = f"target {plan.called[number]}, as the plan's posture {number}"
+        elif (label := rules.label(shot.instrument)) != (planned := plan.measurements[number].instrument):
+            deviation = f"measurement {shot.shot} of the instrument {label}"
+            allowed = f"{planned}, as the plan's posture {number}"
         else:
             off = np.abs(shot.joints_deg - planned_deg[number])[kept]
             if anywhere or off.max(initial=0.0) <= SAME_POSTURE:

@@ -15,7 +15,11 @@ from ..parsing.reading import shown
 from ..parsing.validation import FileModel, refusal
 from .frames import FREE_MM
 from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
+from .proposal import TARGET_OUT, TIP, Point, ProposedHeader, target_at
 from .tips import StatedRange, StatedTip, TipStation, directions, distance, sphere_through, tip_std
+
+_SOCKETS = ((0.55, 0.2), (0.45, -0.3))  # of the reach: where the sockets of a new calibration are
+_BAR = (0.15, 0.5)  # of the reach: its shortest and longest length
 
 
 def _bias(value: object) -> object:
@@ -48,11 +52,14 @@ class Ballbar(TipStation):
     also_called = ("ball bar", "bar", "draw wire", "drawwire", "wire", "string pot", "telescope")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
     entered: ClassVar[dict[str, str]] = {"measured_mm": "length (mm)"}
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {"measured_mm": ("length (mm)",)}
     target = "socket"
     target_is = "point"
     met = False
     reading_size = 1
     Stated: ClassVar[type[FileModel]] = StatedBallbar
+    title = "Ball bar"
+    mark = "ballbar"
     words = Words(
         is_="a bar or wire that measures the length to a fixed socket",
         part="socket on the flange",
@@ -63,7 +70,7 @@ class Ballbar(TipStation):
         posture="the bar to its socket",
         to_do="Go to the posture slowly; stay within the range of the bar. Write down its length and the"
         " joints.",
-        fields=("length (mm)",),
+        fields=(),
         traced=(
             ("Ball bar, maker and serial number", ("ball bar", "ball bar serial", "ball bar serial number")),
             ("Ball bar, calibration certificate", ("ball bar certificate",)),
@@ -72,6 +79,16 @@ class Ballbar(TipStation):
 
     bias: float | None
     range: tuple[float, float] | None
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        lengths = [round(share * reach, -1) for share in _BAR]
+        bar = {"kind": "ballbar", "tip_mm": list(TIP), "sigma_mm": 0.005, "range_mm": lengths}
+        sockets = {
+            f"s{number}": target_at(np.add(target, ((out - TARGET_OUT) * reach, side * reach, 0.0)))
+            for number, (out, side) in enumerate(_SOCKETS, start=1)
+        }
+        return ProposedHeader({"instruments": {"bar": bar}, "targets": sockets}, 1, turns=True)
 
     @classmethod
     def of(cls, label: str, header: StatedBallbar, *, exact: bool) -> Self:

@@ -14,6 +14,7 @@ from ..arrays import Mask, Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal, without_length
 from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
+from .proposal import TIP, Point, ProposedHeader, faces_at
 from .tips import (
     StatedRange,
     StatedTip,
@@ -61,11 +62,14 @@ class Dial(TipStation):
     also_called = ("dial gauge", "dial indicator", "gauge", "indicator", "clock", "plunger")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 1}
     entered: ClassVar[dict[str, str]] = {"measured_mm": "reading (mm)"}
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {"measured_mm": ("reading (mm)",)}
     target = "plane"
     target_is = "plane"
     met = False
     reading_size = 4
     Stated: ClassVar[type[FileModel]] = StatedDial
+    title = "Dial gauge on flat faces"
+    mark = "dial"
     words = Words(
         is_="a gauge that measures the travel to a flat face",
         part="tip of the gauge",
@@ -76,15 +80,22 @@ class Dial(TipStation):
         posture="the gauge at the face",
         to_do="Move slowly towards the face until the gauge reads within its range. Write down its reading"
         " and the joints.",
-        fields=("reading (mm)", "face"),
+        fields=(),
         traced=(
             ("Dial gauge, maker and serial number", ("dial gauge", "dial gauge serial")),
             ("Dial gauge, calibration certificate", ("dial gauge certificate",)),
         ),
+        act="move slowly until the gauge reads within its range",
     )
 
     direction: Matrix
     range: tuple[float, float]
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        gauge = {"kind": "dial", "tip_mm": list(TIP), "direction": [0.0, 0.0, 1.0], "sigma_mm": 0.01}
+        faces = {name: row | {"radius_mm": 100.0} for name, row in faces_at(target, ("top", "back")).items()}
+        return ProposedHeader({"instruments": {"gauge": gauge}, "targets": faces}, 1, turns=True)
 
     @classmethod
     def of(cls, label: str, header: StatedDial, *, exact: bool) -> Self:

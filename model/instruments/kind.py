@@ -17,9 +17,12 @@ import numpy as np
 
 from ..arrays import Index, Mask, Matrix
 from ..parsing.validation import FileModel
+from .proposal import Point, ProposedHeader
 
 TargetKind = Literal["point", "plane", "sphere"]
 POINT: TargetKind = "point"
+# How a target, or an instrument in the world, is drawn.
+Mark = Literal["psd", "tracker", "plane", "sphere", "ballbar", "dial", "pose", "point"]
 # What a header states of a target of each kind besides its position, and what a person calls that; empty
 # where it has a default.
 TARGET_KEYS: dict[TargetKind, dict[str, str]] = {
@@ -94,8 +97,8 @@ class Words:
     `part` is what may lie on the axis of a joint, `motion` what of it a rotation of the last joint is
     equivalent to (in `unit`); `reading` the source of its reading's noise, `method` what a certificate says
     was measured with, `posture` what is drawn at a posture besides the arm, `to_do` what an operator does
-    there, `fields` what else is written down; `traced` the instruments that a certificate names: for each
-    entry the keys of a run's provenance.
+    there, `fields` what else is written down, `act` the same as `to_do` in a clause; `traced` the instruments
+    that a certificate names: for each entry the keys of a run's provenance.
     """
 
     is_: str
@@ -108,6 +111,7 @@ class Words:
     to_do: str
     fields: tuple[str, ...]
     traced: tuple[tuple[str, tuple[str, ...]], ...]
+    act: str = "measure"
 
 
 class Measurement(NamedTuple):
@@ -175,7 +179,9 @@ class Instrument(ABC):
     It either reads wherever the arm stands, or is `met`: then a measurement is taken where its residual is
     zero, and the joints are turned until it is. A `beam` has a direction and a length, and is steered by the
     wrist onto a detector; what is none has all joints to meet its target. `entered` says in words what a
-    person reads off for each of the columns. Where a free one `turns` about the
+    person reads off for each of the columns, `headed` over which columns of a sheet, one a number, it is
+    written. `title` is what a person chooses it by, `mark` the shape by which its target is drawn, or the
+    instrument itself where it has none. Where a free one `turns` about the
     last axis as that joint does, the last offset is held. One is `grounded` that knows where the base is:
     then the first offset is determined.
     """
@@ -189,6 +195,9 @@ class Instrument(ABC):
     met: ClassVar[bool]
     beam: ClassVar[bool] = False
     entered: ClassVar[Mapping[str, str]] = {}
+    headed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    title: ClassVar[str] = ""
+    mark: ClassVar[Mark] = "point"
     words: ClassVar[Words]
 
     label: str
@@ -199,6 +208,27 @@ class Instrument(ABC):
         if cls.target_is == "nothing":
             return ()
         return ("sphere",) if cls.touches_ball else (cls.target_is,)
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader | None:
+        """What a new calibration states of it at an arm of that reach, mm, with a target in the base frame;
+        None where there is no default."""
+        return None
+
+    @classmethod
+    def read_off(cls) -> Mapping[str, int]:
+        """The columns that a person enters besides the joints, in their order: none where the arm is led to
+        the target."""
+        return {} if cls.met else cls.columns
+
+    @classmethod
+    def heads(cls) -> tuple[str, ...]:
+        """Over each number of `read_off` on a sheet."""
+        return tuple(
+            head
+            for key, size in cls.read_off().items()
+            for head in cls.headed.get(key) or (f"{key} {k}" for k in range(1, size + 1))
+        )
 
     @classmethod
     @abstractmethod

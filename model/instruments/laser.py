@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import Matrix
 from .flange_tool import FlangeTool
 from .kind import Unknown, Words
+from .proposal import Point, ProposedHeader, target_at
 
 # The two axes across each nominal beam axis, in the order of tilt1, tilt2 and shift1, shift2.
 _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
@@ -28,6 +29,8 @@ class LaserBeam(FlangeTool):
     target = "psd"
     free_sigma = (3.0, 10.0)
     beam = True
+    title = "Laser and PSD"
+    mark = "psd"
     words = Words(
         is_="a beam that must pass the target",
         part="beam",
@@ -46,7 +49,18 @@ class LaserBeam(FlangeTool):
             ("Laser, maker and serial number", ("laser", "laser serial", "laser serial number")),
             ("Laser, calibration certificate", ("laser certificate",)),
         ),
+        act="bring the beam onto the target with the last joints",
     )
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        tool = {
+            "kind": "laser",
+            "calibrated": False,
+            "point_mm": [0.0, 0.0, 65.0],
+            "direction": [1.0, 0.0, 0.0],
+        }
+        return ProposedHeader({"tool": tool, "targets": {"psd": target_at(target)}}, 2)
 
     def _free(self) -> Iterator[Unknown]:
         for axis in ("tilt1", "tilt2"):

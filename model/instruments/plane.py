@@ -13,6 +13,7 @@ from pydantic import Field
 from ..arrays import Mask, Matrix
 from ..parsing.validation import FileModel
 from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .proposal import TIP, Point, ProposedHeader, faces_at
 from .tips import (
     BallTipStation,
     StatedBallTip,
@@ -45,6 +46,8 @@ class PlaneProbe(BallTipStation):
     target_is = "plane"
     reading_size = 3
     Stated: ClassVar[type[FileModel]] = StatedPlaneProbe
+    title = "Touches of flat faces"
+    mark = "plane"
     words = Words(
         is_="a tip that touches flat faces",
         part="probe tip",
@@ -54,12 +57,19 @@ class PlaneProbe(BallTipStation):
         method="a probe on the flange and flat faces in the cell",
         posture="the probe at the face",
         to_do="Move slowly towards the face until the probe touches it, and write down the joints.",
-        fields=("face",),
+        fields=(),
         traced=(
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),
         ),
+        act="move slowly until the probe touches the face",
     )
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        stylus = {"kind": "plane", "tip_mm": list(TIP), "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
+        faces = faces_at(target, ("top", "back", "side"))
+        return ProposedHeader({"instruments": {"stylus": stylus}, "targets": faces}, 1, turns=True)
 
     def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         return plane_coordinates(target)

@@ -15,6 +15,7 @@ from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
 from .kind import Flange, Misread, TargetEntry, Unknown, Words
+from .proposal import Point, ProposedHeader, station_at
 from .rotations import (
     Quaternion,
     matrix_of,
@@ -87,9 +88,15 @@ class PoseStation(FramedStation):
         "measured_mm": "position x, y, z (mm)",
         "measured_quat": "quaternion w, x, y, z",
     }
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {
+        "measured_mm": ("x (mm)", "y (mm)", "z (mm)"),
+        "measured_quat": ("quat. w", "quat. x", "quat. y", "quat. z"),
+    }
     residual_size = 6
     reading_size = 13
     Stated: ClassVar[type[FileModel]] = StatedPose
+    title = "Pose camera"
+    mark = "pose"
     words = Words(
         is_="an instrument that measures position and orientation of a body on the flange",
         part="measured body",
@@ -100,7 +107,7 @@ class PoseStation(FramedStation):
         posture="the line of sight to the body",
         to_do="Go to the posture, and let the arm settle. Measure position and orientation of the body, and"
         " write down the joints.",
-        fields=("measured x, y, z (mm)", "measured quaternion w, x, y, z"),
+        fields=(),
         traced=(
             ("Instrument, maker and serial number", ("instrument", "instrument serial")),
             ("Instrument, calibration certificate", ("instrument certificate",)),
@@ -113,6 +120,17 @@ class PoseStation(FramedStation):
     mount_rotation: Matrix
     mount_std: tuple[float, float]
     tolerated: tuple[bool, bool]
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        camera = {
+            "kind": "pose",
+            "sigma_mm": 0.1,
+            "sigma_deg": 0.03,
+            "guess_mm": station_at(reach),
+            "mount": {},
+        }
+        return ProposedHeader({"instruments": {"camera": camera}}, 6)
 
     @classmethod
     def of(cls, label: str, header: StatedPose, *, exact: bool) -> Self:

@@ -10,6 +10,7 @@ import casadi as ca
 
 from .flange_tool import FlangeTool
 from .kind import Unknown, Words
+from .proposal import TIP, Point, ProposedHeader, target_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,7 @@ class ProbeTip(FlangeTool):
     residual_size = 3
     target = "socket"
     free_sigma = (3.0, 50.0)
+    title = "Probe in a socket"
     words = Words(
         is_="a tip that must meet it",
         part="probe tip",
@@ -36,7 +38,13 @@ class ProbeTip(FlangeTool):
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),
         ),
+        act="lead the probe into its socket",
     )
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        tool = {"kind": "probe", "calibrated": False, "point_mm": list(TIP)}
+        return ProposedHeader({"tool": tool, "targets": {"socket": target_at(target)}}, 3, turns=True)
 
     def _free(self) -> Iterator[Unknown]:
         for axis, value in zip("xyz", self.point.tolist(), strict=True):

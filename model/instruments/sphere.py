@@ -14,6 +14,7 @@ from ..arrays import Mask, Matrix
 from ..errors import BadInput
 from ..parsing.validation import FileModel
 from .kind import Flange, Target, TargetEntry, Unknown, Words
+from .proposal import TIP, Point, ProposedHeader, target_at
 from .tips import BallTipStation, StatedBallTip, directions, distance, sphere_through
 
 
@@ -37,6 +38,8 @@ class SphereProbe(BallTipStation):
     touches_ball = True
     reading_size = 1
     Stated: ClassVar[type[FileModel]] = StatedSphereProbe
+    title = "Touches of balls"
+    mark = "sphere"
     words = Words(
         is_="a tip that touches balls",
         part="probe tip",
@@ -46,13 +49,24 @@ class SphereProbe(BallTipStation):
         method="a probe on the flange and balls in the cell",
         posture="the probe at the ball",
         to_do="Move slowly towards the ball until the probe touches it, and write down the joints.",
-        fields=("ball",),
+        fields=(),
         traced=(
             ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
             ("Probe, calibration certificate", ("probe certificate",)),
             ("Ball, calibration certificate", ("ball certificate",)),
         ),
+        act="move slowly until the probe touches the ball",
     )
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        stylus = {"kind": "sphere", "tip_mm": list(TIP), "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
+        balls = {
+            name: {"kind": "sphere", "diameter_mm": 25.4}
+            | target_at(np.add(target, (0.0, side * reach, 0.0)))
+            for name, side in (("ball1", -0.15), ("ball2", 0.15))
+        }
+        return ProposedHeader({"instruments": {"stylus": stylus}, "targets": balls}, 1, turns=True)
 
     def coordinates(self, target: TargetEntry | None) -> tuple[Unknown, Unknown, Unknown]:
         if target is None or target.diameter_mm is None:

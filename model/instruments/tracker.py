@@ -26,6 +26,7 @@ from ..parsing.validation import (
 )
 from .frames import FREE_MM, FramedStation, StatedStand, known_frame, spread, vector_unknowns
 from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
+from .proposal import ON_FLANGE, Point, ProposedHeader, station_at
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
 _STARTS = 12  # rotations of the frame that a start tries where the linear solution is not enough
@@ -161,9 +162,12 @@ class Tracker(FramedStation):
     also_called = ("laser tracker", "cmm", "reflector", "smr", "total station", "photogrammetry")
     columns: ClassVar[dict[str, int]] = {"measured_mm": 3}
     entered: ClassVar[dict[str, str]] = {"measured_mm": "position of the reflector x, y, z (mm)"}
+    headed: ClassVar[dict[str, tuple[str, ...]]] = {"measured_mm": ("x (mm)", "y (mm)", "z (mm)")}
     residual_size = 3
     reading_size = 7
     Stated: ClassVar[type[FileModel]] = StatedTracker
+    title = "Laser tracker"
+    mark = "tracker"
     words = Words(
         is_="an instrument that measures the position of reflectors on the flange",
         part="reflector",
@@ -174,7 +178,7 @@ class Tracker(FramedStation):
         posture="the line of sight to the reflector",
         to_do="Go to the posture, and let the arm settle. Turn the reflector towards the tracker. Measure its"
         " position, and write down the joints.",
-        fields=("reflector", "measured x, y, z (mm)"),
+        fields=(),
         traced=(
             ("Tracker, maker and serial number", ("tracker", "tracker serial", "tracker serial number")),
             ("Tracker, calibration certificate", ("tracker certificate",)),
@@ -185,6 +189,13 @@ class Tracker(FramedStation):
     sigmas: Matrix
     per_m: float
     reflectors: Mapping[str, Reflector]
+
+    @classmethod
+    def proposed(cls, reach: float, target: Point) -> ProposedHeader:
+        sigma = {"constant": 0.015, "per_m": 0.006}
+        tracker = {"kind": "tracker", "sigma_mm": sigma, "guess_mm": station_at(reach)}
+        reflectors = {"R1": {"guess_mm": list(ON_FLANGE)}}
+        return ProposedHeader({"instruments": {"tracker": tracker | {"reflectors": reflectors}}}, 3)
 
     @classmethod
     def of(cls, label: str, header: StatedTracker, *, exact: bool) -> Self:

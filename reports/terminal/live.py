@@ -236,7 +236,7 @@ def led_view(console: Console) -> Listener:
                 _say(console, _request(event), "bold")
                 _say(console, _joints(event.pendant))
             case ReadingRequested():
-                _say(console, f"Type {_reads(event.reads)}.", "bold")
+                _say(console, _reading(event), "bold")
             case Doubted(kind="help"):
                 _say(console, sentence(event.found))
             case Doubted():
@@ -277,16 +277,23 @@ def _beginning(event: RunOpened) -> str:
 def _request(event: PostureRequested) -> str:
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
-    if event.reads:
-        which = f", reflector {shown(event.reflector)}" if event.reflector else ""
-        return (
-            f"Posture {of} (measurement {event.shot}), {shown(event.target)}{which}: go there, measure, and"
-            f" type the joint values; then {_reads(event.reads)}."
-        )
+    which = _which(event.instrument, event.reflector)
+    also = f"; then measurement {listed([str(number) for number in event.also])}" if event.also else ""
+    what = shown(event.target) if event.reads else f"target {shown(event.target)}"
+    reads = f"; then {_reads(event.reads)}" if event.reads else ""
     return (
-        f"Posture {of} (measurement {event.shot}{again}), target {shown(event.target)}:"
-        " go there, bring the beam or probe onto the target, and type the joint values."
+        f"Posture {of} (measurement {event.shot}{again}), {what}{which}: go there,"
+        f" {event.act}, and type the joint values{reads}{also}."
     )
+
+
+def _which(instrument: str | None, reflector: str | None) -> str:
+    names = (("instrument", instrument), ("reflector", reflector))
+    return "".join(f", {what} {shown(name)}" for what, name in names if name)
+
+
+def _reading(event: ReadingRequested) -> str:
+    return f"Type {_reads(event.reads)}{_which(event.instrument, event.reflector)}: measurement {event.shot}."
 
 
 def _reads(reads: Sequence[EnteredReading]) -> str:

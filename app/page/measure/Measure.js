@@ -104,7 +104,7 @@ export function Measure() {
   const inspector = html`
     ${missing.value && html`<p class="error" role="alert">${missing.value}</p>`}
     ${confirming && html`<${Confirm} text=${seen.confirm} />`}
-    ${byHand && html`<${Hand} asked=${seen.asked} doubt=${seen.doubt} />`}
+    ${byHand && html`<${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt} />`}
     ${!underWay.value && html`<${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2><${Start} plan=${plan} onPlan=${(/** @type {string} */ value) => { picked.value = value; if (file) go(toJob(name, "measure", value), { replace: true }); }} />`}
     ${following && seen.rig !== "manual" && (underWay.value || seen.trace.length > 0) && html`<div class="watch">
       <figure><figcaption>Spot from the centre</figcaption><${Trace} trace=${seen.trace} /></figure>

@@ -4,20 +4,22 @@
  * @typedef {{recorded: number, std: Record<string, number | null>, tolerance?: Record<string, number | null> | null}} CoursePoint
  * @typedef {{shot: number, off_mm: number, at_mm: [number, number] | null, size_mm: number | null}} Spot
  * @typedef {{shot: number, joints_deg: number[], arm: import("../scene/types.js").Vec[], beam: import("../scene/types.js").Vec[], target: import("../scene/types.js").Vec, lit: boolean}} ArmSent
- * @typedef {{shot: number, target: string, done: number, postures: number, pendant: {name: string, value: number, unit: string}[]}} Asked
+ * @typedef {{shot: number, target: string, done: number, postures: number, pendant: {name: string, value: number, unit: string}[], reads: Entered[], reflector: string | null, instrument: string | null, act: string, also: number[]}} Asked
+ * @typedef {{key: string, words: string, numbers: number}} Entered
+ * @typedef {{shot: number, reads: Entered[], instrument: string | null, reflector: string | null}} ReadingAsked
  * @typedef {{shot: number, kind: string, found: string, answers: string[]}} Doubt
  * @typedef {{width: number, height: number, grey: string}} Camera
  * @typedef {{verdict: string, message: import("../parts/Message.js").MessageFacts, action?: import("../core/actions.js").ActionFacts | null, notes: string[], parameters: {name: string, unit: string}[]}} End
  * @typedef {{shot: number, text: string, bad: boolean}} Line
  * @typedef {{file: string, rig: string, postures: number, recorded: number[], refused: number[], tolerance: number | null, shot: number | null, attempt: number, phase: string,
  *   trace: Spot[], kept: Spot[], size: number | null, arm: ArmSent | null, camera: Camera | null, std: Record<string, number | null> | null, consistent: boolean, course: CoursePoint[],
- *   asked: Asked | null, doubt: Doubt | null, confirm: string | null, trouble: string, suspect: {shot: number, residual_mm: number} | null, stopped: string | null, end: End | null, lines: Line[]}} RunSeen
+ *   asked: Asked | null, reading: ReadingAsked | null, doubt: Doubt | null, confirm: string | null, trouble: string, suspect: {shot: number, residual_mm: number} | null, stopped: string | null, end: End | null, lines: Line[]}} RunSeen
  */
 
 /** @returns {RunSeen} */
 export const begun = () => ({
   file: "", rig: "", postures: 0, recorded: [], refused: [], tolerance: null, shot: null, attempt: 1, phase: "", trace: [], kept: [], size: null,
-  arm: null, camera: null, std: null, consistent: true, course: [], asked: null, doubt: null, confirm: null, trouble: "", suspect: null, stopped: null, end: null, lines: [],
+  arm: null, camera: null, std: null, consistent: true, course: [], asked: null, doubt: null, confirm: null, trouble: "", suspect: null, stopped: null, end: null, lines: [], reading: null,
 });
 
 /** A measurement's number as the sheet and people have it. @param {number} shot */
@@ -43,7 +45,8 @@ const HEARD = {
     kept: now.trace.length ? [...now.kept, /** @type {Spot} */ (now.trace.at(-1))] : now.kept,
     lines: noted(now, e.shot, `recorded${e.seconds ? ` in ${e.seconds.toFixed(1)} s` : ""}${now.trace.length ? `, spot ${/** @type {Spot} */ (now.trace.at(-1)).off_mm.toFixed(4)} mm from the centre` : ""}`),
   }),
-  posture: (_, e) => ({ asked: e, shot: e.shot, doubt: null }),
+  posture: (_, e) => ({ asked: e, reading: null, shot: e.shot, doubt: null }),
+  reading: (_, e) => ({ reading: e, doubt: null }),
   doubt: (_, e) => ({ doubt: e }),
   withdrawn: (now, e) => ({ recorded: now.recorded.filter((shot) => shot !== e.shot), course: now.course.slice(0, -1), doubt: null, suspect: null, lines: noted(now, e.shot, "withdrawn, to be measured again") }),
   suspect: (now, e) => ({ suspect: e, lines: noted(now, e.shot, `contradicts the others: residual ${e.residual_mm.toFixed(3)} mm`, true) }),

@@ -13,7 +13,7 @@ from pathlib import Path
 from pydantic import Field
 
 from ....experiments.demos import example_files
-from ....experiments.plans.new_calibration import PLACES, TITLES, PlaceKind, new_calibration, place_of
+from ....experiments.plans.new_calibration import PLACES, PlaceKind, new_calibration, place_of, titles
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, write_header
 from ....model.files.json_document import JsonDocument
@@ -109,7 +109,7 @@ def choices(_: Folder) -> CalibrationChoices:
             InstrumentChoice(
                 name=name, words=words, about=f"{capital(KINDS[name].words.method)}.", plans=True
             )
-            for name, words in TITLES.items()
+            for name, words in titles().items()
         ],
         places=[PlaceWords(kind=row.kind, words=row.words, facing=list(row.facing)) for row in PLACES],
     )

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field
@@ -24,7 +24,7 @@ from ....model.files.header import PLAN_SCHEMA
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
-from ....model.instruments.kind import Target
+from ....model.instruments.kind import POINT, Mark, Target
 from ....model.parsing.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....reports.plan.plan_page import postures_of
@@ -126,7 +126,7 @@ class PostureScene(JsonDocument):
 class CellMark(JsonDocument):
     """What stands in the cell: an instrument or a target, mm in the base frame."""
 
-    kind: Literal["psd", "tracker", "plane", "sphere", "ballbar", "dial", "pose", "point"]
+    kind: Mark
     name: str
     at: list[float]
     normal: list[float] | None = Field(default=None, exclude_if=is_none)
@@ -369,44 +369,42 @@ def _marks(aimed: AimedPlan) -> Iterator[CellMark]:
     """The targets at their nominal places, and the stations where they stand."""
     plan, problem, x = aimed.plan, aimed.problem, aimed.x
     header, kept = plan.header, plan.constraints
-    kinds = {kind.name for kind in header.kinds.values()}
+    measuring = {
+        item.target: header.kinds[item.instrument] for item in reversed(plan.measurements) if item.target
+    }
     for label, kind in header.kinds.items():
         if kind.target_is == "nothing":
             instrument = header.made(label, plan.robot.n)
             at = instrument.in_sight(Target(np.zeros(3), None))
             at = instrument.stands_at[:3] if at is None else at
             if len(at) == 3:
-                yield CellMark(
-                    kind="pose" if kind.name == "pose" else "tracker", name=label, at=rounded(at, 3)
-                )
+                yield CellMark(kind=kind.mark, name=label, at=rounded(at, 3))
     for name, at_target in zip(problem.targets, problem.split(x).targets, strict=True):
         if problem.is_station(name):
             continue
-        entry = header.targets.get(name)
-        if entry is not None and entry.kind in ("plane", "sphere"):
+        entry, kind = header.targets.get(name), measuring[name]
+        if entry is not None and entry.kind != POINT:
             if entry.guess_mm is not None:
-                ball = entry.kind == "sphere"
+                ball = entry.diameter_mm is not None
                 radius = (entry.diameter_mm or 0.0) / 2 if ball else entry.radius_mm
                 yield CellMark(
-                    kind="sphere" if ball else "dial" if kinds == {"dial"} else "plane",
+                    kind=entry.kind if kind.mark == POINT else kind.mark,
                     name=name,
                     at=list(entry.guess_mm),
                     normal=None if entry.normal is None else list(entry.normal),
                     radius=radius,
                 )
-        elif any(kind.beam for kind in header.kinds.values()):
+        elif kind.beam:
             facing = kept.facing
             yield CellMark(
-                kind="psd",
+                kind=kind.mark,
                 name=name,
                 at=rounded(at_target, 3),
                 normal=None if facing is None else list(facing),
                 acceptance_deg=None if facing is None else kept.acceptance_deg,
             )
         else:
-            yield CellMark(
-                kind="ballbar" if "ballbar" in kinds else "point", name=name, at=rounded(at_target, 3)
-            )
+            yield CellMark(kind=kind.mark, name=name, at=rounded(at_target, 3))
 
 
 def _sights(aimed: AimedPlan, joints: Matrix) -> list[list[list[list[float]]]]:

@@ -12,6 +12,7 @@ import numpy as np
 from ....analysis.estimation.threads import one_blas_thread
 from ....analysis.observability.aim import aim, servo_joints
 from ....model.arrays import Matrix
+from ....model.files.header import Header
 from ....model.files.limits import beyond_limits
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
@@ -34,10 +35,21 @@ class Aiming:
     standard deviations (offsets and tool by their priors, at most 1.5 deg; the target by its sigma, at most
     100 mm, as the automatic procedure aims), whichever two or three of the joints are used, and the 5 deg
     within which joints are those of a posture; by 45 deg at most.
+
+    Of several instruments it is the beam `label`, and the postures at which that reads.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan, self._problem = plan, Problem.from_plan(plan)
+    def __init__(self, plan: Plan, label: str) -> None:
+        self._plan = plan
+        at = [i for i, item in enumerate(plan.measurements) if item.instrument == label]
+        self._row = {number: row for row, number in enumerate(at)}
+        self._problem = Problem.of_measured(
+            _alone(plan.header, label),
+            plan.robot,
+            plan.postures[at],
+            [[plan.measurements[i]] for i in at],
+            planned=True,
+        )
         self._nominal = self._problem.nominal()
         parameters = near_nominal(self._problem, self._nominal).parameters
         off = np.diag(np.where(parameters.free, parameters.prior_std, 0.0))[parameters.free]
@@ -66,10 +78,20 @@ class Aiming:
         for the parameters x (N, p); NaN where it never is."""
         weights = np.zeros(len(start))
         weights[list(used)] = 1.0
-        rows = self._problem.select(np.full(len(x), posture)).moved(np.tile(start, (len(x), 1)))
+        rows = self._problem.select(np.full(len(x), self._row[posture])).moved(np.tile(start, (len(x), 1)))
         with one_blas_thread():
             aimed = aim(rows, x, weights)
         return np.where((aimed.hit & aimed.ahead)[:, None], aimed.problem.joints - start, np.nan)
+
+
+def _alone(header: Header, label: str) -> Header:
+    """The header of that instrument alone: what is stated between others is not its own."""
+    if len(header.labels) == 1:
+        return header
+    instruments = {name: entry for name, entry in header.instruments.items() if name == label}
+    tool = header.tool if label not in header.instruments else None
+    alone = {"instruments": instruments, "tool": tool, "held": None, "distances": (), "angles": ()}
+    return header.model_copy(update=alone)
 
 
 _SAME = 1e-4  # deg (mm): an arm that has moved is not read the same in every joint
@@ -90,8 +112,9 @@ class Judge:
 
     def __init__(self, plan: Plan, pendant: Pendant) -> None:
         self._plan, self._pendant = plan, pendant
-        self._aiming = Aiming(plan) if plan.header.instrument.beam else None
-        self._kept = np.ones(plan.robot.n, dtype=bool) if self._aiming is None else ~self._aiming.joints
+        kinds, measured = plan.header.kinds, {item.instrument for item in plan.measurements}
+        beams = {label: Aiming(plan, label) for label in measured if kinds[label].beam}
+        self._aiming = [beams.get(item.instrument) for item in plan.measurements]
         self._planned = plan.postures * plan.robot.display
         self._turning = np.array([joint.kind == "revolute" for joint in plan.robot.joints])
 
@@ -112,8 +135,9 @@ class Judge:
 
     def _off(self, number: int, joints: Matrix) -> Matrix:
         """(n,) deg or mm that the joints differ from the posture; 0 for those that are turned."""
-        off = np.abs(joints - self._planned[number % len(self._planned)])
-        return np.where(self._kept, off, 0.0)
+        posture = number % len(self._planned)
+        off, aiming = np.abs(joints - self._planned[posture]), self._aiming[posture]
+        return off if aiming is None else np.where(aiming.joints, 0.0, off)
 
     def _radians(self, joints: Matrix) -> Doubt | None:
         turning = joints[self._turning]
@@ -163,11 +187,12 @@ class Judge:
 
     def _beyond_aiming(self, number: int, joints: Matrix) -> Doubt | None:
         """Whether a joint that aims has turned farther than that needs."""
-        if self._aiming is None:
-            return None
         posture = number % len(self._planned)
-        lower, upper = self._aiming.bounds(posture, joints)
-        excess = np.where(self._aiming.joints, np.maximum(lower - joints, joints - upper), -np.inf)
+        aiming = self._aiming[posture]
+        if aiming is None:
+            return None
+        lower, upper = aiming.bounds(posture, joints)
+        excess = np.where(aiming.joints, np.maximum(lower - joints, joints - upper), -np.inf)
         i = int(np.argmax(excess))
         if excess[i] <= 0:
             return None

@@ -8,9 +8,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....model.arrays import Matrix
+from ....model.arrays import Index, Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ....model.instruments.kind import Instrument, Measurement
 from ....model.likelihood.problem import Problem
 from ....model.parsing.reading import shown
 from ...procedure.events import EnteredReading
@@ -25,20 +26,37 @@ _NEAR = 3.0  # times the predicted length: a reading in metres is nearer than th
 _OFF_UNIT = 0.01  # of the length of a quaternion: what rounding does to it
 
 
+def entered_readings(kind: type[Instrument]) -> tuple[EnteredReading, ...]:
+    """What a person enters besides the joints, in its order."""
+    return tuple(
+        EnteredReading(key, kind.entered.get(key, key), size) for key, size in kind.read_off().items()
+    )
+
+
 class InstrumentReadings:
-    """The readings of a plan's only instrument; `reads` is empty where it has none to enter."""
+    """The readings of a plan's measurements, by their number: `reads` is empty where there is none to
+    enter."""
 
     def __init__(self, plan: Plan, problem: Problem) -> None:
-        kind = plan.header.instrument
-        columns = {} if kind.met else kind.columns
-        self.reads = tuple(
-            EnteredReading(key, kind.entered.get(key, key), size) for key, size in columns.items()
-        )
         self._plan, self._problem = plan, problem
+        self._reads = {label: entered_readings(kind) for label, kind in plan.header.kinds.items()}
+        postures = list(dict.fromkeys(item.posture for item in plan.measurements))
+        self.rows = [postures.index(item.posture) for item in plan.measurements]
 
-    def typed(self, text: str) -> Reading:
-        """All its numbers, in the order of `reads`; BadInput for anything else."""
-        count = sum(read.numbers for read in self.reads)
+    def reads(self, number: int) -> tuple[EnteredReading, ...]:
+        return self._reads[self._measurement(number).instrument]
+
+    def _measurement(self, number: int) -> Measurement:
+        return self._plan.measurements[number % len(self._plan.postures)]
+
+    def row(self, number: int) -> Index:
+        """(1,) the shot of the plan's problem that a measurement belongs to."""
+        return np.array([self.rows[number % len(self.rows)]])
+
+    def typed(self, number: int, text: str) -> Reading:
+        """All numbers of a measurement, in the order of `reads`; BadInput for anything else."""
+        reads = self.reads(number)
+        count = sum(read.numbers for read in reads)
         parts = [part for part in re.split(r"[\s;]+", text.strip()) if part]
         if len(parts) != count or not all(map(_NUMBER.fullmatch, parts)):
             parts = [part for part in _DELIMITERS.split(text.strip()) if part]
@@ -49,7 +67,7 @@ class InstrumentReadings:
             )
         numbers = [float(part.replace(",", ".")) for part in parts]
         values: dict[str, float | tuple[float, ...]] = {}
-        for read in self.reads:
+        for read in reads:
             row, numbers = tuple(numbers[: read.numbers]), numbers[read.numbers :]
             if read.key.endswith(_TURNS) and abs(math.hypot(*row) - 1) > _OFF_UNIT:
                 raise BadInput("this is no quaternion: its length is not 1", found=f"{math.hypot(*row):.4g}")
@@ -82,7 +100,12 @@ class InstrumentReadings:
 
     def _predicted(self, number: int, joints: Matrix) -> Reading:
         """By the nominal arm, and the instrument about where it is stated."""
-        row = self._problem.select(np.array([number])).moved(joints[None] / self._problem.robot.display)
+        row = self._problem.select(self.row(number)).moved(joints[None] / self._problem.robot.display)
         read = row.at_predicted(row.nominal())
-        (part,) = read.tool.read_at(read.readings[0])
+        measurement = self._measurement(number)
+        part = next(
+            part
+            for part in read.tool.read_at(read.readings[0])
+            if (part.instrument.label, part.variant) == (measurement.instrument, measurement.variant)
+        )
         return part.instrument.recorded(part.reading, np.zeros(part.instrument.residual_size))

@@ -41,8 +41,8 @@ from .instrument_readings import InstrumentReadings, Reading
 from .lines import Lines
 
 HELP = (
-    "joint values as the pendant shows them, then what the instrument reads, in the next line or behind |;"
-    " or: skip [why], redo [measurement], comment TEXT, show, pause. "
+    "joint values as the pendant shows them, then what the instrument reads, in the next line or behind |"
+    " (of each that reads there, in turn); or: skip [why], redo [measurement], comment TEXT, show, pause. "
     "To a question: yes, rad (they are radians), metres (they are in metres), as N (they are posture N)"
 )
 _MOST = 200  # characters of a comment
@@ -67,6 +67,10 @@ class _Decided(Exception):
     """The posture under way is over without a measurement."""
 
 
+class _Skipped(_Decided):
+    """A measurement of the posture under way is given up."""
+
+
 @dataclass(eq=False)
 class Manual:
     """One session. `lines` says what the person or robot writes, `pendant` and `units` what its numbers
@@ -88,6 +92,12 @@ class Manual:
         self._problem = Problem.from_plan(self.plan)
         self._judge = Judge(self.plan, self.pendant)
         self._readings = InstrumentReadings(self.plan, self._problem)
+        kinds, measurements = self.plan.header.kinds, self.plan.measurements
+        # What is led to its target comes first: it moves the arm.
+        turn = sorted(range(len(measurements)), key=lambda i: not kinds[measurements[i].instrument].met)
+        self._at_posture = [
+            tuple(i for i in turn if measurements[i].posture == one.posture) for one in measurements
+        ]
         shots = self.journal.shots
         self._since = time.monotonic() - (shots[-1].time_s or 0.0 if shots else 0.0)
 
@@ -96,7 +106,7 @@ class Manual:
         state = state_of(self.plan.header, self._problem, self.journal.shots)
         while (number := self._following(state)) is not None:
             try:
-                shot = self._measured(number)
+                shots = self._measured(number)
             except _Decided:
                 state = state_of(self.plan.header, self._problem, self.journal.shots)
                 continue
@@ -104,12 +114,14 @@ class Manual:
                 missing = self._pending(state)
                 return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, {}, missing)
             obey()
-            self.journal.append(shot)
+            for shot in shots:
+                self.journal.append(shot)
             self._again = None
             state = state_of(self.plan.header, self._problem, self.journal.shots)
             assert state is not None
-            called = self.plan.called[shot.shot % len(self.plan.postures)]
-            self.listener(recorded_event(shot, called, len(self.journal.shots), state))
+            for shot in shots:
+                called = self.plan.called[shot.shot % len(self.plan.postures)]
+                self.listener(recorded_event(shot, called, len(self.journal.shots), state))
             outlier = single_outlier(state.fit, state.dof) if state.converged else None
             if outlier is not None:
                 self.listener(Suspected(outlier.shot, outlier.p_value, outlier.residual_mm))
@@ -128,32 +140,59 @@ class Manual:
             pending.append(number)
         return tuple(sorted(pending))
 
-    def _measured(self, number: int) -> Shot:
-        """The measurement that is typed for `number`, or for another that is named."""
+    def _together(self, number: int) -> tuple[int, ...]:
+        """The measurements of the posture of `number`, in the order in which they are taken; a closing one is
+        alone."""
+        return self._at_posture[number] if number < len(self._at_posture) else (number,)
+
+    def _measured(self, number: int) -> list[Shot]:
+        """What is typed for the posture of measurement `number`, or for another that is named: all that is
+        measured there."""
+        recorded = {shot.shot for shot in self.journal.shots}
+        together = self._together(number)
+        others = [other for other in together if other in recorded]
+        if others:
+            self._give_up([number], f"its posture is recorded without it: redo {others[0]} repeats both")
+            raise _Decided
+        number, joints, texts = self._posture(together[0])
+        shots = []
+        for each in self._together(number):
+            try:
+                shots.append(self._completed(each, joints, texts))
+            except _Skipped:
+                continue
+        if not shots:
+            raise _Decided
+        return shots
+
+    def _posture(self, number: int) -> tuple[int, Matrix, list[str]]:
+        """The measurement whose joints (n,) are typed, `number` or another that is named, and the readings
+        that are typed with them."""
         self._ask(number)
         held: _Held | None = None
-        parts = read = ""
+        parts = ""
+        read: list[str] = []
         while True:
             line = self.lines.following()
             if line is None:
                 raise _Paused
             text = line.strip()
-            if self._readings.reads and "|" in text:
-                text, _, read = (part.strip() for part in text.partition("|"))
+            if self._reads_any(number) and "|" in text:
+                text, *read = (part.strip() for part in text.split("|"))
             word, _, rest = text.partition(" ")
             word, rest = word.lower(), rest.strip()
             joints: Matrix | None = None
             if word in _ANSWERS and held is not None:
                 if word == "yes":
                     if self._may_overrule(held.doubt):
-                        return self._completed(number, held.joints, read)
+                        return number, held.joints, read
                     self._say(number, "refused", held.doubt.sentence)
                     continue
                 number = self._named(rest, number) if word == "as" else number
                 joints = self._degrees(held.joints) if word == "rad" else held.joints
             elif word in (*_ANSWERS, *_WORDS):
                 parts = ""
-                self._command(word, rest, number)
+                self._command(word, rest, self._together(number))
             elif text:
                 if parts and not labelled(
                     text, self.pendant.names
@@ -169,17 +208,23 @@ class Manual:
                 continue
             number, doubt = self._judged(number, joints)
             if doubt is None:
-                return self._completed(number, joints, read)
+                return number, joints, read
             held = _Held(joints, doubt) if self.lines.confirms else None
 
-    def _completed(self, number: int, joints: Matrix, text: str) -> Shot:
-        """The measurement with what the instrument reads at `joints` (n,): `text`, or what is typed then."""
-        if not self._readings.reads:
+    def _reads_any(self, number: int) -> bool:
+        return any(self._readings.reads(each) for each in self._together(number))
+
+    def _completed(self, number: int, joints: Matrix, texts: list[str]) -> Shot:
+        """The measurement with what the instrument reads at `joints` (n,): the first of `texts`, which is
+        taken off, or what is typed then."""
+        reads = self._readings.reads(number)
+        if not reads:
             return self._shot(number, joints, {})
         held: Reading | None = None
+        text = texts.pop(0) if texts else ""
         while True:
             if not text:
-                self.listener(ReadingRequested(number, self._readings.reads))
+                self.listener(ReadingRequested(number, reads, *self._names(number)))
                 line = self.lines.following()
                 if line is None:
                     raise _Paused
@@ -190,10 +235,10 @@ class Manual:
                 values = held if word == "yes" else self._readings.of_metres(held)
                 return self._shot(number, joints, values)
             if word in (*_ANSWERS, _METRES, *_WORDS):
-                self._command(word, rest.strip(), number)
+                self._command(word, rest.strip(), (number,))
                 continue
             try:
-                typed = self._readings.typed(reading)
+                typed = self._readings.typed(number, reading)
             except BadInput as error:
                 self._say(number, "unreadable", f"{error.what}: {error.found}")
                 continue
@@ -216,8 +261,8 @@ class Manual:
         except BadInput as error:
             self._say(number, "unreadable", f"{error.what}: {error.found}")
             return None
-        if typed.number is not None and typed.number in self._left():
-            number = typed.number
+        if typed.number is not None and (first := self._first(typed.number)) is not None:
+            number = first
         values = np.array(typed.values) / self.pendant.per_degree(typed.unit or self.units)
         return number, self.pendant.between_links(values)
 
@@ -245,23 +290,30 @@ class Manual:
         return doubt.kind != "limit" or self.plan.header.limits == "warn"
 
     def _left(self) -> set[int]:
-        return set(range(len(self.plan.postures))) - {shot.shot for shot in self.journal.shots}
+        """The postures of which nothing is recorded, by the measurement that comes first there."""
+        recorded = {shot.shot for shot in self.journal.shots}
+        return {some[0] for some in self._at_posture if recorded.isdisjoint(some)}
+
+    def _first(self, number: int) -> int | None:
+        """The measurement that comes first at the posture of `number`, if that posture is left."""
+        first = self._together(number)[0]
+        return first if first in self._left() else None
 
     def _named(self, text: str, number: int) -> int:
-        left = self._left()
-        if text.isdecimal() and int(text) in left:
-            return int(text)
+        first = self._first(int(text)) if text.isdecimal() else None
+        if first is not None:
+            return first
         self._say(number, "unreadable", f"no posture {text or '(its number is missing)'} is left")
         return number
 
-    def _command(self, word: str, rest: str, number: int) -> None:
+    def _command(self, word: str, rest: str, numbers: Sequence[int]) -> None:
+        """Carry out a word about the measurements that are asked for."""
+        number = numbers[0]
         if word in ("pause", "quit"):
             raise _Paused
         if word == "skip":
-            refused = RefusedPosture(number, RefusalReason.SKIPPED, rest or "by the operator")
-            self._refused[number], self._again = refused, None
-            self.listener(GivenUp(number, refused.reason, refused.found))
-            raise _Decided
+            self._give_up(numbers, rest or "by the operator")
+            raise _Skipped
         if word == "redo":
             self._redo(rest, number)
         elif word == "comment":
@@ -273,6 +325,13 @@ class Manual:
         else:
             self._say(number, "help", HELP)
 
+    def _give_up(self, numbers: Sequence[int], why: str) -> None:
+        self._again = None
+        for number in numbers:
+            refused = RefusedPosture(number, RefusalReason.SKIPPED, why)
+            self._refused[number] = refused
+            self.listener(GivenUp(number, refused.reason, refused.found))
+
     def _redo(self, text: str, number: int) -> None:
         shots = {shot.shot for shot in self.journal.shots}
         last = self.journal.shots[-1].shot if shots else None
@@ -280,13 +339,25 @@ class Manual:
         if repeated is None or repeated not in shots:
             self._say(number, "unreadable", f"there is no measurement {f'{text} ' if text else ''}to repeat")
             return
-        self.journal.withdraw(repeated)
+        for each in self._together(repeated):
+            self._refused.pop(each, None)
+            if each in shots:
+                self.journal.withdraw(each)
+                self.listener(Withdrawn(each))
         self._again = repeated
-        self.listener(Withdrawn(repeated))
         raise _Decided
+
+    def _names(self, number: int) -> tuple[str | None, str | None]:
+        """Instrument and reflector of a measurement, where the plan has several."""
+        item = self.plan.measurements[number % len(self.plan.postures)]
+        several = len(self.plan.header.labels) > 1
+        means = self.plan.means[number % len(self.plan.postures)] if self.plan.means else None
+        return item.instrument if several else None, None if means is None else means.reflector
 
     def _ask(self, number: int) -> None:
         posture = number % len(self.plan.postures)
+        instrument, reflector = self._names(number)
+        kind = self.plan.header.kinds[self.plan.measurements[posture].instrument]
         joints = self.plan.postures[posture] * self.plan.robot.display
         self.listener(
             PostureRequested(
@@ -296,12 +367,15 @@ class Manual:
                 postures=len(self.plan.postures),
                 joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),
                 pendant=tuple(self.pendant.readings(joints)),
-                reads=self._readings.reads,
-                reflector=self.plan.means[posture].reflector if self.plan.means else None,
+                reads=self._readings.reads(number),
+                reflector=reflector,
+                instrument=instrument,
+                act=kind.words.act,
+                also=self._together(number)[1:],
             )
         )
         if self.scene:
-            belief = Belief(self._problem.select(np.array([posture])), self._problem.nominal())
+            belief = Belief(self._problem.select(self._readings.row(number)), self._problem.nominal())
             self.listener(arm_sent(belief, number, self.plan.postures[posture], lit=False))
 
     def _degrees(self, joints: Matrix) -> Matrix:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from cells import good_plan
 
 import zerobeam as zb
-from zerobeam.experiments.procedure.events import Doubted, Ended, PostureRequested, RunEvent
+from zerobeam.experiments.procedure.events import (
+    Doubted,
+    Ended,
+    GivenUp,
+    PostureRequested,
+    RunEvent,
+    Withdrawn,
+)
 from zerobeam.experiments.recording import Answers, RunRequest, record
 from zerobeam.experiments.rigs.manual.lines import Lines
 from zerobeam.experiments.simulate import Truth, simulated_shots
-from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.files.shot import Shot
@@ -151,17 +158,119 @@ def test_a_run_that_is_paused_before_a_reading_asks_for_the_posture_again(tmp_pa
     assert [shot.shot for shot in read_run(tmp_path / "hand.jsonl").shots] == [0, 1]
 
 
-def test_several_instruments_are_refused(tmp_path: Path) -> None:
-    plan = zb.Plan.from_arrays(
-        robot="irb1600",
-        instruments={
-            "a": {"kind": "tracker"} | INSTRUMENTS["tracker"][0],
-            "b": {"kind": "pose"} | INSTRUMENTS["pose"][0],
-        },
-        means=[{"instrument": name} for name in "aba"],
-        postures=POSTURES,
-        noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+MIX = {
+    "robot": "irb1600",
+    "tool": zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    "instruments": {"tracker": {"kind": "tracker"} | INSTRUMENTS["tracker"][0]},
+    "target_priors": {"psd": {"guess_mm": [900, 0, 0], "sigma_mm": 20}},
+    "noise": zb.Noise(joint_deg=0.005, spot_mm=0.05),
+    "geometry": "exact",
+}
+MORE = [
+    [-40, 30, 30, 60, -35, 80],
+    [10, 50, 5, -70, 40, -100],
+    [45, 30, 35, 90, 45, 140],
+    [0, 20, 0, -30, 60, 20],
+]
+SHARED = 3  # postures at which both read, after as many of each alone
+
+
+def mixed(rows: Sequence[tuple[Sequence[float], dict[str, Any]]]) -> Plan:
+    means = [{key: value for key, value in how.items() if key != "target"} for _, how in rows]
+    targets = [how.get("target") for _, how in rows]
+    return zb.Plan.from_arrays(postures=[row for row, _ in rows], means=means, targets=targets, **MIX)
+
+
+@pytest.fixture(scope="module")
+def mix() -> tuple[Plan, Truth, list[Shot]]:
+    """A laser and a tracker: seven postures of each, and three of both, the tracker stated first; and what a
+    simulated cell records there."""
+    alone = good_plan(7 + SHARED)
+    rows = np.degrees(alone.postures).tolist()
+    by_laser: dict[str, Any] = {"instrument": "tool", "target": "psd"}
+    plan = mixed(
+        [
+            *((row, by_laser) for row in rows[:7]),
+            *((row, {"instrument": "tracker"}) for row in [*POSTURES, *MORE]),
+            *(
+                (row, how | {"posture": k})
+                for k, row in enumerate(rows[7:])
+                for how in ({"instrument": "tracker"}, by_laser)
+            ),
+        ]
     )
-    with pytest.raises(BadInput, match="one instrument"):
-        typed(tmp_path, plan, [])
-    assert not (tmp_path / "hand.jsonl").exists()
+    rng = np.random.default_rng(3)
+    truth = Truth.drawn(plan, rng)
+    return plan, truth, list(simulated_shots(truth, rng))
+
+
+def test_a_laser_and_a_tracker_are_led_through_one_plan_to_a_result(
+    tmp_path: Path, mix: tuple[Plan, Truth, list[Shot]]
+) -> None:
+    """The laser asks for the joints where it is centred, the tracker for its reading as well. Of a posture of
+    both the joints are typed once, where the laser is centred."""
+    plan, truth, shots = mix
+    assert sum(shot.instrument == "tool" for shot in shots) == 10
+    lines: list[str] = []
+    for shot in shots:
+        if shot.posture is None:
+            lines += [joints(shot), *([numbers(shot)] if shot.instrument == "tracker" else [])]
+        elif shot.instrument == "tracker":
+            lines.append(f"{joints(shot)} | {numbers(shot)}" if shot.posture else joints(shot))
+            lines += [] if shot.posture else [numbers(shot)]
+    events = typed(tmp_path, plan, lines)
+    assert doubts(events) == []
+    run = read_run(tmp_path / "hand.jsonl")
+    assert len(run.shots) == len(shots)
+    by_number = {shot.shot: shot for shot in shots}
+    for shot in run.shots:
+        other = by_number[shot.shot]
+        assert (shot.instrument, shot.posture, shot.target) == (other.instrument, other.posture, other.target)
+        assert shot.joints_deg == pytest.approx(other.joints_deg, abs=1e-6)
+        assert shot.measured_mm == other.measured_mm
+        assert shot.spot_mm is None
+    requests = [event for event in events if isinstance(event, PostureRequested)]
+    assert len(requests) == len(plan.postures) - SHARED
+    assert [len(event.also) for event in requests] == [0] * 14 + [1] * SHARED
+    for event in requests:
+        assert bool(event.reads) == (event.instrument == "tracker")
+    assert [event.instrument for event in requests[14:]] == ["tool"] * SHARED
+    answer = events[-1]
+    assert isinstance(answer, Ended)
+    assert answer.verdict == "pass"
+    values = truth.values()
+    for row in answer.parameters[1:]:
+        assert row.estimate is not None
+        assert row.std is not None
+        assert abs(row.estimate - values[row.name]) < 5 * row.std
+
+
+def test_measurements_of_one_posture_are_recorded_repeated_and_skipped_together(
+    tmp_path: Path, mix: tuple[Plan, Truth, list[Shot]]
+) -> None:
+    """Nothing is recorded before all have read, so that joints are never those of a reading taken later."""
+    whole, _, shots = mix
+    plan = mixed(
+        [
+            (
+                (whole.postures[i] * whole.robot.display).tolist(),
+                {key: value for key, value in whole.means[i]._asdict().items() if value is not None}
+                | ({"target": whole.targets[i]} if whole.targets[i] else {}),
+            )
+            for i in (14, 15, 16, 17)
+        ]
+    )
+    first, second = shots[14], shots[16]
+    begun = typed(tmp_path, plan, [f"{joints(first)} | {numbers(first)}", joints(second), "pause"])
+    assert isinstance(begun[-1], Ended)
+    assert begun[-1].missing == (2, 3)
+    lines = [joints(second), "redo 0", joints(first), numbers(first, 2), f"{joints(second)} | 1", "skip"]
+    events = typed(tmp_path, plan, lines, resume=True)
+    assert [event.shot for event in events if isinstance(event, Withdrawn)] == [1, 0]
+    assert [event.shot for event in events if isinstance(event, GivenUp)] == [2]
+    assert doubts(events) == ["unreadable"]
+    run = read_run(tmp_path / "hand.jsonl")
+    assert [(shot.shot, shot.instrument) for shot in run.shots] == [(1, "tool"), (0, "tracker"), (3, "tool")]
+    assert run.shots[1].measured_mm == pytest.approx([2 * value for value in first.readings["measured_mm"]])
+    again = typed(tmp_path, plan, ["redo 3", "skip"], resume=True)
+    assert [event.shot for event in again if isinstance(event, GivenUp)] == [2]
