@@ -1,53 +1,80 @@
-// A run by hand: where the arm is to go next, as the pendant counts it, and the field for what the pendant shows there.
+// A run by hand: where the arm is to go next, as the pendant counts it, and the fields for what pendant and instrument show there.
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
+import { ALLOWED, parsed, parsedList } from "../core/decimal.js";
 import { attempt, say } from "../core/store.js";
-import { fixed, unitSign } from "../core/words.js";
+import { capital, fixed, unitSign } from "../core/words.js";
 import { numbered } from "./events.js";
 import { answer, run } from "./running.js";
 
 const PATIENCE_MS = 2000; // until values that bring no answer count as too few
 /** @type {Record<string, string>} */
-const ANSWERS = { yes: "Record it all the same", rad: "They are radians" };
+const ANSWERS = { yes: "Record it all the same", rad: "They are radians", metres: "They are metres" };
 /** @type {Record<string, number>} */
 const DIGITS = { rad: 4, pulse: 0 };
 /** The server asks by the numbers of files. @param {string} word */
 const answerText = (word) => ANSWERS[word] ?? `It is measurement ${numbered(Number(word.slice(3)))}`;
 
-/** @param {import("./events.js").Asked} asked */
-const title = (asked) => `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: measurement ${numbered(asked.shot)}${asked.shot >= asked.postures ? ", closing" : ""}, target ${asked.target}`;
+/** @param {import("./events.js").Asked} asked @param {number} shot the one whose reading is asked for may be another */
+function title(asked, shot) {
+  const parts = [`measurement ${numbered(shot)}`, ...(shot >= asked.postures ? ["closing"] : []), ...(asked.target && asked.target !== asked.reflector ? [`target ${asked.target}`] : []), ...(asked.reflector ? [`reflector ${asked.reflector}`] : [])];
+  return `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: ${(shot === asked.shot ? parts : parts.slice(0, 1)).join(", ")}`;
+}
 
-/** @param {{asked: import("./events.js").Asked, doubt: import("./events.js").Doubt | null}} props */
-export function Hand({ asked, doubt }) {
-  const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null)), text = useSignal(""), short = useSignal(false);
+/** The numbers of a reading; null where it is not so many, or could be misread. @param {import("./events.js").Entered} read @param {string} text */
+function numbersOf(read, text) {
+  const numbers = read.numbers === 1 ? [parsed(text)] : parsedList(text);
+  return numbers?.length === read.numbers && !numbers.includes(null) ? numbers : null;
+}
+
+/** @param {{asked: import("./events.js").Asked, reading: number | null, doubt: import("./events.js").Doubt | null}} props `reading`: the measurement whose joints are taken */
+export function Hand({ asked, reading, doubt }) {
+  const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null)), first = useRef(/** @type {HTMLInputElement | null} */ (null));
+  const text = useSignal(""), texts = useSignal(/** @type {Record<string, string>} */ ({})), problem = useSignal("");
+  const heading = title(asked, reading ?? asked.shot), focus = () => (reading === null ? field : first).current?.focus();
   useEffect(() => {
-    text.value = "";
-    field.current?.focus();
-    say(title(asked));
+    text.value = problem.value = "";
+    texts.value = {};
+    focus();
   }, [asked]);
-  useEffect(() => { short.value = false; if (doubt) field.current?.focus(); }, [doubt]);
+  useEffect(() => { say(heading); }, [asked, heading]);
+  useEffect(() => { problem.value = ""; if (doubt || reading !== null) focus(); }, [doubt, reading]);
   const send = (/** @type {string} */ line) => {
     if (!line.trim()) return;
     attempt(() => answer(line));
     const before = run.value;
     setTimeout(() => {
       const now = run.value;
-      short.value = text.value !== "" && now.asked === before.asked && now.doubt === before.doubt && now.recorded.length === before.recorded.length;
+      if (text.value && now.asked === before.asked && now.doubt === before.doubt && now.reading === before.reading && now.recorded.length === before.recorded.length) problem.value = "The values of some joints are still missing: paste the others, too.";
     }, PATIENCE_MS);
   };
-  const problem = doubt ? (doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`) : short.value ? "The values of some joints are still missing: paste the others, too." : "";
+  const record = () => {
+    const typed = asked.reads.filter((read) => texts.value[read.key]?.trim());
+    const wrong = (reading !== null || typed.length ? asked.reads : []).find((read) => numbersOf(read, texts.value[read.key] ?? "") === null);
+    problem.value = wrong ? `${capital(wrong.words)}: ${wrong.numbers === 1 ? `allowed is ${ALLOWED}` : `allowed are ${wrong.numbers} numbers such as 1234.5 or 1234,5, with spaces between them`}.` : "";
+    if (wrong) return;
+    const numbers = typed.flatMap((read) => numbersOf(read, texts.value[read.key])).join(" ");
+    send(reading !== null ? numbers : text.value.trim() && numbers ? `${text.value.trim()} | ${numbers}` : text.value);
+  };
+  const enter = (/** @type {KeyboardEvent} */ event) => { if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); record(); } };
+  const words = problem.value || (doubt === null ? "" : doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`);
   return html`
-    <form class="hand" aria-label="The next posture" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); send(text.value); }}>
-      <h2 class="asked-title">${title(asked)}</h2>
-      <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
-        ${asked.pendant.map((joint) => html`<li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}<small>${unitSign(joint.unit)}</small></li>`)}
-      </ul>
-      <label class="label" for="hand-line">Move the arm there, bring beam or probe onto the target, and paste the joint values that the pendant shows.</label>
-      <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off" spellcheck=${false} aria-invalid=${Boolean(problem)} aria-describedby="hand-doubt"
-        onInput=${(/** @type {any} */ event) => { text.value = event.target.value; short.value = false; }}
-        onKeyDown=${(/** @type {KeyboardEvent} */ event) => { if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); send(text.value); } }}></textarea>
-      <div id="hand-doubt" role="alert">${problem && html`<p class="error">${problem}</p>`}
+    <form class="hand" aria-label="The next posture" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); record(); }}>
+      <h2 class="asked-title">${heading}</h2>
+      ${reading === null ? html`
+        <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
+          ${asked.pendant.map((joint) => html`<li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}<small>${unitSign(joint.unit)}</small></li>`)}
+        </ul>
+        <label class="label" for="hand-line">Move the arm there${asked.reads.length ? "" : ", bring beam or probe onto the target"}, and paste the joint values that the pendant shows.</label>
+        <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off" spellcheck=${false} aria-invalid=${Boolean(words)} aria-describedby="hand-doubt"
+          onInput=${(/** @type {any} */ event) => { text.value = event.target.value; problem.value = ""; }} onKeyDown=${enter}></textarea>`
+      : html`<p>The joint values are taken. Enter what the instrument reads there.</p>`}
+      ${asked.reads.map((read, i) => html`
+        <label class="text" key=${read.key}><span class="label">${capital(read.words)}</span>
+          <input type="text" ref=${i === 0 ? first : null} inputmode=${read.numbers === 1 ? "decimal" : "text"} value=${texts.value[read.key] ?? ""} autocomplete="off" spellcheck=${false} aria-describedby="hand-doubt"
+            onInput=${(/** @type {any} */ event) => { texts.value = { ...texts.value, [read.key]: event.target.value }; problem.value = ""; }} onKeyDown=${enter} /></label>`)}
+      <div id="hand-doubt" role="alert">${words && html`<p class="error">${words}</p>`}
         ${doubt !== null && doubt.answers.length > 0 && html`<div class="bar">${doubt.answers.map((word) => html`<button type="button" key=${word} onClick=${() => send(word)}>${answerText(word)}</button>`)}</div>`}
       </div>
       <p class="bar">

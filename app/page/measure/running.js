@@ -80,7 +80,7 @@ async function ended(followed, last) {
     if (!newest.end && file && newest.file) {
       try {
         const found = await ofRun(file);
-        newest = { ...newest, recorded: found.recorded, std: found.std, course: found.course };
+        newest = { ...newest, recorded: found.recorded, course: found.course, tolerances: found.tolerance, residuals: found.residuals };
       } catch (error) {
         if (!(error instanceof Refused)) throw error; // then the events have to do
       }
@@ -98,8 +98,10 @@ async function ended(followed, last) {
 export async function fetchEarlier() {
   const of = job.value, file = followedFile.value;
   try {
-    const { course } = await ofRun(file);
-    if (job.value === of) earlier.value = course;
+    const found = await ofRun(file);
+    if (job.value !== of) return;
+    earlier.value = found.course;
+    if (!newest.course.length) run.value = newest = { ...newest, tolerances: found.tolerance, residuals: found.residuals };
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // then the curve begins with the next measurement
   }
@@ -118,9 +120,11 @@ export async function stop() {
   }
 }
 
-/** @param {string} text */
+/** A line for the run; what was doubted is answered by it. @param {string} text */
 export async function answer(text) {
-  if (underWay.value) await job.value?.say(text);
+  if (!underWay.value) return;
+  run.value = newest = { ...newest, doubt: null };
+  await job.value?.say(text);
 }
 
 let listing = 0;
