@@ -64,7 +64,7 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
     ):
         wait(tab, "document.querySelector('form.start button.main:not(:disabled)')")
         tab.on(lambda page: page.get_by_label("By hand", exact=True).tap())
-        tab.on(lambda page: page.get_by_label("Joint 3 counted from").select_option("ground"))
+        tab.on(lambda page: page.get_by_label("Joint 3 is counted from").select_option("ground"))
         fill(tab, "Run file", "cell/hand.jsonl")
         press(tab, "Start")
         wait(tab, f"document.querySelector('.hand') && {ASKED}.includes('measurement 1')")

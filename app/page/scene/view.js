@@ -16,7 +16,7 @@ import { minus, plus, times } from "./vectors.js";
 /** @typedef {import("./labels.js").Label} Label */
 /** @typedef {{frames: Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam">[], period_s: number}} Motion there and back in a period */
 
-export const MOST_PALE = 150; // postures that are drawn beside the chosen one
+const MOST_PALE = 150; // postures that are drawn beside the chosen one
 const FIELD = 28; // degrees, upright
 const FIRST = { azimuth: -62, elevation: 20 };
 const SLOW_MS = 40; // a frame that takes longer is drawn coarser while the view moves
