@@ -362,6 +362,14 @@ class Solution:
         }
 
     @property
+    def normalised_residuals(self) -> dict[int, float]:
+        """Length of the normalised residual of each measurement, by its number; empty without an answer."""
+        if not self.converged:
+            return {}
+        lengths = self.fit.normalised_lengths.tolist()
+        return dict(zip(self.problem.shot_numbers, lengths, strict=True))
+
+    @property
     def worst(self) -> float | None:
         """The largest std of an offset; None while one has none, and without offsets."""
         stds = [std for std in self.offset_std.values() if std is not None]

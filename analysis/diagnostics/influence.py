@@ -86,10 +86,8 @@ class Influence(NamedTuple):
 def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     """By N fits, each without one measurement, or by a step instead. Where one of them fails its measurement
     has nan."""
-    count, d = problem.shots, problem.tool.residual_size
-    root = np.sqrt(fit.weight)
+    count, root = problem.shots, np.sqrt(fit.weight)
     open_part, decides = leverages(problem.roots(fit.whitened) * root, fit.covariance)
-    residual = fit.whitened.residual[: count * d].reshape(count, d) * root
     density, refitted = Density(problem), np.arange(count)
     x, unknown = np.tile(fit.x, (count, 1)), decides.copy()
     if count > _REFITTED:
@@ -106,7 +104,7 @@ def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     cooks = (move * np.linalg.solve(fit.covariance, move.T).T).sum(axis=1) / move.shape[1]
     left_out, _ = problem.linearise(x)
     return Influence(
-        np.linalg.norm(residual, axis=1) / np.sqrt(problem.weights),
+        fit.normalised_lengths,
         np.where(unknown, np.nan, problem.length_mm(left_out)),
         np.where(unknown, np.nan, cooks),
     )

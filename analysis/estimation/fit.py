@@ -172,6 +172,13 @@ class LikelihoodFit:
         return self.problem.whiten(self.x)
 
     @property
+    def normalised_lengths(self) -> Matrix:
+        """(N,) length of the normalised residual of each measurement."""
+        count, d = self.problem.shots, self.problem.tool.residual_size
+        residual = self.whitened.residual[: count * d].reshape(count, d) * np.sqrt(self.weight)
+        return np.asarray(np.linalg.norm(residual, axis=1) / np.sqrt(self.problem.weights))
+
+    @property
     def std(self) -> Matrix:
         """(f,) of the free parameters, scaled by their priors."""
         return np.sqrt(np.diag(self.covariance))

@@ -132,8 +132,9 @@ class GivenUp(RunEvent):
 class MeasurementRecorded(RunEvent):
     """A measurement is on the disk, `recorded` with it; `std` by offset (deg; mm), None where unidentifiable.
 
-    `expanded` is k times that, `tolerance` up to which std an offset counts as identified. `seconds` is what
-    it took; None for a probe, which is led by hand.
+    `expanded` is k times that, `tolerance` up to which std an offset counts as identified. `residuals` are
+    the normalised ones of the interim fit by number of the measurement, empty where it has not converged.
+    `seconds` is what it took; None for a probe, which is led by hand.
     """
 
     event: ClassVar[str] = "recorded"
@@ -149,6 +150,7 @@ class MeasurementRecorded(RunEvent):
     seconds: float | None = None
     expanded: Mapping[str, float | None] = field(default_factory=dict)
     tolerance: Mapping[str, float] = field(default_factory=dict)
+    residuals: Mapping[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

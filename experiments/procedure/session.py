@@ -368,6 +368,7 @@ def recorded_event(
         seconds=seconds,
         expanded={} if state is None else state.offset_expanded,
         tolerance={} if state is None else state.offset_tolerance,
+        residuals={} if state is None else state.normalised_residuals,
     )
 
 

@@ -45,8 +45,9 @@ def test_a_folder_is_made_once(client: TestClient, root: Path) -> None:
     assert (root / "arm 7").is_dir()
 
 
-@pytest.mark.parametrize("name", ["sub", "a/b", "../b", ".hidden", "", "run.jsonl"])
+@pytest.mark.parametrize("name", ["sub", "a/b", "../b", ".hidden", "", "run.jsonl", "dangling"])
 def test_what_is_no_new_folder_is_refused_with_its_key(client: TestClient, root: Path, name: str) -> None:
+    (root / "dangling").symlink_to(root / "nowhere")
     before = sorted(root.parent.rglob("*"))
     answer = client.post("/api/folders", json={"name": name})
     assert answer.status_code == 400

@@ -110,6 +110,10 @@ def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> Non
         assert tab.value("location.hash") == "#/job/cell/measure/cell/two-run.jsonl"
         assert tab.value("document.querySelector('[data-of=delta2] .u').textContent") == "not determined yet"
         assert tab.value("document.querySelectorAll('.watch circle').length") > 1
+        shown = tab.value("document.querySelector('.residuals svg').getAttribute('aria-label')")
+        assert re.fullmatch(r"Normalised residuals: (measurement [12]: \d\.\d\d(, |\.$)){2}", shown)
+        wait(tab, "document.querySelector('.u-legend')?.textContent.includes('tolerance0.1°')")
+        assert "J2 (δ2)not determined" in tab.value("document.querySelector('.u-legend').textContent")
         assert tab.value("document.querySelector('.run-lines').textContent").startswith(
             "2 "
         )  # as the sheet counts

@@ -7,7 +7,7 @@ import { arm, chosen, file, jointsOf, plan } from "../core/editing.js";
 import { failed } from "../core/store.js";
 import { fixed, withUnit } from "../core/words.js";
 import { robotFrom } from "../plan/picture.js";
-import { Choice } from "../parts/Choice.js";
+import { Joint3 } from "../parts/Joint3.js";
 import { Joints } from "../parts/Joints.js";
 
 const cells = (/** @type {number} */ digits, /** @type {string} */ unit, /** @type {number[]} */ of) => of.map((v) => withUnit(fixed(v, digits), unit)).join(", ");
@@ -39,7 +39,7 @@ export function Pendant() {
   const pose = found.value.poses[0], joints = found.value.joints, given = values.value;
   return html`
     <p class="muted">The flange in the base frame, without a tool. Compare it with the pendant at the same joint values.</p>
-    <${Choice} label="Joint 3 is counted from" value=${j3.value} groups=${[["", [["pendant", "as the robot file states"], ["link", "link 2"], ["ground", "the ground"]]]]} onValue=${(/** @type {string} */ value) => { values.value = null; j3.value = value; }} />
+    <${Joint3} value=${j3.value} usual="pendant" onValue=${(/** @type {string} */ value) => { values.value = null; j3.value = value; }} />
     <${Joints} joints=${joints} values=${given} names=${arm.value.pendant.names} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { values.value = given.map((one, i) => (i === joint - 1 ? value : one)); }} />
     <p><button type="button" onClick=${() => { values.value = given.map(() => 0); }}>All to zero</button></p>
     ${pose.outside.length > 0 && html`<p class="notes">Beyond the limits: ${pose.outside.map((/** @type {number} */ j) => `J${j}`).join(", ")}</p>`}

@@ -4,7 +4,7 @@ import { change, plan, wrong } from "../core/editing.js";
 /** @typedef {(string | number)[]} Key */
 
 /** @param {any} content @param {Key} key */
-export const valueAt = (content, key) => key.reduce((value, part) => (value === undefined || value === null ? undefined : value[part]), content);
+const valueAt = (content, key) => key.reduce((value, part) => (value === undefined || value === null ? undefined : value[part]), content);
 
 /** The value of the plan that is open. @param {Key} key */
 export const stated = (key) => valueAt(plan.value, key);

@@ -18,7 +18,7 @@ import { TextField } from "../parts/TextField.js";
  */
 
 /** The built-in arms by maker, then robot files of the folder. @returns {[string, [string, string][]][]} */
-export function robotGroups() {
+function robotGroups() {
   const makers = [...new Set(robots.value.map((one) => one.vendor ?? "other"))].sort();
   /** @type {[string, [string, string][]][]} */
   const groups = makers.map((maker) => [maker, robots.value.filter((one) => (one.vendor ?? "other") === maker).map((one) => [one.name, one.model ?? one.name])]);

@@ -141,7 +141,7 @@ function TextOrGroup({ form, schema, kinds, path, value, onValue, required }) {
 }
 
 /** What is stated at a key. @param {PartProps} props */
-export function Part(props) {
+function Part(props) {
   const { form, schema, path, value, onValue, required = false, named } = props, { root } = form;
   const { kind, schema: own, kinds } = shapeOf(root, schema);
   const given = { ...props, schema: own, kinds };

@@ -2,6 +2,7 @@
 import { html } from "htm/preact";
 import { fixed, withUnit } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
+import { Joint3 } from "../parts/Joint3.js";
 import { answer, layout, layOut, map, mapColumn, mapped, reverse, wrong } from "./mapping.js";
 import { recordings } from "./sources.js";
 
@@ -94,7 +95,7 @@ export function Mapper() {
       <div class="fields">
         ${found.joints.some((joint) => joint.unit === "deg") && html`<${Choice} label="Unit of the angles" value=${now.units} none="choose" groups=${[["", [["deg", "degrees"], ["rad", "radians"]]]]} onValue=${pick("units")} />`}
         ${found.joints.some((joint) => joint.unit === "mm") && html`<${Choice} label="Unit of prismatic joints" value=${now.lengths} none="choose" groups=${[["", [["mm", "millimetres"], ["m", "metres"]]]]} onValue=${pick("lengths")} />`}
-        <${Choice} label="Joint 3 is counted from" value=${now.j3} none="as the robot file states" groups=${[["", [["link", "link 2"], ["ground", "the ground"]]]]} onValue=${pick("j3")} />
+        <${Joint3} value=${now.j3} onValue=${pick("j3")} />
       </div>
       <div class="scroll" tabindex="0" role="region" aria-label="Columns as joints">
         <table class="mapper"><caption>${found.whole ? `All ${found.rows} rows` : `The first ${found.rows} rows; the rest is checked at the import`}, robot ${found.robot}.</caption>

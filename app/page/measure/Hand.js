@@ -1,10 +1,10 @@
-// A run by hand: where the arm is to go next, as the pendant counts it, and the field for what the pendant shows there.
+// A run by hand: where the arm is to go next, as the pendant counts it, and the fields for what pendant and instrument show there.
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
+import { ALLOWED, parsed, parsedList } from "../core/decimal.js";
 import { attempt, say } from "../core/store.js";
-import { fixed, unitSign } from "../core/words.js";
-import { numbered } from "./events.js";
+import { capital, fixed, unitSign } from "../core/words.js";
 import { answer, run } from "./running.js";
 
 const PATIENCE_MS = 2000; // until values that bring no answer count as too few
@@ -13,52 +13,69 @@ const ANSWERS = { yes: "Record it all the same", rad: "They are radians", metres
 /** @type {Record<string, number>} */
 const DIGITS = { rad: 4, pulse: 0 };
 /** The server asks by the numbers of files. @param {string} word */
-const answerText = (word) => ANSWERS[word] ?? `It is measurement ${numbered(Number(word.slice(3)))}`;
+const answerText = (word) => ANSWERS[word] ?? `It is measurement ${word.slice(3)}`;
 
-/** @param {import("./events.js").Asked} asked */
-const title = (asked) => `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: measurement ${numbered(asked.shot)}${asked.shot >= asked.postures ? ", closing" : ""}, ${asked.reads.length ? "" : "target "}${asked.target}${of(asked)}`;
+/** @param {import("./events.js").Asked} asked @param {import("./events.js").ReadingAsked | null} reading that of another measurement at the posture, perhaps */
+function title(asked, reading) {
+  const { shot, instrument, reflector } = reading ?? asked;
+  const target = shot === asked.shot && asked.target && asked.target !== reflector;
+  const parts = [`measurement ${shot}`, ...(shot >= asked.postures ? ["closing"] : []), ...(target ? [`target ${asked.target}`] : []), ...(instrument ? [`instrument ${instrument}`] : []), ...(reflector ? [`reflector ${reflector}`] : [])];
+  return `Posture ${asked.done + 1} of ${Math.max(asked.postures, asked.done + 1)}: ${parts.join(", ")}`;
+}
 
-/** Instrument and reflector, where there are several. @param {{instrument: string | null, reflector: string | null}} part */
-const of = ({ instrument, reflector }) => [instrument && `, instrument ${instrument}`, reflector && `, reflector ${reflector}`].filter(Boolean).join("");
+/** The numbers of a reading; null where it is not so many, or could be misread. @param {import("./events.js").Entered} read @param {string} text */
+function numbersOf(read, text) {
+  const numbers = read.numbers === 1 ? [parsed(text)] : parsedList(text);
+  return numbers?.length === read.numbers && !numbers.includes(null) ? numbers : null;
+}
 
-/** @param {import("./events.js").Entered[]} reads */
-const readings = (reads) => reads.map(({ words }) => `the ${words}`).join(" and ");
-
-/** What is typed next. @param {import("./events.js").Asked} asked @param {import("./events.js").ReadingAsked | null} reading */
-const wanted = (asked, reading) => reading
-  ? `Leave the arm where it is, and type ${readings(reading.reads)}${of(reading)}.`
-  : `Move the arm there, ${asked.act}, and paste the joint values that the pendant shows.${asked.reads.length + asked.also.length ? " What the instrument reads is asked for next." : ""}`;
-
-/** @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null, doubt: import("./events.js").Doubt | null}} props */
+/** @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null, doubt: import("./events.js").Doubt | null}} props `reading`: what is read, once the joints are taken */
 export function Hand({ asked, reading, doubt }) {
-  const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null)), text = useSignal(""), short = useSignal(false);
+  const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null)), first = useRef(/** @type {HTMLInputElement | null} */ (null));
+  const text = useSignal(""), texts = useSignal(/** @type {Record<string, string>} */ ({})), problem = useSignal("");
+  const heading = title(asked, reading), reads = (reading ?? asked).reads, focus = () => (reading === null ? field : first).current?.focus();
   useEffect(() => {
-    text.value = "";
-    field.current?.focus();
-    say(reading ? wanted(asked, reading) : title(asked));
-  }, [asked, reading]);
-  useEffect(() => { short.value = false; if (doubt) field.current?.focus(); }, [doubt]);
+    text.value = problem.value = "";
+    texts.value = {};
+    focus();
+  }, [asked, reading?.shot]);
+  useEffect(() => { say(heading); }, [asked, heading]);
+  useEffect(() => { problem.value = ""; if (doubt || reading !== null) focus(); }, [doubt, reading]);
   const send = (/** @type {string} */ line) => {
     if (!line.trim()) return;
     attempt(() => answer(line));
     const before = run.value;
     setTimeout(() => {
       const now = run.value;
-      short.value = text.value !== "" && now.asked === before.asked && now.reading === before.reading && now.doubt === before.doubt && now.recorded.length === before.recorded.length;
+      if (text.value && now.asked === before.asked && now.doubt === before.doubt && now.reading === before.reading && now.recorded.length === before.recorded.length) problem.value = "The values of some joints are still missing: paste the others, too.";
     }, PATIENCE_MS);
   };
-  const problem = doubt ? (doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`) : short.value ? reading ? "No such reading was taken." : "The values of some joints are still missing: paste the others, too." : "";
+  const record = () => {
+    const typed = reads.filter((read) => texts.value[read.key]?.trim());
+    const wrong = (reading !== null || typed.length ? reads : []).find((read) => numbersOf(read, texts.value[read.key] ?? "") === null);
+    problem.value = wrong ? `${capital(wrong.words)}: ${wrong.numbers === 1 ? `allowed is ${ALLOWED}` : `allowed are ${wrong.numbers} numbers such as 1234.5 or 1234,5, with spaces between them`}.` : "";
+    if (wrong) return;
+    const numbers = typed.flatMap((read) => numbersOf(read, texts.value[read.key])).join(" ");
+    send(reading !== null ? numbers : text.value.trim() && numbers ? `${text.value.trim()} | ${numbers}` : text.value);
+  };
+  const enter = (/** @type {KeyboardEvent} */ event) => { if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); record(); } };
+  const words = problem.value || (doubt === null ? "" : doubt.kind === "help" ? doubt.found : `Not recorded: ${doubt.found}.`);
   return html`
-    <form class="hand" aria-label="The next posture" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); send(text.value); }}>
-      <h2 class="asked-title">${title(asked)}</h2>
-      <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
-        ${asked.pendant.map((joint) => html`<li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}<small>${unitSign(joint.unit)}</small></li>`)}
-      </ul>
-      <label class="label" for="hand-line">${wanted(asked, reading)}</label>
-      <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off" spellcheck=${false} aria-invalid=${Boolean(problem)} aria-describedby="hand-doubt"
-        onInput=${(/** @type {any} */ event) => { text.value = event.target.value; short.value = false; }}
-        onKeyDown=${(/** @type {KeyboardEvent} */ event) => { if (event.key === "Enter" && !event.shiftKey) { event.preventDefault(); send(text.value); } }}></textarea>
-      <div id="hand-doubt" role="alert">${problem && html`<p class="error">${problem}</p>`}
+    <form class="hand" aria-label="The next posture" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); record(); }}>
+      <h2 class="asked-title">${heading}</h2>
+      ${reading === null ? html`
+        <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
+          ${asked.pendant.map((joint) => html`<li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}<small>${unitSign(joint.unit)}</small></li>`)}
+        </ul>
+        <label class="label" for="hand-line">Move the arm there, ${asked.act}, and paste the joint values that the pendant shows.</label>
+        <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off" spellcheck=${false} aria-invalid=${Boolean(words)} aria-describedby="hand-doubt"
+          onInput=${(/** @type {any} */ event) => { text.value = event.target.value; problem.value = ""; }} onKeyDown=${enter}></textarea>`
+      : html`<p>The joint values are taken. Enter what the instrument reads there.</p>`}
+      ${reads.map((read, i) => html`
+        <label class="text" key=${read.key}><span class="label">${capital(read.words)}</span>
+          <input type="text" ref=${i === 0 ? first : null} inputmode=${read.numbers === 1 ? "decimal" : "text"} value=${texts.value[read.key] ?? ""} autocomplete="off" spellcheck=${false} aria-describedby="hand-doubt"
+            onInput=${(/** @type {any} */ event) => { texts.value = { ...texts.value, [read.key]: event.target.value }; problem.value = ""; }} onKeyDown=${enter} /></label>`)}
+      <div id="hand-doubt" role="alert">${words && html`<p class="error">${words}</p>`}
         ${doubt !== null && doubt.answers.length > 0 && html`<div class="bar">${doubt.answers.map((word) => html`<button type="button" key=${word} onClick=${() => send(word)}>${answerText(word)}</button>`)}</div>`}
       </div>
       <p class="bar">

@@ -6,16 +6,15 @@ import { get } from "../core/api.js";
 import { over } from "../core/jobs.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration, failed } from "../core/store.js";
-import { named, spread } from "../core/words.js";
+import { named, spread, withUnit } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
 import { Message } from "../parts/Message.js";
 import { Workspace } from "../parts/Workspace.js";
 import { Scene } from "../scene/Scene.js";
 import { Confirm } from "./Confirm.js";
 import { Course } from "./Course.js";
-import { numbered } from "./events.js";
 import { Hand } from "./Hand.js";
-import { CameraPicture, Face, Trace } from "./Pictures.js";
+import { CameraPicture, Face, Residuals, Trace } from "./Pictures.js";
 import { picture, planned, preparePlan, units } from "./picture.js";
 import { command, earlier, fetchEarlier, followedFile, listUnfinished, missing, now, progress, remarks, run, settled, state, underWay } from "./running.js";
 import { Start } from "./Start.js";
@@ -46,21 +45,28 @@ function Record() {
     ${found.headline && html`<p>${named(found.headline)}</p>`}<ul class="notes">${found.notes.map((/** @type {string} */ note) => html`<li>${named(note)}</li>`)}</ul></section>`;
 }
 
-/** @param {{std: Record<string, number | null> | null, tolerance: number | null}} props */
-function Known({ std, tolerance }) {
-  if (!std) return html`<p class="muted">No measurement yet.</p>`;
+/** @param {{point: import("./events.js").CoursePoint | null, tolerances: Record<string, number>}} props */
+function Known({ point, tolerances }) {
+  if (!point) return html`<p class="muted">No measurement yet.</p>`;
+  const row = (/** @type {string} */ name, /** @type {number | null} */ std) => {
+    const unit = units.value[name] ?? "deg", tolerance = tolerances[name], expanded = point.expanded[name];
+    return html`<tr key=${name} data-of=${name}><th scope="row">${named(name)}</th>
+      <td class="right u">${std === null ? "not determined yet" : spread(std, unit)}</td><td class="right">${expanded === null ? "" : spread(expanded, unit)}</td>
+      <td>${std === null || tolerance === undefined ? "" : std <= tolerance ? "reached" : `above ${withUnit(`${Number(tolerance.toPrecision(6))}`, unit)}`}</td></tr>`;
+  };
   return html`
-    <table class="known"><thead><tr><th scope="col">offset</th><th scope="col" class="right">u</th>${tolerance !== null && html`<th scope="col">tolerance</th>`}</tr></thead>
-      <tbody>${Object.entries(std).map(([name, value]) => html`<tr key=${name} data-of=${name}><th scope="row">${named(name)}</th><td class="right u">${value === null ? "not determined yet" : spread(value, units.value[name] ?? "deg")}</td>
-        ${tolerance !== null && html`<td>${value === null ? "" : value <= tolerance ? "reached" : `above ${spread(tolerance, units.value[name] ?? "deg")}`}</td>`}</tr>`)}</tbody></table>`;
+    <table class="known"><thead><tr><th scope="col">offset</th><th scope="col" class="right">u</th><th scope="col" class="right">U (95 %)</th><th scope="col">tolerance of u</th></tr></thead>
+      <tbody>${Object.entries(point.std).map(([name, std]) => row(name, std))}</tbody></table>`;
 }
 
-/** The course of u, and what has happened, the newest first. @param {{rows: import("./events.js").CoursePoint[], tolerance: number | null, lines: import("./events.js").Line[]}} props */
-function Drawer({ rows, tolerance, lines }) {
+/** The course of u, the residuals, and what has happened, the newest first.
+ * @param {{rows: import("./events.js").CoursePoint[], tolerances: Record<string, number>, residuals: import("./events.js").Residuals, suspect: number | null, lines: import("./events.js").Line[]}} props */
+function Drawer({ rows, tolerances, residuals, suspect, lines }) {
   return html`
     <div class="run-drawer">
-      ${rows.length > 0 ? html`<${Course} rows=${rows} tolerance=${tolerance} unit=${Object.values(units.value).every((unit) => unit === "deg") ? "°" : "° or mm"} />` : html`<p class="muted centred">u of each offset will be drawn here from the first measurement on.</p>`}
-      <ol class="run-lines" tabindex="0" aria-label="Measurements so far, the newest first">${[...lines].reverse().map((line, i) => html`<li key=${lines.length - i} class=${line.bad ? "bad" : ""}><b>${numbered(line.shot)}</b> ${line.text}</li>`)}</ol>
+      ${rows.length > 0 ? html`<${Course} rows=${rows} tolerances=${tolerances} units=${units.value} />` : html`<p class="muted centred">u of each offset will be drawn here from the first measurement on.</p>`}
+      <figure class="residuals"><figcaption>Normalised residual by measurement</figcaption><${Residuals} residuals=${residuals} suspect=${suspect} /></figure>
+      <ol class="run-lines" tabindex="0" aria-label="Measurements so far, the newest first">${[...lines].reverse().map((line, i) => html`<li key=${lines.length - i} class=${line.bad ? "bad" : ""}><b>${line.shot}</b> ${line.text}</li>`)}</ol>
     </div>`;
 }
 
@@ -96,7 +102,10 @@ export function Measure() {
   const confirming = following && seen.confirm !== null && at.asks === "confirm";
   const byHand = following && seen.asked !== null && at.asks === "lines" && at.state === "running" && !seen.end;
   const rows = following ? [...earlier.value.filter((row) => !seen.course.length || row.recorded < seen.course[0].recorded), ...seen.course] : record.value?.course ?? [];
-  const std = rows.at(-1)?.std ?? null, tolerance = following ? seen.tolerance : null;
+  const kept = following ? seen : record.value, enough = following ? seen.tolerance : null, point = rows.at(-1) ?? null;
+  const offsets = point ? Object.keys(point.std) : [];
+  // An adaptive run ends at a u of its own, whatever counts as identified.
+  const tolerances = enough === null ? (following ? seen.tolerances : kept?.tolerance) ?? {} : Object.fromEntries(offsets.map((offset) => [offset, enough]));
   const shown = picture.value;
   const scene = shown && planned.value?.of === plan
     ? html`<${Scene} scene=${shown.scene} chosen=${following ? shown.chosen : null} caption=${shown.chosen !== null ? `The arm as it was sent${seen.arm?.lit ? ", with the beam as it is believed to be" : ""}. The plan’s postures are pale.` : "The plan’s postures, as the servo will leave them."} />`
@@ -111,7 +120,7 @@ export function Measure() {
       <figure><figcaption>Spot on the PSD</figcaption><${Face} trace=${seen.trace} kept=${seen.kept} size=${seen.size} /></figure>
       ${seen.camera && html`<figure class="camera"><figcaption>Camera</figcaption><${CameraPicture} seen=${seen.camera} /></figure>`}
     </div>`}
-    ${(following || rows.length > 0) && html`<h2>Standard uncertainty of each offset</h2><${Known} std=${std} tolerance=${tolerance} />`}
+    ${(following || rows.length > 0) && html`<h2>Standard uncertainty of each offset</h2><${Known} point=${point} tolerances=${tolerances} />`}
     ${following && html`<${Fold} title="Log"><pre class="log" tabindex="0" aria-label="Log">${at.log.join("\n")}</pre><//>`}`;
-  return html`<${Workspace} name="The run" message=${following ? html`<${Now} />` : html`<${Record} />`} scene=${scene} inspector=${html`<div class=${byHand ? "by-hand" : ""}>${inspector}</div>`} drawer=${following || rows.length ? html`<${Drawer} rows=${rows} tolerance=${tolerance} lines=${following ? seen.lines : []} />` : null} />`;
+  return html`<${Workspace} name="The run" message=${following ? html`<${Now} />` : html`<${Record} />`} scene=${scene} inspector=${html`<div class=${byHand ? "by-hand" : ""}>${inspector}</div>`} drawer=${following || rows.length ? html`<${Drawer} rows=${rows} tolerances=${tolerances} residuals=${kept?.residuals ?? {}} suspect=${following ? seen.suspect?.shot ?? null : null} lines=${following ? seen.lines : []} />` : null} />`;
 }

@@ -1,4 +1,4 @@
-// The servo's trace, the spot on the PSD, the camera's picture. Their numbers are in texts, too.
+// The servo's trace, the spot on the PSD, the camera's picture, the residuals. Their numbers are in texts, too.
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { fixed } from "../core/words.js";
@@ -53,4 +53,20 @@ export function CameraPicture({ seen }) {
     pen.putImageData(pixels, 0, 0);
   }, [seen]);
   return html`<canvas ref=${canvas} width=${seen.width} height=${seen.height} role="img" aria-label="What the camera saw last"></canvas>`;
+}
+
+const WIDE = 240, TALL = 160, MOST_NUMBERS = 12;
+
+/** The normalised residual of each measurement at the fit to those so far. @param {{residuals: import("./events.js").Residuals, suspect: number | null}} props */
+export function Residuals({ residuals, suspect }) {
+  const bars = Object.entries(residuals).map(([shot, size]) => ({ shot: Number(shot), size }));
+  if (!bars.length) return html`<p class="muted">None yet: there is no fit of the measurements so far.</p>`;
+  const left = 26, top = 12, right = WIDE - 6, bottom = TALL - 20, most = Math.max(2, Math.ceil(Math.max(...bars.map(({ size }) => size))));
+  const step = (right - left) / bars.length, every = Math.ceil(bars.length / MOST_NUMBERS), y = (/** @type {number} */ v) => bottom - (v / most) * (bottom - top);
+  return html`
+    <svg viewBox="0 0 ${WIDE} ${TALL}" role="img" aria-label=${`Normalised residuals: ${bars.map(({ shot, size }) => `measurement ${shot}: ${fixed(size, 2)}`).join(", ")}.`}>
+      ${[0, most / 2, most].map((v) => html`<line class="grid" x1=${left} x2=${right} y1=${y(v)} y2=${y(v)} /><text x=${left - 5} y=${y(v) + 4} text-anchor="end">${Number(v.toFixed(1))}</text>`)}
+      ${bars.map(({ shot, size }, i) => html`<rect key=${shot} class=${shot === suspect ? "size suspect" : "size"} data-shot=${shot} x=${left + (i + 0.15) * step} width=${0.7 * step} y=${y(size)} height=${bottom - y(size)}><title>${`measurement ${shot}: ${fixed(size, 2)}`}</title></rect>
+        ${i % every === 0 && html`<text x=${left + (i + 0.5) * step} y=${TALL - 6} text-anchor="middle">${shot}</text>`}`)}
+    </svg>`;
 }

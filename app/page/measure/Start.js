@@ -5,6 +5,7 @@ import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration, freeName, ofKind } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
+import { Joint3 } from "../parts/Joint3.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { outOf } from "../core/jobs.js";
@@ -73,7 +74,7 @@ export function Start({ plan, onPlan }) {
           ${check("Camera", "camera")}`}
         ${now.rig === "manual" && html`
           <${Choice} label="Angles in" value=${now.units} groups=${[["", [["deg", "degrees"], ["rad", "radians"]]]]} onValue=${(/** @type {string} */ units) => set({ units })} />
-          <${Choice} label="Joint 3 counted from" value=${now.j3} none="as the robot file states" groups=${[["", [["link", "link 2"], ["ground", "the ground (FANUC)"]]]]} onValue=${(/** @type {string} */ j3) => set({ j3 })} />`}
+          <${Joint3} value=${now.j3} onValue=${(/** @type {string} */ j3) => set({ j3 })} />`}
         ${now.rig === "abb" && html`
           <${TextField} label="Controller’s address" value=${now.host} placeholder="192.168.125.1" onValue=${(/** @type {string} */ host) => set({ host })} />
           <${NumberField} label="Share of the joints’ top speeds" value=${now.speed} least=${0.01} most=${1} onValue=${(/** @type {number | null} */ speed) => set({ speed })} />

@@ -2,7 +2,6 @@
 import { computed, effect, signal } from "@preact/signals";
 import { get, post, Refused } from "../core/api.js";
 import { moved } from "../scene/turning.js";
-import { numbered } from "./events.js";
 import { run } from "./running.js";
 
 /** @typedef {import("../scene/types.js").Scene3D} Scene3D */
@@ -33,7 +32,7 @@ export async function preparePlan(file) {
 export const units = computed(() => Object.fromEntries((planned.value?.checked.parameters ?? []).map((/** @type {any} */ row) => [row.name, row.unit])));
 
 /** @type {import("@preact/signals").ReadonlySignal<ShownPosture[]>} */
-const postures = computed(() => (planned.value?.checked.scene ?? []).map((/** @type {any} */ posture, /** @type {number} */ i) => ({ ...posture, name: `measurement ${numbered(i)}`, beam: null, joints: posture.joints_deg })));
+const postures = computed(() => (planned.value?.checked.scene ?? []).map((/** @type {any} */ posture, /** @type {number} */ i) => ({ ...posture, name: `measurement ${i}`, beam: null, joints: posture.joints_deg })));
 
 /** Where the arm is drawn now, on its way to where it was sent. @type {import("@preact/signals").Signal<number[] | null>} */
 const joints = signal(null);
@@ -67,7 +66,7 @@ const arm = computed(() => {
   /** @type {ShownPosture} */
   const shown = start?.axes && start.joints ? moved({ ...start, tool: null }, now.map((v, i) => v - /** @type {number[]} */ (start.joints)[i]), kinds) : { name: "", skeleton: sent.arm };
   const there = now === sent.joints_deg;
-  return { ...shown, name: `measurement ${numbered(sent.shot)}`, skeleton: there ? sent.arm : shown.skeleton, tool: there ? sent.beam[0] : null, beam: there && sent.lit && sent.beam.length > 1 ? sent.beam : null, joints: now, reaches: true, violations: [] };
+  return { ...shown, name: `measurement ${sent.shot}`, skeleton: there ? sent.arm : shown.skeleton, tool: there ? sent.beam[0] : null, beam: there && sent.lit && sent.beam.length > 1 ? sent.beam : null, joints: now, reaches: true, violations: [] };
 });
 
 const marks = computed(() => {

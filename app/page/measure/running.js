@@ -4,7 +4,7 @@ import { get, Refused } from "../core/api.js";
 import { begin, follow, outOf, over } from "../core/jobs.js";
 import { failed, fault, refresh, say } from "../core/store.js";
 import { counted, duration } from "../core/words.js";
-import { begun, heard, numbered } from "./events.js";
+import { begun, heard } from "./events.js";
 
 /** @typedef {import("../core/jobs.js").JobState} JobState */
 /** @typedef {import("./events.js").RunSeen} RunSeen */
@@ -80,7 +80,7 @@ async function ended(followed, last) {
     if (!newest.end && file && newest.file) {
       try {
         const found = await ofRun(file);
-        newest = { ...newest, recorded: found.recorded, std: found.std, course: found.course };
+        newest = { ...newest, recorded: found.recorded, course: found.course, tolerances: found.tolerance, residuals: found.residuals };
       } catch (error) {
         if (!(error instanceof Refused)) throw error; // then the events have to do
       }
@@ -98,8 +98,10 @@ async function ended(followed, last) {
 export async function fetchEarlier() {
   const of = job.value, file = followedFile.value;
   try {
-    const { course } = await ofRun(file);
-    if (job.value === of) earlier.value = course;
+    const found = await ofRun(file);
+    if (job.value !== of) return;
+    earlier.value = found.course;
+    if (!newest.course.length) run.value = newest = { ...newest, tolerances: found.tolerance, residuals: found.residuals };
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // then the curve begins with the next measurement
   }
@@ -118,9 +120,11 @@ export async function stop() {
   }
 }
 
-/** @param {string} text */
+/** A line for the run; what was doubted is answered by it. @param {string} text */
 export async function answer(text) {
-  if (underWay.value) await job.value?.say(text);
+  if (!underWay.value) return;
+  run.value = newest = { ...newest, doubt: null };
+  await job.value?.say(text);
 }
 
 let listing = 0;
@@ -156,7 +160,7 @@ export function now(at, seen, sure) {
   if (seen.confirm && at.asks === "confirm") return "Waiting for your confirmation: nothing has moved yet.";
   if (seen.shot === null) return "The run begins.";
   const count = seen.recorded.length + seen.refused.length + 1, of = count > seen.postures ? `${count}` : `${count} of ${seen.postures}`;
-  return `Measurement ${numbered(seen.shot)} (${of})${seen.attempt > 1 ? `, attempt ${seen.attempt}` : ""}${seen.phase ? `: ${seen.phase}` : ""}`;
+  return `Measurement ${seen.shot} (${of})${seen.attempt > 1 ? `, attempt ${seen.attempt}` : ""}${seen.phase ? `: ${seen.phase}` : ""}`;
 }
 
 // A run that has not advanced for long takes longer, one with a tolerance may need fewer measurements.
@@ -173,7 +177,7 @@ export function progress(at, seen) {
 export function remarks(at, seen) {
   const list = [];
   if (!seen.consistent && !seen.end) list.push("The measurements contradict the model or each other: no estimate or uncertainty can be relied on.");
-  if (seen.suspect) list.push(`Measurement ${numbered(seen.suspect.shot)} contradicts the others: its residual at their fit is ${seen.suspect.residual_mm.toFixed(3)} mm.`);
+  if (seen.suspect) list.push(`Measurement ${seen.suspect.shot} contradicts the others: its residual at their fit is ${seen.suspect.residual_mm.toFixed(3)} mm.`);
   if (seen.stopped && seen.stopped !== "interrupted") list.push(seen.stopped);
   else if (seen.trouble && !seen.end) list.push(seen.trouble);
   if (at.state === "failed") list.push(...at.log.filter((line) => line.startsWith("error: ")).map((line) => line.slice(7)));

@@ -73,7 +73,7 @@ export function Postures() {
     <ol class="strip" aria-labelledby="postures-title">
       ${rows.value.map((row) => html`
         <li key=${row.i}><button type="button" class=${row.misses ? "misses" : ""} aria-current=${row.i === i ? "true" : undefined} onClick=${() => { chosen.value = row.i; }} title=${plan.value ? jointsOf(plan.value, row.i).map((v) => fixed(v, 1)).join(", ") : ""}>
-          <b>${row.i + 1}</b> <span class="of">${row.target}</span>
+          <b>${row.i}</b> <span class="of">${row.target}</span>
           <meter min="0" max="1" value=${row.share} aria-label="What it adds"></meter>
           <small>${row.misses || row.adds || row.off}</small>
         </button></li>`)}

@@ -36,7 +36,7 @@ effect(() => {
 });
 
 /** @param {number} i */
-export const postureName = (i) => `measurement ${i + 1}`;
+export const postureName = (i) => `measurement ${i}`;
 
 /** @type {import("@preact/signals").ReadonlySignal<Scene3D | null>} */
 export const picture = computed(() => {

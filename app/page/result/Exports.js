@@ -2,20 +2,18 @@
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
-import { downloadOf, get } from "../core/api.js";
-import { begin, over, well } from "../core/jobs.js";
-import { attempt, calibration, failed, files, freeName, refresh } from "../core/store.js";
+import { get } from "../core/api.js";
+import { calibration, failed, files, freeName } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
-import { JobProgress } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
+import { useWritten, Written } from "../parts/Written.js";
+import { Risks } from "./Risks.js";
 
 /** @typedef {{flag: string, help: string, choices: string[], file: boolean, default: string | null}} ExportOption */
 /** @typedef {{name: string, maker: string, vendor: string | null, about: string, ending: string, options: ExportOption[]}} ExportForm */
 
 /** @type {import("@preact/signals").Signal<ExportForm[] | null>} */
 const forms = signal(null);
-/** @type {[string, string][]} */
-const ALTHOUGH = [["--allow-weak", "Although an offset is only weakly observable"], ["--allow-displaced", "Although a target seems to have moved"], ["--unvalidated", "Although the model does not describe the measurements"]];
 
 /** @param {ExportOption} option */
 const labelOf = ({ flag }) => flag.replace(/^--/, "").replaceAll("-", " ").replace(/^./, (first) => first.toUpperCase());
@@ -23,8 +21,7 @@ const labelOf = ({ flag }) => flag.replace(/^--/, "").replaceAll("-", " ").repla
 /** @param {{run: string}} props */
 export function Exports({ run }) {
   const form = useSignal(""), file = useSignal(""), without = useSignal(""), flags = useSignal(/** @type {string[]} */ ([])), options = useSignal(/** @type {Record<string, string>} */ ({}));
-  /** @type {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, file: string} | null>} */
-  const made = useSignal(null);
+  const { made, onSubmit } = useWritten();
   useEffect(() => { if (forms.value === null) get("/api/exports").then((found) => { forms.value = found; }, failed); }, []);
   const all = forms.value;
   if (all === null) return html`<p class="muted">…</p>`;
@@ -34,19 +31,14 @@ export function Exports({ run }) {
   if (vendored) makers.sort((a, b) => Number(b === vendored) - Number(a === vendored));
   const chosen = all.find((one) => one.name === form.value) ?? all.find((one) => one.maker === makers[0]) ?? all[0];
   const proposed = freeName(`${run.replace(/\.[^./]*$/, "")}-${chosen.name}.${chosen.ending}`);
-  const write = (/** @type {Event} */ event) => {
-    event.preventDefault();
-    attempt(async () => {
-      const to = file.value.trim() || proposed;
-      const stated = chosen.options.filter(({ flag }) => options.value[flag]?.trim()).map(({ flag }) => `${flag}=${options.value[flag].trim()}`);
-      const job = await begin(["export", chosen.name, run, `--out=${to}`, ...flags.value, ...stated, ...without.value.split(/[\s,]+/).filter(Boolean).map((name) => `--without=${name}`)]);
-      made.value = { job, file: to };
-      if (well(await job.ended)) await refresh();
-    });
+  const ask = () => {
+    const to = file.value.trim() || proposed;
+    const stated = chosen.options.filter(({ flag }) => options.value[flag]?.trim()).map(({ flag }) => `${flag}=${options.value[flag].trim()}`);
+    return { words: ["export", chosen.name, run, `--out=${to}`, ...flags.value, ...stated, ...without.value.split(/[\s,]+/).filter(Boolean).map((name) => `--without=${name}`)], files: [to] };
   };
   const names = files.value.filter((one) => /\.(cfg|conf|txt|ya?ml)$/i.test(one.path)).map((one) => /** @type {[string, string]} */ ([one.path, one.path]));
   return html`
-    <form class="exports" onSubmit=${write}>
+    <form class="exports" onSubmit=${onSubmit(ask)}>
       <div class="fields">
         <div class="wide"><${Choice} label="Form" value=${chosen.name} groups=${makers.map((of) => [of, all.filter((one) => one.maker === of).map((one) => [one.name, `${one.name}: ${one.about}`])])} onValue=${(/** @type {string} */ value) => { form.value = value; options.value = {}; made.value = null; }} /></div>
         <p class="muted">${chosen.about}</p>
@@ -59,9 +51,8 @@ export function Exports({ run }) {
         })}
         <div class="wide"><${TextField} label="New file" value=${file.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { file.value = value; }} /></div>
         <div class="wide"><${TextField} label="Without" value=${without.value} placeholder="delta2, delta3" onValue=${(/** @type {string} */ value) => { without.value = value; }} /></div>
-        ${ALTHOUGH.map(([flag, text]) => html`<label class="check" key=${flag}><input type="checkbox" checked=${flags.value.includes(flag)} onChange=${(/** @type {any} */ event) => { flags.value = event.target.checked ? [...flags.value, flag] : flags.value.filter((one) => one !== flag); }} /> ${text}</label>`)}
+        <${Risks} flags=${flags} />
       </div>
-      <p class="bar"><button class="main" disabled=${made.value !== null && !over(made.value.job.state.value)}>Export</button></p>
-      ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${`Export of ${run}`}><p><a class="button" href=${downloadOf(made.value.file)} download>Download ${made.value.file}</a></p><//>`}
+      <${Written} made=${made} button="Export" title=${`Export of ${run}`} />
     </form>`;
 }

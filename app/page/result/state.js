@@ -46,7 +46,7 @@ function clear() {
 }
 
 /** What `analyse` printed, as the page shows a result. @param {any} answer @param {string} run @returns {Found} */
-export function analysisOf(answer, run) {
+function analysisOf(answer, run) {
   const { header, versions, provenance, ...inputs } = answer.inputs;
   return {
     ...answer, file: "", run, report: null, posterior_file: null, files: [], posterior: { converged: false, message: "The posterior is drawn with the report." },

@@ -19,7 +19,7 @@ function extent(scene) {
 }
 
 /** @param {HTMLCanvasElement} canvas @param {Scene3D} scene @param {number|null} chosen @param {import("./flat.js").FlatView} view */
-export function drawStill(canvas, scene, chosen, view) {
+function drawStill(canvas, scene, chosen, view) {
   const pen = canvas.getContext("2d"), room = { wide: canvas.clientWidth, high: canvas.clientHeight }, ratio = devicePixelRatio;
   if (!pen || !room.wide) return;
   Object.assign(canvas, { width: Math.round(room.wide * ratio), height: Math.round(room.high * ratio) });

@@ -23,7 +23,7 @@ const cylinder = (taper, sides) => shape(`rod ${taper} ${sides}`, () => new THRE
 const sphere = (sides) => shape(`ball ${sides}`, () => new THREE.SphereGeometry(1, sides, Math.max(6, sides / 2)));
 
 /** @param {import("./bodies.js").Rod} rod @param {THREE.Matrix4} into */
-export function rodMatrix({ from, to, radius }, into) {
+function rodMatrix({ from, to, radius }, into) {
   const a = vector(from), b = vector(to), way = b.clone().sub(a), long = way.length() || 1e-9;
   const turn = new THREE.Quaternion().setFromUnitVectors(UP, way.divideScalar(long));
   return into.compose(a.add(b).multiplyScalar(0.5), turn, new THREE.Vector3(radius, long, radius));

@@ -16,7 +16,7 @@ import { minus, plus, times } from "./vectors.js";
 /** @typedef {import("./labels.js").Label} Label */
 /** @typedef {{frames: Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam">[], period_s: number}} Motion there and back in a period */
 
-export const MOST_PALE = 150; // postures that are drawn beside the chosen one
+const MOST_PALE = 150; // postures that are drawn beside the chosen one
 const FIELD = 28; // degrees, upright
 const FIRST = { azimuth: -62, elevation: 20 };
 const SLOW_MS = 40; // a frame that takes longer is drawn coarser while the view moves
@@ -113,14 +113,12 @@ export class View {
 
   /** @param {Scene3D} scene @param {number|null} chosen @param {import("./types.js").Tools} tools @param {Motion|null} motion */
   show(scene, chosen, tools, motion) {
-    const anew = !this.scene || this.scene.of !== scene.of;
+    const anew = !this.scene || this.scene.of !== scene.of, unmeshed = !this.scene?.meshes;
     this.scene = scene;
     this.chosen = chosen !== null && scene.postures[chosen] ? chosen : null;
     this.grips.tools = tools;
-    if (anew) {
-      this.grips.hold(null);
-      this.fit();
-    }
+    if (anew) this.grips.hold(null);
+    if (anew || (unmeshed && scene.meshes)) this.fit(); // meshes come later, and reach farther than the joints
     this.drawMarks(scene);
     this.drawPale(scene);
     this.drawArm(this.grips.dragged(this.posture()));
@@ -284,6 +282,11 @@ export class View {
     for (const arm of scene.postures) points.push(...arm.skeleton, ...(arm.tool ? [arm.tool] : []), ...(arm.beam || []), ...(arm.sights || []).flat());
     for (const mark of scene.marks) points.push(mark.at, ...(mark.outline || []), ...(mark.kind === "tracker" ? [/** @type {Vec} */ ([mark.at[0], mark.at[1], this.floor(scene)])] : []));
     for (const box of scene.boxes || []) points.push(...boxCorners(box));
+    const links = this.posture()?.links;
+    if (links) for (const { link, vertices } of (scene.meshes || []).filter((one) => links[one.link])) {
+      const { min, max } = new THREE.Box3().setFromArray(vertices.flat()).applyMatrix4(poseMatrix(links[link], new THREE.Matrix4()));
+      points.push(...boxCorners({ min: /** @type {Vec} */ (min.toArray()), max: /** @type {Vec} */ (max.toArray()) }));
+    }
     return points;
   }
 

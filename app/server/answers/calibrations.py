@@ -25,6 +25,7 @@ from ....words.wording import capital
 from ..folder import Folder
 from ..job_commands import job_command
 from ..requests import Content, EndPoint, Refused, refused
+from .new_folders import new_path
 from .robots import whole_ref
 
 _EXAMPLE = "example"
@@ -117,7 +118,7 @@ def choices(_: Folder) -> CalibrationChoices:
 
 def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
     """Make the folder of a calibration with its header, whole or not at all."""
-    path = _new_folder(folder, request.name)
+    path = new_path(folder, request.name)
     with _at_key("robot"):
         robot = load_robot(whole_ref(folder, request.robot, folder.root), folder.root)
     where = request.place
@@ -157,19 +158,6 @@ def _command(folder: Folder, words: list[str]) -> list[str]:
     """The words, which `POST /api/jobs` takes."""
     job_command(folder, words)
     return words
-
-
-def _new_folder(folder: Folder, name: str) -> Path:
-    """The path of a folder that is to be made in the app's own."""
-    if "/" in name or name != name.strip() or not name:
-        raise _refusal(
-            ("name",), "a folder cannot have this name", name[:100], "a name without / and spaces at its ends"
-        )
-    with _at_key("name"):
-        path = folder.inside(name)
-    if os.path.lexists(folder.root / name):
-        raise _refusal(("name",), "there is something of this name already", name, "a name that is free")
-    return path
 
 
 @contextmanager

@@ -1,6 +1,9 @@
-"""A folder for a calibration that is imported."""
+"""New folders for calibrations: one that is imported has an empty one at first."""
 
 from __future__ import annotations
+
+import os
+from pathlib import Path
 
 from pydantic import Field
 
@@ -23,15 +26,26 @@ class MadeFolder(JsonDocument):
     name: str
 
 
-def new_folder(folder: Folder, request: AskedFolder) -> MadeFolder:
-    """Make an empty folder; Refused, with the key, where the name is taken or cannot be one."""
-    name = request.name.strip()
+def new_path(folder: Folder, name: str) -> Path:
+    """Where a folder of this name is to be made; Refused, with the key, where it is taken or cannot be."""
     try:
-        if "/" in name or "\\" in name:
-            raise BadInput("this is no name of one folder", found=name, allowed="a name without / and \\")
+        if "/" in name or "\\" in name or name != name.strip():
+            raise BadInput(
+                "this is no name of one folder",
+                found=name[:100],
+                allowed="a name without / and \\, and without spaces at its ends",
+            )
         path = folder.new(name)
+        if os.path.lexists(folder.root / name):  # a link to nowhere
+            raise BadInput("there is something of this name already", found=name, allowed="a free name")
+        return path
     except BadInput as error:
         raise refused(error, ("name",)) from error
+
+
+def new_folder(folder: Folder, request: AskedFolder) -> MadeFolder:
+    """Make an empty folder."""
+    path = new_path(folder, request.name.strip())
     try:
         path.mkdir()
     except OSError as error:

@@ -57,6 +57,9 @@ class RunSoFar(RecordedRun):
     expanded: dict[str, float | None] = Field(description="the same as U = k std")
     tolerance: dict[str, float] = Field(description="up to which std an offset counts as identified")
     course: list[CoursePoint] = Field(description="after each of the last measurements")
+    residuals: dict[int, float] = Field(
+        description="normalised residuals at the fit to all, by the number of the measurement"
+    )
     worst_std: float | None
     headline: str | None
     notes: list[str]
@@ -77,6 +80,7 @@ def recording(folder: Folder, name: str) -> RunSoFar:
             CoursePoint(recorded=count, std=so_far.offset_std, expanded=so_far.offset_expanded)
             for count, so_far in states
         ],
+        residuals={} if state is None else state.normalised_residuals,
         worst_std=None if state is None else state.worst,
         headline=None if state is None else headline_so_far(state, person),
         notes=notes,

@@ -305,6 +305,26 @@ def test_the_arm_goes_through_the_intermediate_postures_that_the_plan_states(
     assert np.abs(rig.moves[at[0] + 2] - plan.postures[1])[:3].max() < np.radians(1)
 
 
+def test_each_residual_of_the_interim_fit_comes_with_the_measurement(tmp_path: Path, plan: Plan) -> None:
+    events: list[Event] = []
+    result = carried(plan, tmp_path / "run.jsonl", told=events.append)
+    recorded = [event for event in events if event["event"] == "recorded"]
+    assert [list(event["residuals"]) for event in recorded] == [
+        [str(shot) for shot in range(count)] for count in range(1, 7)
+    ]
+    assert result.state is not None
+    squares = [size**2 for size in recorded[-1]["residuals"].values()]
+    assert sum(squares) == pytest.approx(result.state.against_noise.chi2)
+
+
+def test_there_are_no_residuals_while_the_noise_cannot_be_estimated(tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    plan = read_plan(plan_file(file, plan_of(header(noise={"scale": "estimated"}), good_plan(2).postures)))
+    events: list[Event] = []
+    carried(plan, tmp_path / "run.jsonl", told=events.append)
+    assert [event["residuals"] for event in events if event["event"] == "recorded"] == [{}, {}]
+
+
 def test_who_watches_changes_nothing() -> None:
     plan, told, shots = good_plan(2), [], []
     for scene in (False, True):

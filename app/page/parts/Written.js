@@ -1,0 +1,34 @@
+// A command that writes files: begun by a form, followed, and what it wrote to be downloaded.
+import { html } from "htm/preact";
+import { useSignal } from "@preact/signals";
+import { downloadOf } from "../core/api.js";
+import { begin, over, well } from "../core/jobs.js";
+import { attempt, refresh } from "../core/store.js";
+import { JobProgress } from "./JobProgress.js";
+
+/** @typedef {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, files: string[]} | null>} Made */
+
+export function useWritten() {
+  /** @type {Made} */
+  const made = useSignal(null);
+  /** Begins what is asked for, and says which files it will write; null: nothing. @param {() => {words: string[], files: string[]} | null | Promise<{words: string[], files: string[]} | null>} ask */
+  const onSubmit = (ask) => (/** @type {Event} */ event) => {
+    event.preventDefault();
+    attempt(async () => {
+      const asked = await ask();
+      if (asked === null) return;
+      const job = await begin(asked.words);
+      made.value = { job, files: asked.files };
+      if (well(await job.ended)) await refresh();
+    });
+  };
+  return { made, onSubmit };
+}
+
+/** The foot of such a form. @param {{made: Made, button: string, title: string, disabled?: boolean}} props */
+export function Written({ made, button, title, disabled = false }) {
+  const now = made.value;
+  return html`
+    <p class="bar"><button class="main" disabled=${disabled || (now !== null && !over(now.job.state.value))}>${button}</button></p>
+    ${now && html`<${JobProgress} key=${now.job.id} job=${now.job} title=${title}><p>${now.files.map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p><//>`}`;
+}

@@ -1,0 +1,199 @@
+"""The step Plan at work: plans made and compared, obstacles and joints moved, meshes drawn."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from app_page import app, wait
+from arm_with_meshes import URDF, stl
+from cells import good_plan
+from chromium import Tab, chromium
+from command_line import plan_file
+
+pytestmark = pytest.mark.browser
+
+CHECKED = "document.querySelector('tr[data-of=delta2]') && !document.querySelector('.pending')"
+CONTENT = "import('/page/core/editing.js').then((m) => m.plan.value)"
+UNSAVED = "document.querySelector('.plan-bar output').textContent !== 'Saved.'"
+PICTURE = "document.querySelector('canvas.scene-picture')"
+TRIANGLE = [[[0.0, -0.2, 0.0], [0.0, 0.2, 0.0], [0.5, 0.0, 0.2]]]
+LOWEST_X = "lowest x, mm"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    chromium()
+    made = tmp_path_factory.mktemp("plans") / "dir"
+    (made / "cell").mkdir(parents=True)
+    plan_file(made / "cell" / "plan.yaml", good_plan(7))
+    plan_file(made / "cell" / "fewer.yaml", good_plan(4))
+    return made
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with app(folder) as opened:
+        yield opened.address
+
+
+@pytest.fixture
+def tab(address: str) -> Iterator[Tab]:
+    """The plan of seven measurements, checked and drawn."""
+    with chromium().opened(f"{address}#/job/cell/plan/cell/plan.yaml") as opened:
+        wait(opened, f"{CHECKED} && {PICTURE}")
+        yield opened
+        assert opened.console == []
+
+
+def press(tab: Tab, name: str) -> None:
+    tab.on(lambda page: page.get_by_role("button", name=name, exact=True).first.click())
+
+
+def unfold(tab: Tab, title: str) -> None:
+    tab.on(lambda page: page.get_by_text(title, exact=True).first.click())
+
+
+def choose(tab: Tab, label: str, value: str) -> None:
+    tab.on(lambda page: page.get_by_label(label, exact=True).first.select_option(value))
+
+
+def fill(tab: Tab, label: str, value: str) -> None:
+    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
+
+
+def field(tab: Tab, label: str) -> str:
+    return str(tab.on(lambda page: page.get_by_label(label, exact=True).first.input_value()))
+
+
+def test_a_plan_is_compared_with_another(tab: Tab) -> None:
+    unfold(tab, "Compare with another plan")
+    choose(tab, "Other plan", "cell/fewer.yaml")
+    wait(tab, "document.querySelector('[aria-label=\"Two plans\"] tbody tr')")
+    rows = tab.value(
+        "[...document.querySelectorAll('[aria-label=\"Two plans\"] tbody tr')]"
+        ".map((row) => [...row.children].map((cell) => cell.textContent))"
+    )
+    table = {row[0]: row[1:] for row in rows}
+    assert table["measurements"][:2] == ["7", "4"]
+    ours, theirs, ratio = table["J2 (δ2)"]
+    assert ours.startswith(("●", "◆"))
+    assert float(ratio.removeprefix("× ")) < 1 if "°" in theirs else "→" in ratio
+
+
+def test_an_obstacle_is_moved_in_the_list_and_in_the_picture_and_undone(tab: Tab) -> None:
+    tab.value("location.hash = '#/job/cell/cell/cell/plan.yaml'")
+    wait(tab, f"document.querySelector('.target input') && {PICTURE}")
+    unfold(tab, "Obstacles")
+    press(tab, "Add a box")
+    wait(tab, "document.querySelector('fieldset.box')")
+    start = field(tab, LOWEST_X)
+    fill(tab, LOWEST_X, "-700,5")
+    fill(tab, "highest x, mm", "-500")
+    # Grab goes through what can be held: the box comes after the target.
+    held = "document.querySelector('.scene-held output')?.textContent"
+    for _ in range(4):
+        press(tab, "Grab")
+        wait(tab, f"{held} !== undefined")
+        if tab.value(held) == "box 1":
+            break
+    assert tab.value(held) == "box 1"
+    tab.value(f"{PICTURE}.focus()")
+    tab.key("Shift+ArrowRight")
+    wait(tab, "document.querySelector('[aria-label=\"highest x, mm\"]').value === '-490'")
+    (box,) = tab.value(CONTENT)["constraints"]["obstacles"]["boxes"]
+    assert box["min_mm"][0] == pytest.approx(-690, abs=1)
+    for _ in range(4):
+        press(tab, "Undo")
+    wait(tab, "!document.querySelector('fieldset.box')")
+    assert not tab.value(UNSAVED)
+    press(tab, "Redo")
+    wait(tab, "document.querySelector('fieldset.box')")
+    assert field(tab, LOWEST_X) == start
+
+
+def _over_a_joint(tab: Tab) -> tuple[float, float]:
+    """Where the pointer meets a body that can be turned, on the grid of the picture."""
+    box = tab.value(
+        f"(({{x, y, width, height}}) => [x, y, width, height])({PICTURE}.getBoundingClientRect())"
+    )
+    for row in range(3, 20):
+        for column in range(4, 20):
+            x, y = box[0] + box[2] * column / 24, box[1] + box[3] * row / 24
+            tab.on(lambda frame, x=x, y=y: frame.page.mouse.move(x, y))
+            if tab.value(f"{PICTURE}.classList.contains('over')"):
+                return x, y
+    raise AssertionError("no body of the arm is under the pointer anywhere")
+
+
+def test_a_joint_is_turned_in_the_picture_and_undone(tab: Tab) -> None:
+    before = tab.value(CONTENT)["postures_deg"]
+    x, y = _over_a_joint(tab)
+
+    def drag(frame: Any) -> None:
+        mouse = frame.page.mouse
+        mouse.down()
+        mouse.move(x + 30, y + 25, steps=4)
+        mouse.up()
+
+    tab.on(drag)
+    wait(tab, UNSAVED)
+    after = tab.value(CONTENT)["postures_deg"]
+    assert after[1:] == before[1:]
+    assert sum(a != b for a, b in zip(after[0], before[0], strict=True)) == 1
+    wait(tab, CHECKED)
+    press(tab, "Undo")
+    assert tab.value(CONTENT)["postures_deg"] == before
+    assert not tab.value(UNSAVED)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["x", "optimal"])
+def test_a_plan_is_made_and_opened(folder: Path, tab: Tab, kind: str) -> None:
+    unfold(tab, "Make another plan")
+    choose(tab, "Kind", kind)
+    fill(tab, "Measurements", "6")
+    fill(tab, "New file", f"cell/{kind}.yaml")
+    if kind == "optimal":
+        unfold(tab, "Constraints and search")
+        fill(tab, "Candidates", "300")
+    press(tab, "Make the plan")
+    wait(tab, f"location.hash.endsWith('/plan/cell/{kind}.yaml') && {CHECKED}", 180)
+    assert len(yaml.safe_load((folder / "cell" / f"{kind}.yaml").read_text())["postures_deg"]) == 6
+    assert "6 measurements" in tab.text
+
+
+@pytest.mark.long
+def test_the_meshes_of_a_urdf_are_drawn(folder: Path, address: str) -> None:
+    made = folder / "two"
+    made.mkdir()
+    (made / "arm.urdf").write_text(URDF.format(last="flange.stl").replace("package://cell/", ""))
+    for name in ("base.stl", "flange.stl"):
+        (made / name).write_bytes(stl(TRIANGLE))
+    (made / "upper.obj").write_text("v 0 -100 0\nv 0 100 0\nv 500 0 200\nf 1 2 3\n")
+    content = {
+        "schema": "zerobeam/plan/1",
+        "robot": {"urdf": "arm.urdf", "base": "base", "tip": "flange"},
+        "tool": {"kind": "probe", "calibrated": True, "point_mm": [0, 0, 100]},
+        "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+        "targets": {"psd": {"guess_mm": [500, 0, 500]}},
+        "postures_deg": [[0, 10], [30, 40], [-40, 20]],
+    }
+    (made / "plan.yaml").write_text(yaml.safe_dump(content))
+    with chromium().opened(f"{address}#/job/two/plan/two/plan.yaml") as tab:
+        meshes = "import('/page/plan/picture.js').then((m) => m.meshes.value?.map((one) => one.link))"
+        wait(tab, PICTURE)
+        assert tab.wait(f"{meshes}", 30)
+        tab.value("new Promise((then) => setTimeout(then, 500))")
+        assert tab.value(meshes) == [0, 1, 2]
+        drawn = tab.on(lambda page: page.locator("canvas.scene-picture").screenshot())
+        tab.value("import('/page/plan/picture.js').then((m) => { m.meshes.value = undefined; })")
+        tab.value("new Promise((then) => setTimeout(then, 500))")
+        bare = tab.on(lambda page: page.locator("canvas.scene-picture").screenshot())
+        assert struct.unpack(">II", drawn[16:24]) == struct.unpack(">II", bare[16:24])
+        assert drawn != bare
+        assert tab.console == []
