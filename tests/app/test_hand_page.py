@@ -67,8 +67,8 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
         tab.on(lambda page: page.get_by_label("Joint 3 is counted from").select_option("ground"))
         fill(tab, "Run file", "cell/hand.jsonl")
         press(tab, "Start")
-        wait(tab, f"document.querySelector('.hand') && {ASKED}.includes('measurement 1')")
-        assert tab.value(ASKED) == "Posture 1 of 3: measurement 1, reflector R1"
+        wait(tab, f"document.querySelector('.hand') && {ASKED}.includes('measurement 0')")
+        assert tab.value(ASKED) == "Posture 1 of 3: measurement 0, reflector R1"
         shown = tab.value("[...document.querySelectorAll('.asked li')].map((row) => row.textContent)")
         assert shown == ["J1 0.00°", "J2 40.00°", "J3 −20.00°", "J4 0.00°", "J5 30.00°", "J6 0.00°"]
 
