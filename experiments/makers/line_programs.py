@@ -3,12 +3,13 @@
 A maker's grammar derives a line, by its rule `statement`, to one tree:
 
 - `position`: a NAME and its `joints` or `pose`; `entry`: a NAME and `values`, which are joints or a pose by
-  the last line `joints_follow` or `poses_follow`. Of a pose a CONFIGURATION is what tells the branches of
-  the arm apart, in the language's own words; `configuration` is a line that states it for entries below.
+  the last line `joints_follow` or `poses_follow`, and refused behind `nothing_follows`. Of a pose a
+  CONFIGURATION is what tells the branches of the arm apart, in the language's own words; `configuration` is a
+  line that states it for entries below.
 - `motion`, `linear`: each `at` in it is a NAME, `joints` or a `pose`, and the arm goes there by joints or in
   a straight line (or an arc, if the language takes the orientation of every pose in it).
-- `tool`, `frame`: a WORD or a `pose`, from here on. `call`: a WORD, the routine. `routine`: a WORD, its
-  begin.
+- `tool`, `frame`: a WORD or a `pose`, from here on. `in_base`, `in_frame`: framed positions below are in the
+  base frame, or in the frame that was set. `call`: a WORD, the routine. `routine`: a WORD, its begin.
 - `join`: it is reached from elsewhere too, or leads there. `plain`: it moves no arm, and changes no position.
 
 Numbers of joints and poses are VALUE. A NAME anywhere else is of what the program changes.
@@ -51,6 +52,8 @@ from .recordings import Imported, ImportJob, TaughtPoint, import_points
 
 _CAPITALS = str.maketrans(ascii_lowercase, ascii_uppercase)
 _FARTHEST = 1e8  # mm, degrees or pulses: no position has more
+_FOLLOW = {"joints_follow": True, "poses_follow": False, "nothing_follows": None}
+_IN_BASE = "base"  # the frame of positions in the base frame
 _HARMLESS = "states that it moves no arm and changes no tool, frame or position"
 _POSTURE = re.compile(
     r"#?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
@@ -86,6 +89,10 @@ class LineLanguage:
     base_frames: frozenset[str] = frozenset({""})
     framed: bool = False
     case_sensitive: bool = False
+    statement: re.Pattern[str] = re.compile(r"[^\r\n]+")
+    shared: re.Pattern[str] | None = None
+    turns: Callable[[Matrix], bool] | None = None
+    remark_width: int | None = None
 
     def for_correction(self) -> Language:
         """What `zerobeam export program` needs of it."""
@@ -98,6 +105,7 @@ class LineLanguage:
             self.form,
             self.literals,
             self.case_sensitive,
+            remark_width=self.remark_width,
         )
 
     def literals(self, text: str) -> list[tuple[int, int]]:
@@ -109,7 +117,7 @@ class LineLanguage:
         code = blanked(text, self.remark, strings=False)
         if not self.case_sensitive:  # the grammar is in capitals
             code = code.translate(_CAPITALS)
-        for line in re.finditer(r"[^\r\n]+", code):
+        for line in self.statement.finditer(code):
             if line[0].strip():
                 tree = understood(self.grammar, "statement", code, *line.span())
                 inner = None if tree is None else tree.children[0]
@@ -124,7 +132,7 @@ class _Position:
     values: tuple[Token, ...]
     is_pose: bool
     configuration: str
-    frames: tuple[str, str] | None = None
+    frames: tuple[str, str | None] | None = None
 
     @property
     def span(self) -> tuple[int, int]:
@@ -186,9 +194,12 @@ class LineProgram:
         """All positions that have a name, with tool and frame where these are of the positions."""
         joints_follow, words = None, ""
         frames = {"tool": "", "frame": ""}
+        within = ""  # the last line that says in what positions are
         for begin, written, tree in self.trees:
-            if tree.data in ("joints_follow", "poses_follow"):
-                joints_follow, words = tree.data == "joints_follow", ""
+            if tree.data in _FOLLOW:
+                joints_follow, words = _FOLLOW[tree.data], ""
+            elif tree.data in ("in_base", "in_frame"):
+                within = tree.data
             elif tree.data == "configuration":
                 words = " ".join(_tokens(tree, "CONFIGURATION"))
             elif tree.data in frames and self.language.framed:
@@ -206,7 +217,9 @@ class LineProgram:
                     tuple(_tokens(tree, "VALUE")),
                     is_pose,
                     configuration,
-                    (frames["tool"], frames["frame"]) if self.language.framed else None,
+                    (frames["tool"], {"in_base": _IN_BASE, "in_frame": frames["frame"]}.get(within))
+                    if self.language.framed
+                    else None,
                 )
                 self._named(begin, str(name), span(name)[0], position)
 
@@ -216,6 +229,8 @@ class LineProgram:
         if self.facts.leaves(key, name):
             self.left.add(key)
             self.parsed.literals.append(LiteralSpan(*position.span, "left"))
+        elif self.language.shared is not None and self.language.shared.fullmatch(name):
+            self._problem(begin, f"{name} belongs to other programs too (--leave {name}?)")
         elif key in self.positions:
             self._problem(begin, f"{name} has a value more than once")
         else:
@@ -324,7 +339,8 @@ class LineProgram:
             self._problem(begin, f"{name} has {len(values)} numbers, and not {count}")
             return False
         self.parsed.literals.append(LiteralSpan(*position.span, "target"))
-        if max(map(abs, values)) > _FARTHEST:
+        pulses = not position.is_pose and self.language.unit == "pulse"
+        if max(map(abs, values)) > _FARTHEST or (pulses and any(value % 1 for value in values)):
             self._problem(begin, f"{name} has a number that no position has")
             return False
         self.used[name] = frames
@@ -345,6 +361,9 @@ class LineProgram:
     def _enter_pose(
         self, begin: int, name: str, position: _Position, spans: Sequence[tuple[int, int]]
     ) -> bool:
+        if self.language.turns is not None and not position.configuration:
+            self._problem(begin, f"{name} has no configuration")
+            return False
         poses = []
         for option, which, known, frame in (
             ("--tool", "tool", self.facts.tool, self.used[name][0]),
@@ -377,12 +396,13 @@ class LineProgram:
             None,
             position.configuration,
             write,
+            turns=self.language.turns,
         )
         return True
 
     def _pose_of(self, which: str, name: str) -> Matrix | None:
         """The pose of a tool or frame that the program itself states; the null ones of the language too."""
-        if which == "frame" and name in self.language.base_frames:
+        if which == "frame" and (name in self.language.base_frames or name == _IN_BASE):
             return NULL
         return NULL if which == "tool" and name in self.language.flange_tools else self.declared.get(name)
 
@@ -417,8 +437,8 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
         if tree is None:
             continue
         line = text.count("\n", 0, begin) + 1
-        if tree.data in ("joints_follow", "poses_follow"):
-            joints_follow = tree.data == "joints_follow"
+        if tree.data in _FOLLOW:
+            joints_follow = _FOLLOW[tree.data]
         kinds = ("position", "entry", "at", "tool", "frame")
         for part in (each for each in tree.iter_subtrees_topdown() if each.data in kinds):
             values = _tokens(part, "VALUE")
@@ -451,12 +471,19 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
 
 
 def import_taught(
-    language: LineLanguage, job: ImportJob, *, points: Sequence[str] | None, vendor: str, note: str
+    language: LineLanguage,
+    job: ImportJob,
+    *,
+    points: Sequence[str] | None,
+    vendor: str,
+    note: str,
+    named: Callable[[str, list[TaughtPoint]], list[TaughtPoint]] = lambda text, taught: taught,
 ) -> Imported:
     """Measurements at the positions of programs that were taught, or of a plan's program: what it recorded
     (zb_m0, zb_m1, …), or its postures (zb_p0, …) where they were taught again with the beam on the target.
 
-    Postures that are still as the plan has them are left out; BadInput for the program of another plan.
+    `named` gives the positions of a text these names, in a language whose positions have numbers. Postures
+    that are still as the plan has them are left out; BadInput for the program of another plan.
     """
 
     def parse(text: str, path: Path) -> list[TaughtPoint]:
@@ -464,7 +491,7 @@ def import_taught(
             for number, content in enumerate(text.split("\n"), start=1):
                 with located(path, number):
                     require_same_plan(content, job)
-        taught = taught_points(language, text, job.robot, path)
+        taught = named(text, taught_points(language, text, job.robot, path))
         ours = [(point, match) for point in taught if (match := _POSTURE.fullmatch(point.name))]
         if points is not None or not ours:
             return taught

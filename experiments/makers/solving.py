@@ -258,6 +258,8 @@ class _Corrector:
         pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
         self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
         branch = arms.branch(commanded)
+        if target.turns is not None and not (target.turns(joints) and target.turns(commanded)):
+            raise _Unsolved("a joint is, or would be, in another turn than its configuration states")
         if target.matches is None and target.configuration:
             self._require_words(target, arms.branch(joints), branch)
         if branch != arms.branch(joints):

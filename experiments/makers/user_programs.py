@@ -31,7 +31,6 @@ from .solving import Arms, Corrections, correct_targets, up_to_flange
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
 _SHOWN = 8  # problems of a program that are named
-_REMARK = 32  # characters of a FANUC remark
 
 
 @dataclass(frozen=True)
@@ -272,7 +271,7 @@ def _with_head(
     head = re.search(language.head, text, re.MULTILINE | re.IGNORECASE)
     start = 0 if head is None else head.end()
     newline = "\r\n" if "\r\n" in text else "\n"
-    if language.name == "TP":
+    if language.remark_width is not None:
         lines = [
             MARK,
             f"zerobeam {calibration.versions['zerobeam']}, offsets of the run",
@@ -282,7 +281,11 @@ def _with_head(
                 for offset in calibration.offsets
             ),
         ]
-        rows = [f"{language.remark}{one_line(line).replace(';', ',')[:_REMARK]} ;" for line in lines]
+        end = " ;" if language.name == "TP" else ""
+        rows = [
+            f"{language.remark}{one_line(line).replace(';', ',')[: language.remark_width]}{end}"
+            for line in lines
+        ]
     else:
         lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
         rows = [language.remark + one_line(line) for line in lines]

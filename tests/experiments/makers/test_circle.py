@@ -17,6 +17,7 @@ import pytest
 import robodk_interpreter
 import ros_interpreter
 import urscript_interpreter
+import yaskawa_controller
 from krl_interpreter import KrlController
 from program_arm import TRUTH, PendantArm, plan_for
 from rapid_interpreter import RapidController
@@ -193,7 +194,7 @@ def test_offsets_come_back_through_the_program_of_every_arm(
 
 
 # Languages whose statements are lines, each with its controller.
-CONTROLLERS = {controller.KIND: controller for controller in (kawasaki_controller,)}
+CONTROLLERS = {controller.KIND: controller for controller in (kawasaki_controller, yaskawa_controller)}
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)
@@ -202,7 +203,8 @@ def test_the_circle_of_a_language_of_lines(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     controller = CONTROLLERS[kind]
-    plan = plan_for(tmp_path, controller.ROBOT, controller.TARGET)
+    robot = controller.robot_file(tmp_path) if hasattr(controller, "robot_file") else controller.ROBOT
+    plan = plan_for(tmp_path, robot, controller.TARGET)
     arm = PendantArm(plan)
     path = tmp_path / f"zb_plan{controller.SUFFIX}"
     write_program(kind, plan, ProgramMotion(), path)
