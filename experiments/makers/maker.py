@@ -30,7 +30,7 @@ Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
 _OTHER_MODELS = (
     r"panda|franka|fr3|kinova|gen ?[23]|jaco|staubli|tx2?|tx2? ?\d+\w*"
-    r"|x ?arm ?\d*|ufactory|denso|epson|doosan|techman|nachi|comau|mitsubishi|meca ?500"
+    r"|x ?arm ?\d*|ufactory|denso|doosan|techman|comau|mitsubishi|meca ?500"
 )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import epson_controller
 import fanuc_interpreter
 import import_files as importers
 import kawasaki_controller
@@ -194,7 +195,8 @@ def test_offsets_come_back_through_the_program_of_every_arm(
 
 
 # Languages whose statements are lines, each with its controller.
-CONTROLLERS = {controller.KIND: controller for controller in (kawasaki_controller, yaskawa_controller)}
+_MODULES = (epson_controller, kawasaki_controller, yaskawa_controller)
+CONTROLLERS = {controller.KIND: controller for controller in _MODULES}
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)

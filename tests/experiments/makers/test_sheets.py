@@ -78,6 +78,12 @@ def test_yaskawa(run, offsets):
     np.testing.assert_allclose(shown, np.negative(values[1:]), atol=1e-4)
 
 
+def test_epson(run, offsets):
+    found, values = offsets
+    shown = numbers(SHEETS["epson"](run, found), r"Agl\(\d\) = +([-+][\d.]+) deg   Calib \d$")
+    np.testing.assert_allclose(shown, np.negative(values[1:]), atol=1e-6)
+
+
 @pytest.mark.parametrize("encoder", ["link", "ground"])
 @pytest.mark.parametrize("pendant", ["link", "ground"])
 def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, encoder, pendant):
