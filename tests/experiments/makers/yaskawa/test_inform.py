@@ -192,3 +192,18 @@ def test_damaged_programs_are_refused_or_mean_what_they_meant(
             same = np.array_equal(value, right[name]) or lines[name] not in content.split("\r\n")
             assert same or np.abs(value[:3, 3]).max() > 1e4  # pulses as a pose: no arm reaches it
     assert 0.5 * files < refused < files
+
+
+def test_without_the_pulses_of_the_machine_nothing_is_written(tmp_path: Path) -> None:
+    plan = plan_for(tmp_path, "gp7", controller.TARGET, count=3)
+    with pytest.raises(BadInput, match="the pulses for a degree are not stated"):
+        write_program("inform", plan, ProgramMotion(), tmp_path / "zb_plan.jbi")
+    assert not (tmp_path / "zb_plan.jbi").exists()
+
+
+def test_position_variables_that_are_left_stay_as_they_are(tmp_path: Path) -> None:
+    variable = "P00001=0,20000,-30000,0,40000,0"
+    text = JOB.replace("///USER 2\n", f"{variable}\n///USER 2\n").format("MOVJ P00001 VJ=10.00")
+    left = ProgramOptions(tools=["3=10,-5,120,0,30,20"], frames=["2=300,-100,50,0,0,15"], leave=["P00001"])
+    text = text.replace("C00001=", "C00002=").replace("MOVJ P00001", "MOVL C00002 V=10.0\nMOVJ P00001")
+    assert f"\n{variable}\n" in corrected(tmp_path, text, left)
