@@ -220,7 +220,7 @@ def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMe
     notes: list[str] = []
     for line, content in enumerate(lines, start=1):
         with located(path, line):
-            _require_same_plan(content, job)
+            require_same_plan(content, job)
             if line == len(lines) and PROGRAM_LINE.search(content):
                 # Without the end of the line its last number may be incomplete.
                 notes.append(f"  line {line} has no end and is ignored")
@@ -254,7 +254,8 @@ def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMe
     )
 
 
-def _require_same_plan(content: str, job: ImportJob) -> None:
+def require_same_plan(content: str, job: ImportJob) -> None:
+    """BadInput where a line of a log or program says that it is of another plan than the job's."""
     plan_line = _PLAN.search(content)
     if plan_line is not None and job.plan is not None and not job.plan.sha256.startswith(plan_line["hash"]):
         raise BadInput(

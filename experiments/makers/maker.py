@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
 _OTHER_MODELS = (
-    r"panda|franka|fr3|kinova|gen ?[23]|jaco|motoman|yaskawa|gp ?\d+\w*|staubli|tx2?|tx2? ?\d+\w*"
-    r"|x ?arm ?\d*|ufactory|denso|epson|doosan|techman|kawasaki|nachi|comau|mitsubishi|meca ?500"
+    r"panda|franka|fr3|kinova|gen ?[23]|jaco|staubli|tx2?|tx2? ?\d+\w*"
+    r"|x ?arm ?\d*|ufactory|denso|doosan|techman|comau|mitsubishi|meca ?500"
 )
 
 

@@ -77,7 +77,8 @@ class PoseTarget:
 
     `matches` says whether joints, degrees, of a branch have the stated `configuration`; None where none is
     stated: then each motion to it says which (`Motion.near`), or the motion before.
-    `write` turns a pose and the joints it is reached with into the text for them.
+    `write` turns a pose and the joints it is reached with into the text for them. `turns` says whether
+    joints, degrees, have the turns that are stated, as they are meant and as they are corrected.
     """
 
     name: str
@@ -88,6 +89,7 @@ class PoseTarget:
     matches: Callable[[Branch, Matrix], bool] | None
     configuration: str
     write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
+    turns: Callable[[Matrix], bool] | None = None
 
 
 Target = JointTarget | PoseTarget
@@ -261,7 +263,8 @@ class Language:
 
     `targets` reads a program; remarks are put behind `head`, a pattern, and begin with `remark`; `pose` is
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
-    poses and joints, found without the grammar; `up` as of `Branches`.
+    poses and joints, found without the grammar; `up` as of `Branches`. `remark_width` is how long a remark
+    may be, if that is little.
     """
 
     name: str
@@ -273,6 +276,7 @@ class Language:
     literals: Callable[[str], list[tuple[int, int]]]
     case_sensitive: bool = False
     up: int = 1
+    remark_width: int | None = None
 
 
 def new_number(old: str, value: float, decimals: int) -> str:

@@ -146,6 +146,7 @@ class _Corrector:
         self._commanded: dict[str, Matrix] = {}
         self._start: str | None = None  # the target of the motion before
         self._near_motion: Matrix | None = None
+        self._words: dict[str, tuple[Branch | None, str]] = {}  # of configurations that are not interpreted
 
     def go(self, motion: Motion) -> None:
         """Solve the target of a motion, from where the arm is before it."""
@@ -257,10 +258,29 @@ class _Corrector:
         pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
         self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
         branch = arms.branch(commanded)
+        if target.turns is not None and not (target.turns(joints) and target.turns(commanded)):
+            raise _Unsolved("a joint is, or would be, in another turn than its configuration states")
+        if target.matches is None and target.configuration:
+            self._require_words(target, arms.branch(joints), branch)
         if branch != arms.branch(joints):
             self.changed.append(target.name)
         self.edits += target.write(np.asarray(pose), branch, commanded)
         return joints
+
+    def _require_words(self, target: PoseTarget, meant: Branch | None, commanded: Branch | None) -> None:
+        """The words of a configuration that is not interpreted must be those of one branch, and a branch have
+        one; the corrected target keeps them."""
+        if commanded != meant:
+            raise _Unsolved(
+                f"it is not known how another configuration than {target.configuration} is written"
+            )
+        for words, (branch, name) in self._words.items():
+            if (words == target.configuration) != (branch == meant):
+                raise _Unsolved(
+                    f"its configuration {target.configuration} and that of {name} ({words}) do not go with"
+                    " the joints nearest by; state --near, or a joint target before it"
+                )
+        self._words[target.configuration] = meant, target.name
 
     def _chosen(self, target: PoseTarget, flange: Matrix) -> Matrix:
         if self.arms.nominal.n != 6:

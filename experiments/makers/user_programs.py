@@ -24,14 +24,13 @@ from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import read_bytes
 from ...words.wording import listed
 from .calibration import RobotCalibration
-from .maker import ProgramFiles, one_line, program_languages, require_vendor
+from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
 from .solving import Arms, Corrections, correct_targets, up_to_flange
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
 _SHOWN = 8  # problems of a program that are named
-_REMARK = 32  # characters of a FANUC remark
 
 
 @dataclass(frozen=True)
@@ -54,12 +53,22 @@ class CorrectedProgram:
     notes: list[str]
 
 
-def program_files_of(path: Path) -> tuple[ProgramFiles, Vendor]:
-    """The language of a program and its maker, by the end of the file's name."""
+def program_files_of(path: Path, vendor: Vendor | None = None) -> tuple[ProgramFiles, Vendor]:
+    """The language of a program and its maker, by the end of the file's name; of several that of the robot's
+    `vendor`, where it is known."""
     suffix = path.suffix.lower()
-    for files, vendor in program_languages():
-        if suffix in files.endings:
-            return files, vendor
+    languages = [(files, maker) for files, maker in program_languages() if suffix in files.endings]
+    for files, maker in languages:
+        if maker == vendor or len(languages) == 1:
+            return files, maker
+    if languages:
+        raise BadInput(
+            "the file ending is of several languages, and nothing says who made the robot",
+            found=path.name,
+            allowed=", ".join(maker for _, maker in languages),
+            remedy="state vendor: … in the robot file",
+            file=path,
+        )
     raise BadInput(
         "the file ending is of no language that is read here",
         found=path.name,
@@ -68,16 +77,21 @@ def program_files_of(path: Path) -> tuple[ProgramFiles, Vendor]:
     )
 
 
-def files_of(path: Path) -> list[Path]:
-    """The files of the program: of KRL the .src and the .dat of one name, as far as they are there."""
-    suffix, (language, _) = path.suffix.lower(), program_files_of(path)
-    if not language.paired:
+def files_of(path: Path, vendor: Vendor | None = None) -> list[Path]:
+    """The files of the program: of KRL the .src and the .dat of one name, as far as they are there. Of an
+    ending that several makers use all that may belong to it, or to that of `vendor`."""
+    suffix = path.suffix.lower()
+    order = [
+        other
+        for files, maker in program_languages()
+        if suffix in files.endings and vendor in (None, maker)
+        for other in files.paired
+    ]
+    if not order or not path.parent.is_dir():
         return [path]
-    others = (
-        [other for other in path.parent.iterdir() if other.stem == path.stem] if path.parent.is_dir() else []
-    )
-    paths = [path, *(other for other in others if other.suffix.lower() in {*language.paired} - {suffix})]
-    return sorted(paths, key=lambda each: language.paired.index(each.suffix.lower()))
+    others = [other for other in path.parent.iterdir() if other.stem == path.stem]
+    paths = [path, *(other for other in others if other.suffix.lower() in {*order} - {suffix})]
+    return sorted(paths, key=lambda each: order.index(each.suffix.lower()))
 
 
 def corrected_program(
@@ -92,7 +106,7 @@ def corrected_program(
     BadInput for another vendor's robot, for a program that was corrected before, and for one with
     motions that are not understood: then all of them are named.
     """
-    files_of_language, vendor = program_files_of(path)
+    files_of_language, vendor = program_files_of(path, vendor_of(nominal))
     language, choices = files_of_language.language(), choices or ProgramOptions()
     note = require_vendor(nominal, vendor, f"a program in {language.name}")
     require_axes(nominal, 6, f"a program in {language.name}")
@@ -100,7 +114,7 @@ def corrected_program(
         raise BadInput(
             "the corrected program has another file ending", found=out.name, allowed=f"*{path.suffix}"
         )
-    paths = files_of(path)
+    paths = files_of(path, vendor)
     texts = [_text(each) for each in paths]
     # The .dat begins on a line of its own.
     parts = [text if text.endswith("\n") else text + "\n" for text in texts]
@@ -257,7 +271,7 @@ def _with_head(
     head = re.search(language.head, text, re.MULTILINE | re.IGNORECASE)
     start = 0 if head is None else head.end()
     newline = "\r\n" if "\r\n" in text else "\n"
-    if language.name == "TP":
+    if language.remark_width is not None:
         lines = [
             MARK,
             f"zerobeam {calibration.versions['zerobeam']}, offsets of the run",
@@ -267,7 +281,11 @@ def _with_head(
                 for offset in calibration.offsets
             ),
         ]
-        rows = [f"{language.remark}{one_line(line).replace(';', ',')[:_REMARK]} ;" for line in lines]
+        end = " ;" if language.name == "TP" else ""
+        rows = [
+            f"{language.remark}{one_line(line).replace(';', ',')[: language.remark_width]}{end}"
+            for line in lines
+        ]
     else:
         lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
         rows = [language.remark + one_line(line) for line in lines]

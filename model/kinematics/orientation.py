@@ -51,12 +51,15 @@ class Orientation:
         The axis times the angle, at most pi long: rx, ry, rz of Universal Robots.
     xyz
         About x, then the new y, then the new z: Rx, Ry, Rz of Stäubli.
+    zyz
+        About z, then the new y, then the new z: O, A, T of Kawasaki, A, B, C of Doosan.
     """
 
     quaternion: tuple[float, float, float, float]
     roll_pitch_yaw: tuple[float, float, float]
     rotation_vector: tuple[float, float, float]
     xyz: tuple[float, float, float]
+    zyz: tuple[float, float, float]
 
     @property
     def abc(self) -> tuple[float, float, float]:
@@ -77,7 +80,20 @@ def orientation(rotation: Matrix) -> Orientation:
         _degrees(angles_of(rotation)),
         _three([angle * value / sine for value in axis] if sine else [0.0, 0.0, 0.0]),
         _degrees(turned),
+        _degrees(_zyz(rotation)),
     )
+
+
+def _zyz(rotation: Matrix) -> tuple[float, float, float]:
+    """a, b and c, rad, of R = Rz(a) Ry(b) Rz(c), b at least 0; a is 0 where both turn about one axis."""
+    across = math.hypot(rotation[0, 2], rotation[1, 2])
+    a = math.atan2(rotation[1, 2], rotation[0, 2]) if across > 1e-9 else 0.0
+    cosine, sine = math.cos(a), math.sin(a)
+    b = math.atan2(cosine * rotation[0, 2] + sine * rotation[1, 2], rotation[2, 2])
+    c = math.atan2(
+        cosine * rotation[1, 0] - sine * rotation[0, 0], cosine * rotation[1, 1] - sine * rotation[0, 1]
+    )
+    return a, b, c
 
 
 def _quaternion(rotation: Matrix) -> tuple[float, float, float, float]:
@@ -137,6 +153,22 @@ def from_abc(values: Sequence[float]) -> Matrix:
     """(4, 4) of KUKA's X, Y, Z, A, B, C."""
     x, y, z, a, b, c = values
     return from_rpy((x, y, z, c, b, a))
+
+
+def from_xyz(values: Sequence[float]) -> Matrix:
+    """(4, 4) of x, y, z (mm) and rotations about x, the new y and the new z (degrees), as Stäubli's."""
+    x, y, z, *turns = values
+    one, two, three = np.radians(turns)
+    turned = rotation_about("x", one) @ rotation_about("y", two) @ rotation_about("z", three)
+    return np.asarray(shift(x, y, z) @ turned)
+
+
+def from_zyz(values: Sequence[float]) -> Matrix:
+    """(4, 4) of x, y, z (mm) and rotations about z, the new y and the new z (degrees): Kawasaki's O, A, T."""
+    x, y, z, *turns = values
+    one, two, three = np.radians(turns)
+    turned = rotation_about("z", one) @ rotation_about("y", two) @ rotation_about("z", three)
+    return np.asarray(shift(x, y, z) @ turned)
 
 
 def from_rotation_vector(values: Sequence[float]) -> Matrix:

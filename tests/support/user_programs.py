@@ -44,6 +44,21 @@ def flange_arm(robot: Robot) -> Robot:
     return replace(robot, flange=flange)
 
 
+def solved_pose(robot: Robot, flange: Matrix, start: Matrix) -> Matrix:
+    """The joints, degrees, at which the nominal arm has its flange at a pose, near others."""
+    arm = flange_arm(robot)
+
+    def off(joints: Matrix) -> Matrix:
+        now = arm.fk(joints)
+        turn = Rotation.from_matrix(flange[:3, :3] @ now[:3, :3].T).as_rotvec()
+        return np.concatenate([now[:3, 3] - flange[:3, 3], 300 * turn])
+
+    found = least_squares(off, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    # The digits of a listing of FANUC, at most.
+    assert np.abs(found.fun).max() < 1e-2
+    return np.asarray(found.x)
+
+
 @dataclass(frozen=True)
 class UserProgram:
     """Rows of joints, degrees of the robot file; every second target is Cartesian."""
@@ -70,19 +85,8 @@ class UserProgram:
 
     def solved(self, pose: Matrix, start: Matrix) -> Matrix:
         """The joints at which the nominal arm has the tool at a pose, near others."""
-        arm = flange_arm(self.robot)
         base = np.eye(4) if self.language == "urscript" else TABLE
-        flange = base @ pose @ np.linalg.inv(TOOL)
-
-        def off(joints: Matrix) -> Matrix:
-            now = arm.fk(joints)
-            turn = Rotation.from_matrix(flange[:3, :3] @ now[:3, :3].T).as_rotvec()
-            return np.concatenate([now[:3, 3] - flange[:3, 3], 300 * turn])
-
-        found = least_squares(off, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        # The digits of a listing of FANUC, at most.
-        assert np.abs(found.fun).max() < 1e-2
-        return np.asarray(found.x)
+        return solved_pose(self.robot, base @ pose @ np.linalg.inv(TOOL), start)
 
     def _rapid(self) -> str:
         def listed(values: Sequence[float]) -> str:

@@ -352,4 +352,5 @@ TP = Language(
     "X,Y,Z,W,P,R",
     fanuc_literals,
     case_sensitive=True,
+    remark_width=32,
 )

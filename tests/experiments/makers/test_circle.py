@@ -9,21 +9,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import epson_controller
 import fanuc_interpreter
 import import_files as importers
+import kawasaki_controller
 import numpy as np
 import pytest
 import robodk_interpreter
 import ros_interpreter
 import urscript_interpreter
+import yaskawa_controller
 from krl_interpreter import KrlController
 from program_arm import TRUTH, PendantArm, plan_for
 from rapid_interpreter import RapidController
 from user_programs import STATED, UserProgram, flange_arm, read, varied, written
 
 from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
+from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, steps_of, write_program
-from zerobeam.experiments.makers.recordings import Imported
+from zerobeam.experiments.makers.recordings import Imported, ImportJob
 from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
@@ -111,30 +115,67 @@ def promised_mm(answer: RobotCalibration, plan: Plan, rows: Matrix) -> Matrix:
     return np.sqrt(np.einsum("kij,jl,kil->k", jacobian, answer.covariance.matrix[np.ix_(own, own)], jacobian))
 
 
+def reaches_what_it_means(
+    plan: Plan,
+    answer: RobotCalibration,
+    rows: Matrix,
+    commanded: Callable[[str], Matrix],
+    before: str,
+    after: str,
+    digits_mm: float,
+) -> None:
+    """What the corrected program commands brings the true arm to where the program means it to be, within the
+    uncertainty of the offsets and the digits of the file; the program as it was does not."""
+    nominal = flange_arm(plan.robot)
+    true = nominal.with_offsets(np.radians([0.0, *TRUTH.values()]))
+    meant = nominal.fk(rows)
+
+    def missed(text: str) -> Matrix:
+        return np.asarray(np.linalg.norm((true.fk(commanded(text)) - meant)[:, :3, 3], axis=1))
+
+    bound = 3 * promised_mm(answer, plan, rows) + digits_mm
+    assert (missed(after) < bound).all()
+    assert (missed(before) > bound).all()
+    assert missed(before).min() > 1.0
+
+
+def targets_of(plan: Plan) -> Matrix:
+    """The plan's first postures, and others; degrees."""
+    return np.vstack([np.degrees(plan.postures[:4]), varied(plan.robot, 4)]).round(3)
+
+
 def corrected_program_reaches_what_it_means(
     folder: Path, plan: Plan, answer: RobotCalibration, language: str
 ) -> None:
     """Joint and Cartesian targets: the plan's postures, and others."""
-    nominal = flange_arm(plan.robot)
-    rows = np.vstack([np.degrees(plan.postures[:4]), varied(plan.robot, 4)]).round(3)
+    rows = targets_of(plan)
     program = UserProgram(language, plan.robot, rows)
     text = program.text()
     path = written(folder, program, text)
     done = corrected_program(
         plan.robot, answer, path, folder / f"corrected{path.suffix}", STATED.get(language)
     )
-    true = nominal.with_offsets(np.radians([0.0, *TRUTH.values()]))
-    meant = nominal.fk(rows)
+    reaches_what_it_means(
+        plan, answer, rows, program.commanded, text, read(done), 0.05 if language == "fanuc" else 1e-3
+    )
 
-    def missed(commanded: Matrix) -> Matrix:
-        return np.asarray(np.linalg.norm((true.fk(commanded) - meant)[:, :3, 3], axis=1))
 
-    listing = 0.05 if language == "fanuc" else 1e-3  # mm: the digits of the program
-    bound = 3 * promised_mm(answer, plan, rows) + listing
-    assert (missed(program.commanded(read(done))) < bound).all()
-    # As it was, it misses by more than that.
-    assert (missed(program.commanded(text)) > bound).all()
-    assert missed(program.commanded(text)).min() > 1.0
+def offsets_come_back(folder: Path, plan: Plan, imported: Imported) -> RobotCalibration:
+    """The calibration of what was imported; its offsets are the true ones."""
+    assert [shot.shot for shot in imported.shots] == list(range(len(plan.postures)))
+    assert imported.header.provenance["plan sha256"] == plan.sha256
+    run = folder / "run.jsonl"
+    write_run(run, imported.header, imported.shots)
+    # Axes 2 and 3 are parallel: from twelve random postures some of these offsets are weakly observable.
+    answer = calibration(read_run(run), allow_weak=True)
+    offsets: dict[str, Any] = {offset.name: offset for offset in answer.offsets}
+    assert offsets["delta1"].status == "held"
+    for name, true in TRUTH.items():
+        offset = offsets[name]
+        assert offset.status in ("identified", "weak")
+        assert offset.row.std < 0.3
+        assert abs(offset.row.estimate - true) < 3 * offset.row.std, (name, offset.row)
+    return answer
 
 
 @pytest.mark.parametrize("robot", ARMS)
@@ -148,18 +189,45 @@ def test_offsets_come_back_through_the_program_of_every_arm(
     imported = carried_out(tmp_path, plan, arm)
     # To the plan's last digit, in its order.
     assert arm.moves == [list(step.joints) for step in steps_of(plan, ProgramMotion(j3="link"))]
-    assert [shot.shot for shot in imported.shots] == list(range(len(plan.postures)))
-    assert imported.header.provenance["plan sha256"] == plan.sha256
-    run = tmp_path / "run.jsonl"
-    write_run(run, imported.header, imported.shots)
-    # Axes 2 and 3 are parallel: from twelve random postures some of these offsets are weakly observable.
-    answer = calibration(read_run(run), allow_weak=True)
-    found: dict[str, Any] = {offset.name: offset for offset in answer.offsets}
-    assert found["delta1"].status == "held"
-    for name, true in TRUTH.items():
-        offset = found[name]
-        assert offset.status in ("identified", "weak")
-        assert offset.row.std < 0.3
-        assert abs(offset.row.estimate - true) < 3 * offset.row.std, (name, offset.row)
+    answer = offsets_come_back(tmp_path, plan, imported)
     if carried_out in LANGUAGES:
         corrected_program_reaches_what_it_means(tmp_path, plan, answer, LANGUAGES[carried_out])
+
+
+# Languages whose statements are lines, each with its controller.
+_MODULES = (epson_controller, kawasaki_controller, yaskawa_controller)
+CONTROLLERS = {controller.KIND: controller for controller in _MODULES}
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_the_circle_of_a_language_of_lines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    controller = CONTROLLERS[kind]
+    robot = controller.robot_file(tmp_path) if hasattr(controller, "robot_file") else controller.ROBOT
+    plan = plan_for(tmp_path, robot, controller.TARGET)
+    arm = PendantArm(plan)
+    path = tmp_path / f"zb_plan{controller.SUFFIX}"
+    write_program(kind, plan, ProgramMotion(), path)
+    saved = controller.carried_out(path, arm)
+    assert np.abs(np.array(arm.moves) - np.degrees(plan.postures)).max() < controller.STEP_DEG
+    reader = next(each for maker in makers() for each in maker.read if each.name == controller.READER)
+    job = ImportJob.begin([saved], plan, tmp_path / "run.jsonl")
+    answer = offsets_come_back(tmp_path, plan, reader.read(job))
+    rows = targets_of(plan)
+    text = controller.user_program(plan.robot, rows)
+    program = tmp_path / f"job{controller.SUFFIX}"
+    program.write_bytes(text.encode())
+    done = corrected_program(
+        plan.robot, answer, program, tmp_path / f"corrected{controller.SUFFIX}", controller.STATED
+    )
+    reaches_what_it_means(
+        plan,
+        answer,
+        rows,
+        lambda of: controller.commanded(of, plan.robot, rows),
+        text,
+        read(done),
+        controller.DIGITS_MM,
+    )

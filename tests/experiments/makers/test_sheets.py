@@ -65,6 +65,25 @@ def test_kuka(run, offsets):
     np.testing.assert_allclose(numbers(text, r"old value +([-+][\d.]+)$"), values[1:], atol=1e-6)
 
 
+def test_yaskawa(run, offsets):
+    """At the reading where the home position is registered, reading + offset is zero; in pulses too."""
+    found, values = offsets
+    pattern = r"^J\d +\S+ +([-+][\d.]+) deg"
+    np.testing.assert_allclose(
+        numbers(SHEETS["yaskawa"](run, found), pattern), np.negative(values[1:]), atol=1e-6
+    )
+    pulses = replace(run.robot.conventions, unit="pulse", pulses_per_deg=PULSES)
+    text = SHEETS["yaskawa"](replace(run, robot=replace(run.robot, conventions=pulses)), found)
+    shown = np.array(numbers(text, r"= ([-+]\d+) pulses$")) / PULSES[1:]
+    np.testing.assert_allclose(shown, np.negative(values[1:]), atol=1e-4)
+
+
+def test_epson(run, offsets):
+    found, values = offsets
+    shown = numbers(SHEETS["epson"](run, found), r"Agl\(\d\) = +([-+][\d.]+) deg   Calib \d$")
+    np.testing.assert_allclose(shown, np.negative(values[1:]), atol=1e-6)
+
+
 @pytest.mark.parametrize("encoder", ["link", "ground"])
 @pytest.mark.parametrize("pendant", ["link", "ground"])
 def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, encoder, pendant):

@@ -1,0 +1,105 @@
+"""SPEL+ (Epson): a plan as a program in it, and programs whose targets are joints.
+
+Facts, from the SPEL+ Language Reference of Seiko Epson: JA is a point by its joint angles, degrees; Agl reads
+the angle of a joint; Preserve keeps a variable when a program ends; AOpen opens a file to append to it.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ....model.errors import BadInput
+from ....model.files.plan import Plan
+from ....model.kinematics.orientation import from_abc, orientation
+from ..line_programs import LineLanguage
+from ..maker import one_line
+from ..plan_programs import (
+    LOG,
+    LOG_PLAN,
+    ProgramMotion,
+    head_lines,
+    listed,
+    made_for,
+    percents,
+    short_hash,
+    steps_of,
+)
+
+SPEL = LineLanguage(
+    name="SPEL+",
+    grammar="epson/spel",
+    remark=r"'[^\n]*",
+    head=r"^[ \t]*Function\b[^\n]*\n",
+    comment="  ' ",
+    pose=from_abc,
+    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).abc],
+    form="X,Y,Z,U,V,W",
+    joint_decimals=4,
+    literal=re.compile(r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
+)
+_NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
+_USAGE = (
+    "Start this function again and again, from the Run window: each start records where the arm is, in",
+    "zb_plan.log, and goes to the next posture. In between no program runs: jog the beam onto the centre.",
+    "confirm: the folder of the log is that of ChDisk and CurDir$ on your controller.",
+    "confirm: zb_next is 0 before the first start (Print zb_next): it keeps its value from another plan.",
+)
+
+
+def spel_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
+    """Text of the program, whose function has the name of `file`."""
+    note = made_for(plan, "epson", "a SPEL+ program", 6, "JA")
+    if not _NAME.fullmatch(file.stem):
+        raise BadInput(
+            "the file's name is that of the function, and SPEL+ does not allow this one",
+            found=file.stem,
+            allowed="a letter, then letters, digits and _: at most 32 (zb_plan.prg)",
+            remedy="choose another name for the file",
+        )
+    steps = steps_of(plan, motion)
+    angles = [
+        f'      zb_line$ = zb_line$ + " " + FmtStr$(Agl({i}), "0.0000")' for i in range(1, plan.robot.n + 1)
+    ]
+    lines = [
+        *(f"' {line}" for line in (*head_lines(plan, motion, note), *_USAGE)),
+        "Global Preserve Integer zb_next",
+        "",
+        f"Function {file.stem}",
+        "  Integer zb_yes",
+        "  String zb_line$",
+        "  Motor On",
+        "  Power Low",
+        f"  Speed {min(percents(plan.robot, motion.speed))}",
+        "  Accel 10, 10",
+        "  If zb_next > 0 Then",
+        '    Print "Is the beam on the centre of the posture? 1: record it, 0: go there again"',
+        "    Input zb_yes",
+        "    zb_next = zb_next - 1",
+        "    If zb_yes = 1 Then",
+        f'      zb_line$ = "{LOG} " + FmtStr$(zb_next, "0") + " deg"',
+        *angles,
+        '      AOpen "zb_plan.log" As #30',
+        f'      Print #30, "{LOG_PLAN} {short_hash(plan)}"',
+        "      Print #30, zb_line$",
+        "      Close #30",
+        "      zb_next = zb_next + 1",
+        "    EndIf",
+        "  EndIf",
+        "  Select zb_next",
+    ]
+    for step in steps:
+        lines += [f"    Case {step.number}", f"      ' posture {step.number}, {one_line(step.target)}"]
+        lines += [f"      Go JA({listed(row)})" for row in step.named.values()]
+    return "\n".join(
+        [
+            *lines,
+            f"    Case {len(steps)}",
+            '      Print "All postures are recorded."',
+            "      zb_next = -1",
+            "  Send",
+            "  zb_next = zb_next + 1",
+            "Fend",
+            "",
+        ]
+    )

@@ -1,0 +1,49 @@
+"""Kawasaki: AS programs, a sheet for the encoders' zero."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _as_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .as_language import as_program
+
+    return {file: as_program(plan, motion, file)}
+
+
+def _read_as(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """Kawasaki: joint displacement values (#name) of a saved file, taught or recorded by a plan's program."""
+    from ..line_programs import import_taught
+    from .as_language import AS
+
+    return import_taught(
+        AS,
+        job,
+        points=names_of(points),
+        vendor="kawasaki",
+        note="Kawasaki joint displacement values, degrees, joint 1 first",
+    )
+
+
+def _as() -> "Language":
+    from .as_language import AS
+
+    return AS.for_correction()
+
+
+MAKER = Maker(
+    "Kawasaki",
+    "kawasaki",
+    r"kawasaki|rs ?\d+\w*|bx ?\d+\w*|duaro\w*",
+    program=(PlanProgram("as", "as (Kawasaki)", _as_program, ("speed", "zone", "tool")),),
+    read=(Reader("as", _read_as, "Saved AS files (.as, .pg)."),),
+    correct=(ProgramFiles("AS", ".as or .pg (Kawasaki)", (".as", ".pg"), _as),),
+)

@@ -1,0 +1,38 @@
+"""Nachi: joint positions of SLIM programs."""
+
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, PointNames, ProgramFiles, Reader, names_of
+
+if TYPE_CHECKING:
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """Nachi: joint positions (MOVEX … M1J) of a program that was taught; they are named by their lines."""
+    from ..line_programs import import_taught
+    from .slim import SLIM
+
+    return import_taught(
+        SLIM,
+        job,
+        points=names_of(points),
+        vendor="nachi",
+        note="Nachi joint positions (M1J), degrees, joint 1 first",
+    )
+
+
+def _slim() -> "Language":
+    from .slim import SLIM
+
+    return SLIM.for_correction()
+
+
+MAKER = Maker(
+    "Nachi",
+    "nachi",
+    r"nachi|mz ?\d+\w*",
+    read=(Reader("slim", _read_slim, "Programs as text (NAME.001)."),),
+    correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _slim),),
+)

@@ -1,0 +1,83 @@
+"""Yaskawa: INFORM jobs, a sheet for the home position."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, OffsetFile, PlanProgram, PointNames, ProgramFiles, Reader, names_of, require_vendor
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ....model.files.run import Run
+    from ..calibration import RobotCalibration
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+_ABOUT = [
+    "Home position sheet for Yaskawa. At the home position an axis reads 0 pulses.",
+    "Move the axis (joint coordinates) until the pendant shows the reading in the third column: there the",
+    "axis is truly at zero. Register this as its home position, of this axis alone. It then reads 0.",
+    "confirm: main menu ROBOT, HOME POSITION, select the axis, YES to the question; it needs the security",
+    "mode MANAGEMENT. Check names and steps against the maintenance manual of your controller.",
+    "confirm: the controller then wants its second home position (specified point) checked and set again.",
+    "confirm: the absolute data that are shown there are those to write down. This sheet does not say what",
+    "to type in their place: how they count is not published.",
+    "Tools and user frames that were measured with the old home position hold its error: measure them again.",
+]
+
+
+def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
+    """Yaskawa: a sheet for a person, where each axis has its home position. Nothing is applied."""
+    from ....model.kinematics.pendant import Pendant, require_link_encoder
+    from ..sheets import sheet_text
+
+    require_vendor(run.robot, "yaskawa", "this sheet")
+    require_link_encoder(run.robot, "this sheet")
+    pendant, pulses = Pendant(run.robot), run.robot.conventions.pulses_per_deg
+    table = ["axis   offset deg   register the home position where it reads"]
+    for i, offset in enumerate(calibration.offsets):
+        reading = f"{-offset.applied:+11.6f} deg"
+        if pulses is not None:
+            reading += f" = {round(-offset.applied * pulses[i]):+d} pulses"
+        row = f"{offset.applied:+11.6f}   {reading}" if offset.exported else f"{'-':>11}   leave it as it is"
+        table.append(f"{pendant.names[i]:4}   {row}")
+    return sheet_text(calibration, _ABOUT, table)
+
+
+def _inform_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .inform import inform_program
+
+    return {file: inform_program(plan, motion, file)}
+
+
+def _read_inform(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program."""
+    from ..line_programs import import_taught
+    from .inform import INFORM, named_positions
+
+    return import_taught(
+        INFORM,
+        job,
+        points=names_of(points),
+        vendor="yaskawa",
+        note="Yaskawa positions, pulses of S, L, U, R, B, T by pulses_per_deg of the robot file",
+        named=named_positions,
+    )
+
+
+def _inform() -> "Language":
+    from .inform import INFORM
+
+    return INFORM.for_correction()
+
+
+MAKER = Maker(
+    "Yaskawa",
+    "yaskawa",
+    r"motoman|yaskawa|gp ?\d+\w*",
+    offsets=(OffsetFile("yaskawa", _sheet),),
+    program=(PlanProgram("inform", "inform (Yaskawa)", _inform_program, ("speed", "tool")),),
+    read=(Reader("inform", _read_inform, "Saved jobs (.JBI)."),),
+    correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _inform),),
+)

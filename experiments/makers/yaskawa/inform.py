@@ -1,0 +1,136 @@
+"""INFORM (Yaskawa): jobs, their positions and motions, and a plan as a job.
+
+Facts, from Yaskawa's "Job Data Format" (instructions of NX100 and DX100, Easy Offline Teaching System): C are
+the positions of a job, P position variables; below ///PULSE they are pulses of S, L, U, R, B, T, below
+///RECTAN X, Y, Z, Rx, Ry, Rz in mm and degrees about fixed axes, with the tool of ///TOOL, in the frame of
+///POSTYPE and ///USER; the first three of ///RCONF are flip, upper arm and front, the others whether R, T and
+S are beyond half a turn. Which of them the controller regards is a parameter (S2C430): here they must agree
+with the joints before.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from textwrap import wrap
+
+import numpy as np
+
+from ....model.arrays import Matrix
+from ....model.errors import BadInput
+from ....model.files.plan import Plan
+from ....model.kinematics.orientation import from_rpy, orientation
+from ....model.kinematics.pendant import Pendant
+from ..line_programs import LineLanguage
+from ..maker import one_line
+from ..plan_programs import ProgramMotion, head_lines, made_for, percents, steps_of
+from ..program_parts import NUMBER
+from ..recordings import TaughtPoint
+
+_HALF_TURN = [0, 3, 5]  # S, R, T
+
+
+def _within_half_a_turn(joints: Matrix) -> bool:
+    return bool(((joints[_HALF_TURN] > -180) & (joints[_HALF_TURN] <= 180)).all())
+
+
+INFORM = LineLanguage(
+    name="INFORM",
+    grammar="yaskawa/inform",
+    remark=r"'[^\n]*|//(?:NAME|/(?:COMM|DATE|ATTR))\b[^\n]*",
+    head=r"^NOP[ \t]*\r?\n",
+    comment="'",
+    pose=from_rpy,
+    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    form="X,Y,Z,Rx,Ry,Rz",
+    unit="pulse",
+    joint_decimals=0,
+    pose_decimals=(3, 3, 3, 4, 4, 4),
+    literal=re.compile(rf"(?<==){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}"),
+    base_frames=frozenset(),
+    framed=True,
+    shared=re.compile(r"P\d+", re.IGNORECASE),
+    turns=_within_half_a_turn,
+    remark_width=31,
+)
+_NAME = re.compile(r"[A-Za-z][\w-]{0,7}", re.ASCII)
+_USAGE = (
+    "At each pause: jog the beam onto the centre, put the cursor on the MOVJ above, MODIFY, ENTER.",
+    "At the end save the job, and import it.",
+)
+_LABELLED = re.compile(
+    r"^[ \t]*'(zb_(?:p(\d+)|v(\d+)_(\d+)))\b[^\n]*\n[ \t]*MOVJ (C\d+)", re.MULTILINE | re.IGNORECASE
+)
+
+
+def inform_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
+    """Text of the job that has the name of `file`. At each posture it pauses, and the person modifies the
+    position there; a remark above each motion names it, since jobs number positions anew. The date is fixed:
+    the same plan is the same job."""
+    note = made_for(plan, "yaskawa", "an INFORM job", 6, "a job's position")
+    if not _NAME.fullmatch(file.stem):
+        raise BadInput(
+            "the file's name is that of the job, and INFORM does not allow this one",
+            found=file.stem,
+            allowed="a letter, then letters, digits, _ and -: at most 8 (ZB_PLAN.JBI)",
+            remedy="choose another name for the file",
+        )
+    tool = "0" if motion.tool is None else motion.tool.strip()
+    if not re.fullmatch(r"\d{1,2}", tool):
+        raise BadInput("--tool is the number of a tool file", found=tool, allowed="0 to 63")
+    per_degree = Pendant(plan.robot).per_degree("pulse")
+    steps, percent = steps_of(plan, motion), min(percents(plan.robot, motion.speed))
+    named = [item for step in steps for item in step.named.items()]
+    pulses = [np.round(np.array(row) * per_degree).astype(int).tolist() for _, row in named]
+    lines = [
+        "/JOB",
+        f"//NAME {file.stem.upper()}",
+        "//POS",
+        f"///NPOS {len(named)},0,0,0,0,0",
+        f"///TOOL {tool}",
+        "///POSTYPE PULSE",
+        "///PULSE",
+        *(f"C{number:05d}={','.join(map(str, row))}" for number, row in enumerate(pulses)),
+        *("//INST", "///DATE 2026/01/01 00:00", "///ATTR SC,RW", "///GROUP1 RB1", "NOP"),
+    ]
+    for line in [*head_lines(plan, motion, note), *_USAGE]:
+        lines += [f"'{part}" for part in wrap(line, 31)]
+    targets = {f"zb_p{step.number}": step.target for step in steps}
+    for number, (name, _) in enumerate(named):
+        lines.append(f"'{name} {one_line(targets.get(name, 'via'))}"[:32])
+        lines.append(f"MOVJ C{number:05d} VJ={percent:.2f} PL=0")
+        if name in targets:
+            lines += [f'MSG "Posture {name[4:]}: jog, MODIFY, ENTER"', "PAUSE"]
+    return "\r\n".join([*lines, "END", ""])
+
+
+def named_positions(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:
+    """The positions of a job, those of a plan's program by the names in its remarks.
+
+    BadInput for a job that is cut off, and for a plan's program whose positions and remarks do not agree.
+    """
+    count = re.search(r"^///NPOS[ \t]+(\d+),\d+,\d+,(\d+)", text, re.MULTILINE)
+    listed = Counter(point.name[0].upper() for point in points)
+    if count is None or (int(count[1]), int(count[2])) != (listed["C"], listed["P"]):
+        raise BadInput(
+            "the job does not have the positions that it says it has",
+            found=f"{listed['C']} positions, {listed['P']} position variables",
+            allowed="as ///NPOS states" if count is None else f"{count[1]} and {count[2]}",
+            remedy="save the job again",
+        )
+    if not re.search(r"^END\s*\Z", text, re.MULTILINE):
+        raise BadInput("the job has no end", allowed="END in its last line", remedy="save the job again")
+    labelled = [match.groups() for match in _LABELLED.finditer(text)]
+    if not labelled and "zerobeam plan" not in text:
+        return points
+    names = {position.upper(): name.lower() for name, *_, position in labelled}
+    order = [(int(p or v), p is not None, int(i or 0)) for _, p, v, i, _ in labelled]
+    if list(names) != sorted({point.name.upper() for point in points}) or order != sorted({*order}):
+        raise BadInput(
+            "the remarks of the plan's program do not name its positions one after the other",
+            found=f"{len(points)} positions, {len(labelled)} remarks above motions",
+            allowed="the program as it was written, with its positions modified",
+            remedy="write the program again (zerobeam export plan inform), and modify its positions only",
+        )
+    return [point._replace(name=names[point.name.upper()]) for point in points]
