@@ -119,7 +119,7 @@ class LineLanguage:
         code = blanked(text, self.remark, strings=False)
         if not self.case_sensitive:  # the grammar is in capitals
             code = code.translate(_CAPITALS)
-        depth, routine, begun = 0, False, False  # in a routine; the line before is its begin
+        depth, routine, behind_head = 0, False, False  # in a routine; the line before is its head
         opened = False  # the line before opens a block
         for line in re.finditer(r"[^\r\n]+", code):
             if line[0].strip():
@@ -129,17 +129,19 @@ class LineLanguage:
                 indent = len(line[0]) - len(line[0].lstrip())
                 if self.indented and indent != depth:
                     main = routine and not indent
-                    if main or not begun:
+                    if main or not behind_head:
                         yield line.start(), line.start(), Tree("main" if main else "join", [])
                     depth, routine = indent, routine and not main
-                begun = inner is not None and inner.data == "routine"
+                behind_head = inner is not None and inner.data == "routine"
                 if self.opens is not None:
                     if opened and not line[0].lstrip().startswith("{"):
                         inner = None
                     opened = bool(self.opens.search(line[0])) and not line[0].rstrip().endswith("{")
-                if self.indented and begun and indent:  # a routine in a block: when it is there is not known
-                    inner, begun = None, False
-                routine |= begun
+                if (
+                    self.indented and behind_head and indent
+                ):  # a routine in a block: when it is there is not known
+                    inner, behind_head = None, False
+                routine |= behind_head
                 yield line.start(), line.end(), inner
 
 
