@@ -134,6 +134,7 @@ def arm_json(arm: ShownArm) -> dict[str, object]:
                 "abc_deg": list(pose.orientation.abc),
                 "rotation_vector_rad": list(pose.orientation.rotation_vector),
                 "rx_ry_rz_deg": list(pose.orientation.xyz),
+                "zyz_deg": list(pose.orientation.zyz),
             }
             for pose in arm.poses
         ],

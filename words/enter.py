@@ -54,6 +54,18 @@ def geometry_sentence(result: Result) -> str | None:
     return f"Where links can be entered too (export robot, export urdf), {median} and {p95} are left."
 
 
+def model_sentence(result: Result) -> str | None:
+    """What the corrected model or program gains at the TCP; None where that is not known."""
+    taken = result.entered_geometry or result.entered
+    if taken is None or taken.tcp_before is None or taken.tcp_after is None:
+        return None
+    (before, most), (after, least) = error_words(taken.tcp_before), error_words(taken.tcp_after)
+    return (
+        f"By the corrected model or program the TCP is off by {after} instead of {before} (median of the"
+        f" workspace), and by less than {least} instead of {most} in 95 % of it."
+    )
+
+
 def conformity_sentence(result: Result) -> str:
     """Whether the robot meets what it must; that nothing is required, where nothing is stated."""
     if result.conformity is not None:

@@ -47,6 +47,7 @@ from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.instruments.registry import KINDS
 from . import numbers
+from .controllers import export_command, export_sentence
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
@@ -67,13 +68,6 @@ from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed,
 Tone = Verdict | Literal["held"]
 
 _SAFE = re.compile(r"[\w./+@-]+")
-# What writes the offsets for a controller, by its vendor: the command, and the file's name.
-_FILES = {
-    "abb": ("export rapid", "offsets.mod"),
-    "universal-robots": ("export ur", "joint-zero.txt"),
-    "kuka": ("export kuka", "mastering.txt"),
-    "fanuc": ("export fanuc", "mastering.txt"),
-}
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
@@ -404,7 +398,7 @@ def _action(case: _Case) -> Action:
             _plan(case),
         )
     command, file = export_command(case.vendor)
-    enter = "Write the values to enter into a file for this robot."
+    enter = export_sentence(case.vendor)
     if case.unmet:
         enter += " The values are not enough for the requirement: do not release the robot with them."
     return Action(enter, f"zerobeam {command} {run} -o {file}")
@@ -487,11 +481,6 @@ def _plan(case: _Case) -> str | None:
         return None
     coordinates = ",".join(f"{float(value):g}" for value in guess)
     return f"zerobeam plan optimal --header {run_argument(case.run)} --target={coordinates} -o plan.yaml"
-
-
-def export_command(vendor: str | None) -> tuple[str, str]:
-    """What writes the offsets for a robot of this vendor, and the file's name."""
-    return _FILES.get(vendor or "", ("export robot", "corrected.yaml"))
 
 
 def run_argument(name: str) -> str:

@@ -11,8 +11,15 @@ from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.enter import Entered
 from ..model.instruments.flange_tool import FlangeTool
 from . import numbers
-from .enter import WHY_THEY_DIFFER, conformity_sentence, enter_sentence, geometry_sentence
-from .message import export_command, run_argument
+from .controllers import export_command, taken_by
+from .enter import (
+    WHY_THEY_DIFFER,
+    conformity_sentence,
+    enter_sentence,
+    geometry_sentence,
+    model_sentence,
+)
+from .message import run_argument
 
 
 def next_steps(result: Result, message: Message) -> NextSteps:
@@ -20,6 +27,8 @@ def next_steps(result: Result, message: Message) -> NextSteps:
     action = message.action
     first = NextStep(action.text, () if action.command is None else (action.command,))
     entered = offered(result)
+    if entered is not None and taken_by(result.inputs.vendor) != "offsets":
+        return NextSteps((), (first, *_with_the_model(result)))
     if entered is not None:
         return NextSteps(_values(result, entered), (first, *_after_entering(result)))
     return NextSteps((), (first, *_alone(result)))
@@ -62,6 +71,17 @@ def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:
             )
         )
     return tuple(entries)
+
+
+def _with_the_model(result: Result) -> tuple[NextStep, ...]:
+    """What the corrected model gains, and how to verify it, where a controller takes no offsets."""
+    run = run_argument(result.inputs.run)
+    verify = NextStep(
+        "Verify: measure a second run with the same header. It is predicted.",
+        (f"zerobeam analyse {run} --hold-out NEW.jsonl",),
+    )
+    gain = model_sentence(result)
+    return (verify,) if gain is None else (NextStep(gain), verify)
 
 
 def _after_entering(result: Result) -> tuple[NextStep, ...]:

@@ -97,6 +97,21 @@ def labelled(text: str, names: Sequence[str] = ()) -> dict[int, float]:
     return values
 
 
+def joints_so_far(text: str, names: Sequence[str] = ()) -> int:
+    """How many joints a text has so far that may go on in the next line: with their names, the letters of a
+    Yaskawa from S on, or a number alone for each; 0 where it is something else."""
+    text = text.translate(_MINUS)
+    by_name = labelled(text, names)
+    if by_name:
+        return len(by_name)
+    letters = [match[1] for match in _YASKAWA.finditer(text)]
+    rest = re.sub(r"[\s,;]|\b(?:deg|rad|mm|pulses?)\b", "", _YASKAWA.sub("", text))
+    if letters and not rest:
+        return len(letters) if letters == list("SLURBT"[: len(letters)]) else 0
+    parts = text.split()
+    return len(parts) if all(re.fullmatch(_NUMBER, part) for part in parts) else 0
+
+
 def _by_names(text: str, names: Sequence[str]) -> dict[int, float]:
     """Values behind the pendant's own names, by number from 1, where there is one."""
     values: dict[int, float] = {}

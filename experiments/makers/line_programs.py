@@ -7,7 +7,9 @@ A maker's grammar derives a line, by its rule `statement`, to one tree:
   CONFIGURATION is what tells the branches of the arm apart, in the language's own words; `configuration` is a
   line that states it for entries below.
 - `motion`, `linear`: each `at` in it is a NAME, `joints` or a `pose`, and the arm goes there by joints or in
-  a straight line (or an arc, if the language takes the orientation of every pose in it).
+  a straight line (or an arc, if the language takes the orientation of every pose in it). With `only_joints`
+  or `only_pose` in it a NAME must be such a position; that says it of `numbers`, a position whose declaration
+  does not. A `tool` or `frame` in a motion is of this motion alone, as is a CONFIGURATION in `reached_as`.
 - `tool`, `frame`: a WORD or a `pose`, from here on. `in_base`, `in_frame`: framed positions below are in the
   base frame, or in the frame that was set. `call`: a WORD, the routine. `routine`: a WORD, its begin.
 - `join`: it is reached from elsewhere too, or leads there. `plain`: it moves no arm, and changes no position.
@@ -19,7 +21,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from string import ascii_lowercase, ascii_uppercase
 
@@ -51,9 +53,11 @@ from .program_parts import (
 from .recordings import Imported, ImportJob, TaughtPoint, import_points
 
 _CAPITALS = str.maketrans(ascii_lowercase, ascii_uppercase)
+_FEWEST = 6  # numbers of a position
 _FARTHEST = 1e8  # mm, degrees or pulses: no position has more
 _FOLLOW = {"joints_follow": True, "poses_follow": False, "nothing_follows": None}
 _IN_BASE = "base"  # the frame of positions in the base frame
+_KINDS = ("only_joints", "only_pose")
 _HARMLESS = "states that it moves no arm and changes no tool, frame or position"
 _POSTURE = re.compile(
     r"#?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
@@ -70,7 +74,10 @@ class LineLanguage:
     which the remarks of a correction are put, each behind `comment`. Joints are in `unit`; a pose (4, 4) is
     that of the numbers of `form`, and back. Numbers are written to so many decimals. `literal` has all that
     looks like joints or a pose. Of `framed` positions tool and frame are those of the lines above them, else
-    those of the motion. `flange_tools` and `base_frames` are the names of tools and frames that are none.
+    those of the motion. `flange_tools` and `base_frames` are the names of tools and frames that are none. An
+    `indented` language has its blocks by indentation; behind a line that `opens` a block there is a brace.
+    `matching` says of a configuration which joints (n,), degrees, have it, None where that is not known;
+    without it the words are compared with each other.
     """
 
     name: str
@@ -89,10 +96,12 @@ class LineLanguage:
     base_frames: frozenset[str] = frozenset({""})
     framed: bool = False
     case_sensitive: bool = False
-    statement: re.Pattern[str] = re.compile(r"[^\r\n]+")
     shared: re.Pattern[str] | None = None
     turns: Callable[[Matrix], bool] | None = None
     remark_width: int | None = None
+    indented: bool = False
+    opens: re.Pattern[str] | None = None
+    matching: Callable[[Robot, str], Callable[[Matrix], bool] | None] | None = None
 
     def for_correction(self) -> Language:
         """What `zerobeam export program` needs of it."""
@@ -117,11 +126,30 @@ class LineLanguage:
         code = blanked(text, self.remark, strings=False)
         if not self.case_sensitive:  # the grammar is in capitals
             code = code.translate(_CAPITALS)
-        for line in self.statement.finditer(code):
+        depth, routine, behind_head = 0, False, False  # in a routine; the line before is its head
+        opened = False  # the line before opens a block
+        for line in re.finditer(r"[^\r\n]+", code):
             if line[0].strip():
                 tree = understood(self.grammar, "statement", code, *line.span())
                 inner = None if tree is None else tree.children[0]
-                yield line.start(), line.end(), inner if isinstance(inner, Tree) else None
+                inner = inner if isinstance(inner, Tree) else None
+                indent = len(line[0]) - len(line[0].lstrip())
+                if self.indented and indent != depth:
+                    main = routine and not indent
+                    if main or not behind_head:
+                        yield line.start(), line.start(), Tree("main" if main else "join", [])
+                    depth, routine = indent, routine and not main
+                behind_head = inner is not None and inner.data == "routine"
+                if self.opens is not None:
+                    if opened and not line[0].lstrip().startswith("{"):
+                        inner = None
+                    opened = bool(self.opens.search(line[0])) and not line[0].rstrip().endswith("{")
+                if (
+                    self.indented and behind_head and indent
+                ):  # a routine in a block: when it is there is not known
+                    inner, behind_head = None, False
+                routine |= behind_head
+                yield line.start(), line.end(), inner
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +158,7 @@ class _Position:
 
     line: int
     values: tuple[Token, ...]
-    is_pose: bool
+    is_pose: bool | None  # None: the motion says it
     configuration: str
     frames: tuple[str, str | None] | None = None
 
@@ -145,6 +173,13 @@ class _Position:
 
 def _tokens(tree: Tree[Token], kind: str) -> list[Token]:
     return [token for token in tree.scan_values(lambda token: isinstance(token, Token)) if token.type == kind]
+
+
+def _is_pose(tree: Tree[Token], joints_follow: bool | None) -> bool | None:
+    """Whether a position is a pose; None where nothing in its line or above says it."""
+    if tree.data == "entry":
+        return not joints_follow
+    return None if list(tree.find_data("numbers")) else bool(list(tree.find_data("pose")))
 
 
 class LineProgram:
@@ -164,6 +199,7 @@ class LineProgram:
         self.active: dict[str, str | None] = {"tool": "", "frame": ""}
         self.steady = True  # neither branch nor label since the routine began
         self.sure: set[str] = set()  # tool and frame that were set before
+        self.main = (self.active, self.sure, self.steady)  # of the main program, around a routine in it
         self.settings: dict[str, dict[str, set[str]]] = {}  # of each routine
         self.routine = ""
 
@@ -209,8 +245,9 @@ class LineProgram:
                 if tree.data == "entry" and joints_follow is None:
                     self._problem(begin, f"{written}: nothing says whether these are joints or a pose")
                     continue
-                poses = list(tree.find_data("pose"))
-                is_pose = bool(poses) if tree.data == "position" else not joints_follow
+                is_pose = _is_pose(tree, joints_follow)
+                if is_pose is None and len(_tokens(tree, "VALUE")) < _FEWEST:  # an array of something else
+                    continue
                 configuration = " ".join(_tokens(tree, "CONFIGURATION")) or words
                 position = _Position(
                     self.source.line(begin),
@@ -241,7 +278,9 @@ class LineProgram:
         place."""
         poses = list(tree.find_data("pose"))
         if not poses:
-            return self._key(str(_tokens(tree, "WORD")[0]))
+            name = self._key(str(_tokens(tree, "WORD")[0]))
+            self.facts.has("--tool" if tree.data == "tool" else "--frame", name)
+            return name
         values = _tokens(poses[0], "VALUE")
         name = f"in line {self.source.line(begin)}"
         if name not in self.declared:
@@ -259,6 +298,8 @@ class LineProgram:
             return
         routine = ""
         for begin, _, tree in self.trees:
+            if tree.data == "main":
+                routine = ""
             if tree.data == "routine":
                 routine = self._key(str(_tokens(tree, "WORD")[0]))
                 if routine in self.settings:
@@ -269,19 +310,35 @@ class LineProgram:
 
     def _go(self, begin: int, written: str, tree: Tree[Token]) -> None:
         if tree.data in ("motion", "linear"):
+            before = dict(self.active)
+            for part in (each for each in tree.iter_subtrees() if each.data in before):
+                self.active[part.data] = self._frame_name(begin, part)
+            words = [word for part in tree.find_data("reached_as") for word in _tokens(part, "CONFIGURATION")]
             for at in tree.find_data("at"):
-                self._motion(begin, written, at, linear=tree.data == "linear")
+                self._motion(begin, written, at, " ".join(words), linear=tree.data == "linear")
+            self.active = before
         elif tree.data in self.active and not self.language.framed:
             self.active[tree.data] = self._frame_name(begin, tree)
             if self.steady:
                 self.sure.add(tree.data)
+        elif tree.data == "main":
+            self.routine, self.first = "", True
+            self.active, self.sure, self.steady = self.main
         elif tree.data == "routine":
+            if not self.routine:
+                self.main = self.active, self.sure, self.steady
             self.routine = self._key(str(_tokens(tree, "WORD")[0]))
-            self.active, self.sure, self.first, self.steady = {"tool": "", "frame": ""}, set(), True, True
+            self.active = self._at_begin(self.routine)
+            self.sure, self.first, self.steady = set(), True, True
         elif tree.data == "join":
             self._joined(self.settings.get(self.routine, {}))
         for call in (each for each in tree.iter_subtrees() if each.data == "call"):
             self._call(begin, written, str(_tokens(call, "WORD")[0]))
+
+    def _at_begin(self, routine: str) -> dict[str, str | None]:
+        """What is active where a routine begins: where another one sets it, it may be called behind that."""
+        others = [each for name, each in self.settings.items() if name != routine]
+        return {which: None if any(each[which] for each in others) else "" for which in self.active}
 
     def _joined(self, settings: dict[str, set[str]]) -> None:
         """A tool that was set before all branches, and is set to no other, is still active."""
@@ -300,7 +357,7 @@ class LineProgram:
         elif not self.facts.harmless(key, name):
             self._problem(begin, f"{written}: what {name} does is not known; --call {name} {_HARMLESS}")
 
-    def _motion(self, begin: int, written: str, at: Tree[Token], *, linear: bool) -> None:
+    def _motion(self, begin: int, written: str, at: Tree[Token], reached_as: str, *, linear: bool) -> None:
         line = self.source.line(begin)
         names = _tokens(at, "NAME")
         if names:
@@ -315,17 +372,33 @@ class LineProgram:
                     self._problem(begin, f"{names[0]} has no value in this file (--leave {names[0]}?)")
                 self.first = True
                 return
-            name, position = self.source.written(key), self.positions[key]
+            name, position = self.source.written(key), self._of_kind(begin, written, at, key)
+            if position is None:
+                self.first = True
+                return
         else:
             tokens = tuple(_tokens(at, "VALUE"))
             name = self.source.key_at(span(tokens[0])[0], self.parsed.targets)
             words = " ".join(_tokens(at, "CONFIGURATION"))
             position = _Position(line, tokens, bool(list(at.find_data("pose"))), words)
+        if self.language.matching is not None:
+            position = replace(position, configuration=reached_as)
         if self._enter(begin, written, name, position):
             self.parsed.motions.append(Motion(name, line, linear, self.first))
             self.first = False
         else:
             self.first = True
+
+    def _of_kind(self, begin: int, written: str, at: Tree[Token], key: str) -> _Position | None:
+        """The position of a name, of the kind that the motion requires; None where it is of the other one."""
+        position = self.positions[key]
+        kinds = [each.data == "only_pose" for each in at.iter_subtrees() if each.data in _KINDS]
+        if kinds and position.is_pose is None:
+            position = self.positions[key] = replace(position, is_pose=kinds[0])
+        if position.is_pose is None or (kinds and position.is_pose != kinds[0]):
+            self._problem(begin, f"{written}: the motion takes {'a pose' if kinds[0] else 'joints'} alone")
+            return None
+        return position
 
     def _enter(self, begin: int, written: str, name: str, position: _Position) -> bool:
         """Enter the target of a motion; False where it is a problem."""
@@ -333,6 +406,8 @@ class LineProgram:
         if name in self.parsed.targets:
             if position.is_pose and frames != self.used[name]:
                 self._problem(begin, f"{written}: {name} is used with different tools or frames")
+            if getattr(self.parsed.targets[name], "configuration", "") != position.configuration:
+                self._problem(begin, f"{written}: {name} is used with different configurations")
             return True
         values, count = position.numbers, 6 if position.is_pose else self.source.robot.n
         if len(values) < count or any(values[count:]):  # zeros may follow, of axes that there are not
@@ -387,6 +462,14 @@ class LineProgram:
             numbers = self.language.numbers(pose)
             return number_edits(spans, self.source.text, numbers, self.language.pose_decimals)
 
+        matching = None
+        if self.language.matching is not None and position.configuration:
+            matching = self.language.matching(self.source.robot, position.configuration)
+            if matching is None:
+                self._problem(
+                    begin, f"{name}: it is not known which joints have the configuration of this motion"
+                )
+                return False
         self.parsed.targets[name] = PoseTarget(
             name,
             position.line,
@@ -396,6 +479,7 @@ class LineProgram:
             None,
             position.configuration,
             write,
+            matching,
             turns=self.language.turns,
         )
         return True
@@ -414,14 +498,14 @@ class LineProgram:
                 if key in self.positions and span(name)[0] not in self.known:
                     self.parsed.changed(self.source.line(begin), str(name))
         for key, position in self.positions.items():
-            name = self.source.written(key)
-            if name in self.parsed.targets or self.parsed.speaks_of(position.line, name):
+            written = self.source.written(key)
+            if written in self.parsed.targets or self.parsed.speaks_of(position.line, written):
                 continue
             begin = position.span[0]
-            if position.is_pose and position.frames is None:
-                self._problem(begin, f"{name} is not the target of a motion here (--leave {name}?)")
+            if position.is_pose is None or (position.is_pose and position.frames is None):
+                self._problem(begin, f"{written} is not the target of a motion here (--leave {written}?)")
             else:
-                self._enter(begin, name, name, position)
+                self._enter(begin, written, written, position)
 
 
 def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -> list[TaughtPoint]:
@@ -440,7 +524,7 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
         if tree.data in _FOLLOW:
             joints_follow = _FOLLOW[tree.data]
         kinds = ("position", "entry", "at", "tool", "frame")
-        for part in (each for each in tree.iter_subtrees_topdown() if each.data in kinds):
+        for part in (each for each in reversed([*tree.iter_subtrees()]) if each.data in kinds):
             values = _tokens(part, "VALUE")
             if not values:
                 continue
@@ -448,12 +532,12 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
             if part.data in ("tool", "frame"):
                 continue
             names = _tokens(part, "NAME")
-            is_pose = any(True for _ in part.find_data("pose")) or (
-                part.data == "entry" and not joints_follow
-            )
+            is_pose = _is_pose(part, joints_follow)
+            if is_pose is None and _POSTURE.fullmatch(str(names[0])):
+                is_pose = False
             numbers = np.array([float(value) for value in values])
             joints = None
-            if not is_pose:
+            if is_pose is False:
                 numbers[: robot.n] /= per_degree[: len(numbers)]
                 joints = tuple(numbers.tolist())
             name = text[slice(*span(names[0]))] if names else f"line {line}"

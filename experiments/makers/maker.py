@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar, get_args
 
 from ...model.errors import BadInput
+from ...words.controllers import Takes
 
 if TYPE_CHECKING:
     from ...model.files.robot_file import Vendor
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
 Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
 _OTHER_MODELS = (
-    r"panda|franka|fr3|kinova|gen ?[23]|jaco|staubli|tx2?|tx2? ?\d+\w*"
-    r"|x ?arm ?\d*|ufactory|denso|doosan|techman|comau|mitsubishi|meca ?500"
+    r"kinova|gen ?[23]|jaco|staubli|tx2?|tx2? ?\d+\w*"
+    r"|x ?arm ?\d*|ufactory|denso|comau|mitsubishi|meca ?500"
 )
 
 
@@ -167,6 +168,13 @@ class Maker:
     correct: tuple[ProgramFiles, ...] = ()
     live: str | None = None
     tried: str = field(default="on no controller")
+
+    @property
+    def takes(self) -> Takes:
+        """What there is for its controllers, as reports say it: offsets, else programs, else a model."""
+        if self.offsets:
+            return "offsets"
+        return "programs" if self.correct else "model"
 
 
 @cache

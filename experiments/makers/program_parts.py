@@ -77,8 +77,10 @@ class PoseTarget:
 
     `matches` says whether joints, degrees, of a branch have the stated `configuration`; None where none is
     stated: then each motion to it says which (`Motion.near`), or the motion before.
-    `write` turns a pose and the joints it is reached with into the text for them. `turns` says whether
-    joints, degrees, have the turns that are stated, as they are meant and as they are corrected.
+    `write` turns a pose and the joints it is reached with into the text for them. `matching` is as `matches`,
+    of joints alone, for a language whose configurations are not those of `Branch`; they are not rewritten.
+    `turns` says whether joints, degrees, have the turns that are stated, as they are meant and as they are
+    corrected.
     """
 
     name: str
@@ -89,7 +91,13 @@ class PoseTarget:
     matches: Callable[[Branch, Matrix], bool] | None
     configuration: str
     write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
+    matching: Callable[[Matrix], bool] | None = None
     turns: Callable[[Matrix], bool] | None = None
+
+    @property
+    def configured(self) -> bool:
+        """Whether the target itself says in which configuration the arm reaches it."""
+        return self.matches is not None or self.matching is not None
 
 
 Target = JointTarget | PoseTarget

@@ -231,7 +231,7 @@ class _Corrector:
         use, and then has no correction."""
         first_use = target.name not in self._joints
         joints = self.solved(target)
-        if first_use or joints is None or not isinstance(target, PoseTarget) or target.matches is not None:
+        if first_use or joints is None or not isinstance(target, PoseTarget) or target.configured:
             return joints
         try:
             again = self._chosen(target, target.frame @ target.pose @ np.linalg.inv(target.tool))
@@ -260,7 +260,9 @@ class _Corrector:
         branch = arms.branch(commanded)
         if target.turns is not None and not (target.turns(joints) and target.turns(commanded)):
             raise _Unsolved("a joint is, or would be, in another turn than its configuration states")
-        if target.matches is None and target.configuration:
+        if target.matching is not None and not target.matching(commanded):
+            raise _Unsolved(f"the corrected joints have another configuration than {target.configuration}")
+        if not target.configured and target.configuration:
             self._require_words(target, arms.branch(joints), branch)
         if branch != arms.branch(joints):
             self.changed.append(target.name)
@@ -286,8 +288,8 @@ class _Corrector:
         if self.arms.nominal.n != 6:
             raise _Unsolved(f"a pose does not determine the {self.arms.nominal.n} joints of this arm")
         display = self.arms.nominal.display
-        if target.matches is not None:
-            if self.arms.branches is None:
+        if target.configured:
+            if self.arms.branches is None and target.matching is None:
                 raise _Unsolved("configurations are known of arms with a spherical wrist only; state --near")
             rows = self._matching_nearby(target, flange)
             for thorough in (False, True):
@@ -337,10 +339,15 @@ class _Corrector:
         """The solutions, with their whole turns, that have the stated configuration; degrees."""
         solver, display = self.arms.solver, self.arms.nominal.display
         rows = [row * display for solution in solutions for row in solver.with_turns(solution)]
-        assert target.matches is not None
-        return np.array([row for row in rows if target.matches(self._branch(row), row)]).reshape(
+        return np.array([row for row in rows if self._has_stated(target, row)]).reshape(
             -1, self.arms.nominal.n
         )
+
+    def _has_stated(self, target: PoseTarget, row: Matrix) -> bool:
+        if target.matching is not None:
+            return target.matching(row)
+        assert target.matches is not None
+        return target.matches(self._branch(row), row)
 
     def _branch(self, joints: Matrix) -> Branch:
         branch = self.arms.branch(joints)

@@ -53,7 +53,7 @@ class CorrectedProgram:
     notes: list[str]
 
 
-def program_files_of(path: Path, vendor: Vendor | None = None) -> tuple[ProgramFiles, Vendor]:
+def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFiles, Vendor]:
     """The language of a program and its maker, by the end of the file's name; of several that of the robot's
     `vendor`, where it is known."""
     suffix = path.suffix.lower()
@@ -77,7 +77,7 @@ def program_files_of(path: Path, vendor: Vendor | None = None) -> tuple[ProgramF
     )
 
 
-def files_of(path: Path, vendor: Vendor | None = None) -> list[Path]:
+def files_of(path: Path, vendor: str | None = None) -> list[Path]:
     """The files of the program: of KRL the .src and the .dat of one name, as far as they are there. Of an
     ending that several makers use all that may belong to it, or to that of `vendor`."""
     suffix = path.suffix.lower()
@@ -212,9 +212,8 @@ def _bare(name: str) -> str:
 def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
     name, _, values = text.rpartition("=")
     count = language.form.split(" ")[0].count(",") + 1
-    return name.strip().lower(), language.pose(
-        stated_numbers(values, count, option, f"[NAME=]{language.form}")
-    )
+    name = name.strip() if language.case_sensitive else name.strip().lower()
+    return name, language.pose(stated_numbers(values, count, option, f"[NAME=]{language.form}"))
 
 
 def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:

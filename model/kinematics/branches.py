@@ -68,6 +68,13 @@ class Branches:
         front, arm = signs
         return Branch(front < 0, arm < 0, bool(joints[4] < 0))
 
+    def ahead(self, joints: Matrix) -> float:
+        """How far, mm, the wrist's centre is from axis 1 in the direction in which joint 2 tilts a vertical
+        arm."""
+        axes, points = self._lines(joints)
+        centre = _meeting(points[3], axes[3], points[4], axes[4])
+        return float((centre - points[0]) @ np.cross(axes[1], axes[0]))
+
     def _signs(self, joints: Matrix) -> tuple[float, float] | None:
         """How far, mm, the wrist's centre is in front of axis 1, and (scaled) of the lower arm.
 

@@ -125,6 +125,7 @@ def _print_pose(console: Console, pose: ShownPose, arm: ShownArm) -> None:
         ("W, P, R", turned.roll_pitch_yaw, 3, "deg", "FANUC, roll pitch yaw"),
         ("rx, ry, rz", turned.rotation_vector, 4, "rad", "UR"),
         ("Rx, Ry, Rz", turned.xyz, 3, "deg", "Stäubli"),
+        ("A, B, C (ZYZ)", turned.zyz, 3, "deg", "Doosan; O, A, T of Kawasaki"),
     ]
     for label, values_, digits, unit, who in rows:
         numbers_ = ", ".join(numbers.with_unit(numbers.fixed(v, digits), unit) for v in values_)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import zerobeam
+from scipy.spatial.transform import Rotation
 
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 
@@ -23,6 +24,7 @@ def test_forward_kinematics_to_hold_against_the_pendant() -> None:
     words = " ".join(answer.out.split())
     assert "525.00\u00a0mm, 0.00\u00a0mm, 890.00\u00a0mm" in answer.out
     assert "A, B, C 0.000°, 90.000°, 0.000° KUKA" in words
+    assert "A, B, C (ZYZ) 0.000°, 90.000°, 0.000° Doosan; O, A, T of Kawasaki" in words
     assert "981 mm from the axis of joint 1" in words
     assert "A6 joint6 revolute −350° 350° 615°/s" in words
 
@@ -32,6 +34,8 @@ def test_json_is_what_the_robot_computes() -> None:
     told = zerobeam("robot", "ur5e", "--joints", str(joints), "--json").json
     pose = load_robot("ur5e").fk(joints)
     np.testing.assert_allclose(told["poses"][0]["xyz_mm"], pose[:3, 3])
+    turned = Rotation.from_euler("ZYZ", told["poses"][0]["zyz_deg"], degrees=True).as_matrix()
+    np.testing.assert_allclose(turned, pose[:3, :3], atol=1e-9)
     assert told["vendor"] == "universal-robots"
     assert len(told["joints"]) == 6
     radians = zerobeam(
@@ -63,6 +67,17 @@ def test_a_fanuc_whose_file_does_not_say_how_joint_3_is_counted(tmp_path: Path) 
     path.write_text("".join(line for line in text if not line.startswith(keys)), encoding="utf-8")
     assert "is not stated: here it is link 2" in " ".join(zerobeam("robot", path).out.split())
     assert "--j3 ground" in zerobeam("robot", path, "--joints", "0 20 10 0 0 0").refused()
+
+
+def test_pulses_an_axis_a_line(tmp_path: Path) -> None:
+    text = (BUILT_IN / "gp7.yaml").read_text(encoding="utf-8")
+    counts = "unit: pulse, pulses_per_deg: [1000, 1000, 1000, 500, 1000, 1000]"
+    arm = tmp_path / "mine.yaml"
+    arm.write_text(text.replace("names: [S, L", f"{counts}, names: [S, L"), encoding="utf-8")
+    lines = "S 1000\nL 2000\nU 3000\nR 4000\nB 5000\nT 6000"
+    for typed in (lines, f"{lines} pulses", lines.replace("\n", " pulses\n") + " pulses"):
+        pose = zerobeam("robot", arm, "--joints", typed, "--json").json["poses"][0]
+        assert pose["joints_deg"] == pytest.approx([1, 2, 3, 8, 5, 6])
 
 
 def test_postures_beyond_the_limits_are_shown_and_said() -> None:

@@ -263,6 +263,14 @@ def test_values_after_an_incomplete_paste_are_not_lost(plan: Path, monkeypatch: 
     assert joints_of(plan) == {0: POSTURES[0]}
 
 
+@pytest.mark.parametrize("names", ["", "SLURBT"])
+def test_an_axis_a_line(plan: Path, monkeypatch: pytest.MonkeyPatch, names: str) -> None:
+    """With the letters of a Yaskawa, and without names; one that breaks off is not mixed with the next."""
+    lines = [f"{name} {value}".strip() for name, value in zip(names or [""] * 6, POSTURES[0], strict=True)]
+    led(plan, monkeypatch, *lines, *lines[:3], TYPED[1], "pause")
+    assert joints_of(plan) == {0: POSTURES[0], 1: POSTURES[1]}
+
+
 def test_a_pause_before_the_first_measurement(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     answer = led(plan, monkeypatch, "pause")
     assert (answer.status, answer.err.splitlines()[-1]) == (

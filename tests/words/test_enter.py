@@ -56,6 +56,23 @@ def test_links_are_spoken_of_where_they_are_estimated() -> None:
     assert "0.30" in (geometry_sentence(result) or "")
 
 
+@pytest.mark.parametrize(("vendor", "programs"), [("doosan", True), ("franka", False)])
+def test_a_controller_that_takes_no_offsets_is_offered_what_it_takes(vendor: str, programs: bool) -> None:
+    result = values()
+    measured = {**result.inputs.header, "provenance": {}}
+    result = replace(result, inputs=replace(result.inputs, vendor=vendor, header=measured))
+    words = message(result)
+    assert words.action.text.startswith("Enter nothing: no way is published by which this controller takes")
+    assert ("zerobeam export program" in words.action.text) == programs
+    assert "corrected robot model" in words.action.text
+    assert " -o corrected.yaml" in (words.action.command or "")
+    advice = next_steps(result, words)
+    assert advice.enter == ()
+    sentences = " ".join(step.text for step in advice.steps).replace("\u00a0", " ")
+    assert "0.61 mm instead of 3.0 mm" in sentences
+    assert "values" not in sentences
+
+
 def test_a_table_has_the_value_and_the_offset_of_the_arm() -> None:
     row = next_steps(values(), message(values())).enter[0]
     estimate = passed().parameters.named("delta2").estimate

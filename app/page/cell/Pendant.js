@@ -20,6 +20,7 @@ const forms = (pose) => [
   ["W, P, R", cells(3, "deg", pose.rpy_deg), "FANUC, roll pitch yaw"],
   ["rx, ry, rz", cells(4, "rad", pose.rotation_vector_rad), "UR"],
   ["Rx, Ry, Rz", cells(3, "deg", pose.rx_ry_rz_deg), "Stäubli"],
+  ["A, B, C (ZYZ)", cells(3, "deg", pose.zyz_deg), "Doosan; O, A, T of Kawasaki"],
 ];
 
 export function Pendant() {

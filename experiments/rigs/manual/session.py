@@ -5,6 +5,7 @@ As with other rigs a run follows from the journal alone: a run that is resumed a
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from ....model.files.shot import Shot, shot_model
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
-from ...makers.joint_text import labelled, typed_joints
+from ...makers.joint_text import joints_so_far, labelled, typed_joints
 from ...procedure.events import (
     Doubted,
     GivenUp,
@@ -194,13 +195,12 @@ class Manual:
                 parts = ""
                 self._command(word, rest, self._together(number))
             elif text:
-                if parts and not labelled(
-                    text, self.pendant.names
-                ):  # the values by name have ended: what is missing is said
+                if parts and not self._goes_on(parts, text):  # what is missing is said
                     self._read(number, parts)
                     parts = ""
+                alone = not parts
                 parts = f"{parts} {text}" if parts else text
-                if not self._unfinished(parts):
+                if not self._unfinished(parts, alone=alone):
                     logged = self._read(number, parts)
                     number, joints = (number, None) if logged is None else logged
                     parts = ""
@@ -248,10 +248,19 @@ class Manual:
             held = typed if self.lines.confirms else None
             self._say(number, _METRES, sentence, ("yes", _METRES) if self.lines.confirms else ())
 
-    def _unfinished(self, text: str) -> bool:
-        """Whether a person pasted the values of some joints by name, and the next line has others."""
-        named = labelled(text, self.pendant.names).keys()
-        return self.lines.confirms and 0 < len(named) < self.plan.robot.n
+    def _goes_on(self, parts: str, text: str) -> bool:
+        """Whether a line has more joints of those that were begun: with names, or a number alone."""
+        names = self.pendant.names
+        if labelled(parts, names) and labelled(text, names):
+            return True
+        return joints_so_far(f"{parts} {text}", names) == joints_so_far(parts, names) + 1
+
+    def _unfinished(self, text: str, *, alone: bool) -> bool:
+        """Whether a person pasted some joints, and the next line has others. Of numbers without names a first
+        line (`alone`) has one."""
+        count = joints_so_far(text, self.pendant.names)
+        several = alone and count > 1 and re.match(r"\s*[-+\d.,−–]", text) is not None
+        return self.lines.confirms and 0 < count < self.plan.robot.n and not several
 
     def _read(self, number: int, text: str) -> tuple[int, Matrix] | None:
         """The measurement and (n,) its values in degrees (mm), joint 3 from link 2; None where a text cannot

@@ -9,14 +9,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import doosan_controller
 import epson_controller
 import fanuc_interpreter
+import franka_programs
 import import_files as importers
 import kawasaki_controller
 import numpy as np
 import pytest
 import robodk_interpreter
 import ros_interpreter
+import techman_controller
 import urscript_interpreter
 import yaskawa_controller
 from krl_interpreter import KrlController
@@ -195,7 +198,13 @@ def test_offsets_come_back_through_the_program_of_every_arm(
 
 
 # Languages whose statements are lines, each with its controller.
-_MODULES = (epson_controller, kawasaki_controller, yaskawa_controller)
+_MODULES = (
+    doosan_controller,
+    epson_controller,
+    kawasaki_controller,
+    techman_controller,
+    yaskawa_controller,
+)
 CONTROLLERS = {controller.KIND: controller for controller in _MODULES}
 
 
@@ -231,3 +240,17 @@ def test_the_circle_of_a_language_of_lines(
         read(done),
         controller.DIGITS_MM,
     )
+
+
+@pytest.mark.long
+def test_the_circle_of_a_joint_list(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Radians out and back, of seven joints; the arm is corrected by its model."""
+    monkeypatch.chdir(tmp_path)
+    plan = plan_for(tmp_path, "panda", (450.0, 0.0, 0.0))
+    arm = PendantArm(plan)
+    write_program("franka", plan, ProgramMotion(), tmp_path / "zb_plan.py")
+    saved = franka_programs.carried_out(tmp_path / "zb_plan.py", arm)
+    assert np.abs(np.array(arm.moves) - np.degrees(plan.postures)).max() < 1e-9
+    reader = next(each for maker in makers() for each in maker.read if each.name == "franka")
+    imported = reader.read(ImportJob.begin([saved], plan, tmp_path / "run.jsonl"))
+    offsets_come_back(tmp_path, plan, imported)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from zerobeam.experiments.makers.joint_text import labelled, typed_joints
+from zerobeam.experiments.makers.joint_text import joints_so_far, labelled, typed_joints
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.pendant import pendant_of
@@ -34,6 +34,8 @@ VALUES = (1.2, 3.0, -4.0, 5.0, 6.0, 7.5)
         "Joint 1 1,2\nJoint 2 3\nJoint 3 -4\nJoint 4 5\nJoint 5 6\nJoint 6 7,5",
         "q0=1.2 q1=3 q2=-4 q3=5 q4=6 q5=7.5",
         "S 1.2 L 3 U -4 R 5 B 6 T 7.5",
+        "S 1.2\nL 3\nU -4\nR 5\nB 6\nT 7.5",
+        "1.2\n3\n-4\n5\n6\n7.5",
         "1.2 | 3 | -4 | 5 | 6 | 7.5",
         "+1.2 3. -4 5e0 6 0.75E1".replace("3. ", "3 "),
     ],
@@ -74,6 +76,25 @@ def test_labels_by_number() -> None:
     assert labelled("J1: 10 J3: −5") == {1: 10.0, 3: -5.0}
     assert labelled("1 2 3") == {}
     assert labelled("T 5 S 2") == {}  # KUKA's status and turn
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("S 1.2", 1),
+        ("S: 1.2 deg L: -3,5 deg", 2),
+        ("S 1000 pulses L 2000 pulses U 3 R 4 B 5 T 6", 6),
+        ("1.2", 1),
+        ("1.2 −3,5", 2),
+        ("J1= 10 deg", 1),
+        ("S 2 T 35", 0),
+        ("T 5", 0),
+        ("[1.2", 0),
+        ("pause", 0),
+    ],
+)
+def test_joints_that_are_begun(text: str, count: int) -> None:
+    assert joints_so_far(text) == count
 
 
 def test_values_without_names_are_in_the_pendants_order_and_names_are_the_pendants() -> None:

@@ -15,6 +15,7 @@ from recorded_logs import HEADER, POSTURES
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.makers.maker import Maker, makers
 from zerobeam.model.files.run import read_run
+from zerobeam.words.controllers import export_command, taken_by
 
 ROOT = Path(__file__).resolve().parents[3]
 GOOD = demo_runs()[0].path
@@ -123,6 +124,16 @@ def row(maker: Maker) -> str:
 def test_the_table_of_makers_in_the_docs_is_what_there_is() -> None:
     rows = [row(maker) for maker in sorted(makers(), key=lambda maker: maker.vendor is None)]
     assert "\n".join(rows) in (ROOT / "docs" / "export.md").read_text(encoding="utf-8"), "\n".join(rows)
+
+
+def test_what_reports_offer_is_what_the_makers_have() -> None:
+    vendors = [maker for maker in makers() if maker.vendor is not None]
+    assert {maker.takes for maker in vendors} == {"offsets", "programs", "model"}
+    for maker in vendors:
+        assert taken_by(maker.vendor) == maker.takes, f"words/controllers.py: {maker.name}"
+        command, _ = export_command(maker.vendor)
+        kinds = [f"export {kind.name}" for kind in maker.offsets] or ["export robot"]
+        assert command in kinds
 
 
 def test_help_loads_no_grammar_and_no_numbers() -> None:

@@ -138,6 +138,27 @@ def test_a_universal_robot_is_that_of_its_description(name: str) -> None:
         np.testing.assert_allclose(robot.fk(joints), by_frames(origins, turns, joints), rtol=0, atol=1e-8)
 
 
+# Origins, mm, and fixed turns of dsr_description2 (DoosanRobotics) and tm_description (TechmanRobotInc).
+OTHERS = {
+    "m1013": (
+        [(0, 0, 152.5), (0, 34.5, 0), (620, 0, 0), (0, -559, 0), (0, 0, 0), (0, -121, 0)],
+        [(0, 0, 0), (0, -HALF, -HALF), (0, 0, HALF), (HALF, 0, 0), (-HALF, 0, 0), (HALF, 0, 0)],
+    ),
+    "tm5_900": (
+        [(0, 0, 145.1), (0, 0, 0), (429, 0, 0), (411.5, 0, -122.2), (0, -106, 0), (0, -114.4, 0)],
+        [(0, 0, 0), (-HALF, -HALF, 0), (0, 0, 0), (0, 0, HALF), (HALF, 0, 0), (HALF, 0, 0)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_an_arm_of_turned_frames_is_that_of_its_description(name: str) -> None:
+    origins, turns = (np.array(each) for each in OTHERS[name])
+    robot = load_robot(name)
+    for joints in np.random.default_rng(3).uniform(-150, 150, (20, 6)):
+        np.testing.assert_allclose(robot.fk(joints), by_frames(origins, turns, joints), rtol=0, atol=1e-8)
+
+
 def test_the_xarm_is_that_of_its_description() -> None:
     origins = np.array([(0, 0, 267), (0, 0, 0), (53.5, -284.5, 0), (77.5, 342.5, 0), (0, 0, 0), (76, 97, 0)])
     turns = np.array([(0, 0, 0), (-HALF, 0, 0), (0, 0, 0), (-HALF, 0, 0), (HALF, 0, 0), (-HALF, 0, 0)])

@@ -1,0 +1,47 @@
+"""Doosan: DRL programs."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _drl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .drl_language import drl_program
+
+    return {file: drl_program(plan, motion)}
+
+
+def _read_drl(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """Doosan: the pendant's log of a plan's program, or joint positions (posj) of a DRL program."""
+    from ..joint_text import import_program_log, is_program_log
+    from ..line_programs import import_taught
+    from .drl_language import DRL
+
+    if points is None and is_program_log(job):
+        return import_program_log(job, source="DRL")
+    note = "Doosan posj, degrees, joint 1 first"
+    return import_taught(DRL, job, points=names_of(points), vendor="doosan", note=note)
+
+
+def _drl() -> "Language":
+    from .drl_language import DRL
+
+    return DRL.for_correction()
+
+
+MAKER = Maker(
+    "Doosan",
+    "doosan",
+    r"doosan|[maeh]\d{4}s?",
+    program=(PlanProgram("drl", "drl (Doosan)", _drl_program, ("speed", "tool")),),
+    read=(Reader("drl", _read_drl, "Logs of a plan's program, or DRL files (.drl)."),),
+    correct=(ProgramFiles("DRL", ".drl (Doosan)", (".drl",), _drl),),
+)

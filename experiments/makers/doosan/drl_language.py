@@ -1,0 +1,91 @@
+"""DRL (Doosan): its positions and motions, and a plan as a program in it.
+
+Facts, from the Programming Manual of Doosan Robotics and the stubs of DRL that it publishes for RoboDK: posj
+is joints, degrees; posx is X, Y, Z, A, B, C, mm and degrees, of which A, B, C turn about z, the new y and the
+new z; `sol` is three bits, 4 righty (else lefty), 2 above (else below), 1 flip (else no flip), and
+posj(0, 0, 90, 0, 90, 0) has sol 2; set_tcp takes a name of the pendant and stays in the controller;
+set_ref_coord is DR_BASE at the begin of a program; wait_manual_guide waits for a person who guides the arm;
+tp_log writes up to 256 bytes to the pendant's log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ....model.arrays import Matrix
+from ....model.files.plan import Plan
+from ....model.kinematics.branches import Branches
+from ....model.kinematics.orientation import from_zyz, orientation
+from ....model.kinematics.robot import Robot
+from ..line_programs import LineLanguage
+from ..maker import one_line
+from ..plan_programs import LOG, ProgramMotion, decimal, head_lines, listed, made_for, steps_of
+
+_ACCELERATION = 20.0  # deg/s2
+_RIGHTY = 4
+_CONFIRM = [
+    "confirm: this controller has wait_manual_guide, which waits while a person guides the arm.",
+    "confirm: after the run the pendant's log is saved; its lines zerobeam posture are what is imported.",
+]
+
+
+def _matching(robot: Robot, words: str) -> Callable[[Matrix], bool] | None:
+    """Which joints have `sol=N`; None of a righty arm, for which it is not known what counts as above.
+
+    Lefty is where the wrist is at joints 0, 0, 90, 0, 90, 0: in front of axis 1.
+    """
+    solution, branches = int(words[-1]), Branches(robot, 1)
+    if solution >= _RIGHTY:
+        return None
+
+    def has_it(joints: Matrix) -> bool:
+        above, flip = np.sin(np.radians(joints[[2, 4]])) * (1, -1) > 0  # in whatever turn they are
+        return branches.ahead(joints) > 0 and 2 * above + flip == solution
+
+    return has_it
+
+
+DRL = LineLanguage(
+    name="DRL",
+    grammar="doosan/drl",
+    remark=r"#[^\n]*",
+    head=r"\A",
+    comment="# ",
+    pose=from_zyz,
+    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).zyz],
+    form="X,Y,Z,A,B,C",
+    joint_decimals=4,
+    pose_decimals=(4,) * 6,
+    base_frames=frozenset({"", "DR_BASE", "0"}),
+    case_sensitive=True,
+    indented=True,
+    matching=_matching,
+)
+
+
+def drl_program(plan: Plan, motion: ProgramMotion) -> str:
+    """Text of the program. At each posture it waits until a person has guided the arm, and then writes the
+    joints to the pendant's log."""
+    note = made_for(plan, "doosan", "a DRL program", 6, "posj")
+    steps = steps_of(plan, motion)
+    lines = [f"# {line}" for line in [*head_lines(plan, motion, note), *_CONFIRM]]
+    lines += [f"{name} = posj({listed(row)})" for step in steps for name, row in step.named.items()]
+    lines += [f"set_velj({decimal(motion.speed)})", f"set_accj({decimal(_ACCELERATION)})"]
+    if motion.tool is not None:
+        lines.append(f'set_tcp("{one_line(motion.tool).replace(chr(34), "")}")')
+    for step in steps:
+        *between, here = step.named
+        lines.append(f"# posture {step.number}, {one_line(step.target)}")
+        lines += [f"movej({name})" for name in between]
+        values = ", ".join(f"zb_now[{i}]" for i in range(plan.robot.n))
+        lines += [
+            f"movej({here})",
+            f'tp_popup("Posture {step.number}: guide the beam onto the centre, then continue")',
+            "wait_manual_guide()",
+            "wait(1.0)",
+            "zb_now = get_current_posj()",
+            f'tp_log("{LOG} {step.number} deg{" {:.6f}" * plan.robot.n}".format({values}))',
+        ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,44 @@
+"""Techman: TMscript programs."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _tmscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .tmscript_language import tmscript_program
+
+    return {file: tmscript_program(plan, motion)}
+
+
+def _read_tmscript(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """Techman: joints in TMscript, as a person wrote them into a plan's program."""
+    from ..line_programs import import_taught
+    from .tmscript_language import TMSCRIPT
+
+    note = "Techman joint angles, degrees, joint 1 first"
+    return import_taught(TMSCRIPT, job, points=names_of(points), vendor="techman", note=note)
+
+
+def _tmscript() -> "Language":
+    from .tmscript_language import TMSCRIPT
+
+    return TMSCRIPT.for_correction()
+
+
+MAKER = Maker(
+    "Techman",
+    "techman",
+    r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}",
+    program=(PlanProgram("tmscript", "tmscript (Techman)", _tmscript_program, ("speed", "tool")),),
+    read=(Reader("tmscript", _read_tmscript, "TMscript files (.tms, .txt)."),),
+    correct=(ProgramFiles("TMscript", ".tms (Techman)", (".tms",), _tmscript),),
+)

@@ -1,0 +1,62 @@
+"""TMscript (Techman): its positions and motions, and a plan as a program in it.
+
+Facts, from the Programming Language manual of TMscript (2.18) and the driver tmr_ros2 (TechmanRobotInc): JPP
+is joints, degrees; CPP, CPR, CAP and CAR are X, Y, Z, RX, RY, RZ, mm and degrees, turned about fixed x, y, z,
+of which the second letter is that of the speed and the third that of the blending; RobotBase and NOTOOL are
+the arm's base and flange; Pause stops the project until a person resumes it.
+"""
+
+from __future__ import annotations
+
+import re
+
+from ....model.files.plan import Plan
+from ....model.kinematics.orientation import from_rpy, orientation
+from ..line_programs import LineLanguage
+from ..maker import one_line
+from ..plan_programs import ProgramMotion, head_lines, listed, made_for, percents, steps_of
+from ..program_parts import NUMBER
+
+_TO_SPEED_MS = 500
+_CONFIRM = [
+    "confirm: the arm can be jogged while the project is paused. If not: stop, jog, and go on behind it.",
+    "At each pause: write the joint angles that the pendant shows into the line of zb_p0, zb_p1, and so on;",
+    "then import this file. Postures whose numbers are as they were are left out.",
+]
+
+TMSCRIPT = LineLanguage(
+    name="TMscript",
+    grammar="techman/tmscript",
+    remark=r"//[^\n]*|/\*[\s\S]*?\*/",
+    head=r"\A",
+    comment="// ",
+    pose=from_rpy,
+    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    form="X,Y,Z,RX,RY,RZ",
+    joint_decimals=4,
+    pose_decimals=(4,) * 6,
+    # The numbers of speed and blending follow the six of a position without anything between.
+    literal=re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5}}(?![\w.])"),
+    flange_tools=frozenset({"NOTOOL"}),
+    base_frames=frozenset({"RobotBase"}),
+    case_sensitive=True,
+    opens=re.compile(r"\b(?:if|else|for|while|do|switch)\b"),
+)
+
+
+def tmscript_program(plan: Plan, motion: ProgramMotion) -> str:
+    """Text of the program. At each posture the project pauses, and a person writes the joints down."""
+    note = made_for(plan, "techman", "a TMscript program", 6, "JPP")
+    steps, percent = steps_of(plan, motion), min(percents(plan.robot, motion.speed))
+    lines = [f"// {line}" for line in [*head_lines(plan, motion, note), *_CONFIRM]]
+    lines += ["define", "{"]
+    lines += [f"float[] {name} = {{{listed(row)}}}" for step in steps for name, row in step.named.items()]
+    lines += ["}", "main", "{"]
+    if motion.tool is not None:
+        lines.append(f'ChangeTCP("{one_line(motion.tool).replace(chr(34), "")}")')
+    for step in steps:
+        lines.append(f"// posture {step.number}, {one_line(step.target)}")
+        lines += [f'PTP("JPP",{name},{percent},{_TO_SPEED_MS},0,false)' for name in step.named]
+        tag = step.number + 1
+        lines += [f"QueueTag({tag})", f"WaitQueueTag({tag})", "Pause()"]
+    return "\n".join([*lines, "}"]) + "\n"

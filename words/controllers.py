@@ -1,0 +1,45 @@
+"""What a controller takes of an answer, by the robot's vendor: offsets, corrected programs or a model.
+
+The makers' folders have the formats (`Maker.takes`); tests/experiments/makers/test_makers.py holds the two
+together.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Takes = Literal["offsets", "programs", "model"]
+
+_FILES = {
+    "abb": ("export rapid", "offsets.mod"),
+    "universal-robots": ("export ur", "joint-zero.txt"),
+    "kuka": ("export kuka", "mastering.txt"),
+    "fanuc": ("export fanuc", "mastering.txt"),
+}
+_MODEL = ("export robot", "corrected.yaml")
+_PROGRAMS = ("doosan", "kawasaki", "techman")
+_MODEL_ALONE = ("franka",)
+
+
+def taken_by(vendor: str | None) -> Takes:
+    """What there is for the controllers of this vendor; offsets where it is not known who made the robot."""
+    if vendor in _PROGRAMS:
+        return "programs"
+    return "model" if vendor in _MODEL_ALONE else "offsets"
+
+
+def export_command(vendor: str | None) -> tuple[str, str]:
+    """What writes an answer for a robot of this vendor, and the file's name."""
+    return _FILES.get(vendor or "", _MODEL)
+
+
+def export_sentence(vendor: str | None) -> str:
+    """What to write for a controller."""
+    taken = taken_by(vendor)
+    if taken == "offsets":
+        return "Write the values to enter into a file for this robot."
+    programs = ", or correct its programs (zerobeam export program)" if taken == "programs" else ""
+    return (
+        "Enter nothing: no way is published by which this controller takes offsets. Export the corrected"
+        f" robot model for what computes with one (export robot, export urdf){programs}."
+    )
