@@ -7,6 +7,7 @@ import { begin, over, well } from "../core/jobs.js";
 import { attempt, calibration, failed, files, freeName, refresh } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { JobProgress } from "../parts/JobProgress.js";
+import { Notes } from "./Notes.js";
 import { TextField } from "../parts/TextField.js";
 
 /** @typedef {{flag: string, help: string, choices: string[], file: boolean, default: string | null}} ExportOption */
@@ -62,6 +63,6 @@ export function Exports({ run }) {
         ${ALTHOUGH.map(([flag, text]) => html`<label class="check" key=${flag}><input type="checkbox" checked=${flags.value.includes(flag)} onChange=${(/** @type {any} */ event) => { flags.value = event.target.checked ? [...flags.value, flag] : flags.value.filter((one) => one !== flag); }} /> ${text}</label>`)}
       </div>
       <p class="bar"><button class="main" disabled=${made.value !== null && !over(made.value.job.state.value)}>Export</button></p>
-      ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${`Export of ${run}`}><p><a class="button" href=${downloadOf(made.value.file)} download>Download ${made.value.file}</a></p><//>`}
+      ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${`Export of ${run}`}><p><a class="button" href=${downloadOf(made.value.file)} download>Download ${made.value.file.replace(/^.*\//, "")}</a></p><${Notes} job=${made.value.job} /><//>`}
     </form>`;
 }

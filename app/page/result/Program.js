@@ -8,6 +8,7 @@ import { attempt, files, freeName, inside, refresh } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { JobProgress } from "../parts/JobProgress.js";
+import { Notes } from "./Notes.js";
 import { TextField } from "../parts/TextField.js";
 
 const PROGRAM = /\.(mod|src|dat|ls|script)$/i;
@@ -40,8 +41,9 @@ export function Program({ run }) {
   };
   const text = (/** @type {keyof typeof options.value} */ name, /** @type {string} */ label, /** @type {string} */ example) => html`<${TextField} label=${label} value=${options.value[name]} placeholder=${example} onValue=${(/** @type {string} */ value) => set({ [name]: value })} />`;
   return html`
-    <form onSubmit=${write}>
+    <form class="program" onSubmit=${write}>
       <p class="muted">Where the controller takes no offsets: the targets of a program are changed, so that the arm reaches what the program means. All else stays as it is; a statement that is not understood is refused, by line.</p>
+      <p class="muted">Correct calculated targets only: targets that were taught on this arm hold its offsets already. Tool and user frames that the program names by number are stated below.</p>
       <${Choice} label="Program of the folder" value=${program.value} none="choose a program" groups=${[["", files.value.filter((one) => PROGRAM.test(one.path)).map((one) => [one.path, one.path])]]} onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
       <label><span class="label">or send one: .mod, .src with .dat, .ls, .script</span><input type="file" multiple accept=".mod,.src,.dat,.ls,.script" onChange=${(/** @type {any} */ event) => send(event.target.files)} /></label>
       <${Fold} title="Tool, frame, targets to leave"><div class="fields">
@@ -52,6 +54,9 @@ export function Program({ run }) {
       </div><//>
       <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
       <p class="bar"><button class="main" disabled=${!program.value || (made.value !== null && !over(made.value.job.state.value))}>Correct the program</button></p>
-      ${made.value && html`<${JobProgress} job=${made.value.job} title="Corrected program"><a class="button" href=${downloadOf(made.value.out)} download>Download ${made.value.out.replace(/^.*\//, "")}</a><//>`}
+      ${made.value && html`<${JobProgress} job=${made.value.job} title="Corrected program">
+        <p><a class="button" href=${downloadOf(made.value.out)} download>Download ${made.value.out.replace(/^.*\//, "")}</a></p>
+        <${Notes} job=${made.value.job} />
+        <p class="muted">The new joints are not checked against limits and obstacles. Try the program at reduced speed.</p><//>`}
     </form>`;
 }
