@@ -131,7 +131,7 @@ def _export(
     for path, content in files.items():
         write_whole(path, content, force=force)
     if as_json:
-        print_json(document(judged))
+        print_json(document(judged, notes))
     else:
         for line in [*judged.head, *notes, *(f"Written to {path}" for path in files)]:
             say(line)

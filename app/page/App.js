@@ -1,6 +1,6 @@
 // The page: what the address names, below one bar.
 import { html } from "htm/preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { go, route, STEPS, toImport, toJob } from "./core/route.js";
 import { calibration, failed, fault, home, notice } from "./core/store.js";
@@ -41,10 +41,16 @@ function Rail() {
 export function App() {
   const { view, name, step } = route.value, known = calibration.value;
   const titles = { home: "Calibrations", new: "New calibration", import: "Import a recording", job: `${name === "." ? "This folder" : name}: ${step}` };
-  useEffect(() => { document.title = `${titles[view]} – zerobeam`; }, [view, name, step]);
+  const content = useRef(/** @type {HTMLElement | null} */ (null)), first = useRef(true);
+  useEffect(() => {
+    document.title = `${titles[view]} – zerobeam`;
+    // Who goes on by keyboard begins at the content of the new view, not at the head of the page.
+    if (!first.current) { content.current?.focus({ preventScroll: true }); scrollTo(0, 0); }
+    first.current = false;
+  }, [view, name, step]);
   const missing = view === "job" && home.value !== null && known === null;
   return html`
-    <a class="skip" href="#content" onClick=${(/** @type {Event} */ event) => { event.preventDefault(); document.getElementById("content")?.focus(); }}>To the content</a>
+    <a class="skip" href="#content" onClick=${(/** @type {Event} */ event) => { event.preventDefault(); content.current?.focus(); }}>To the content</a>
     <header class="top">
       <a class="brand" href="#/" aria-current=${view === "home" ? "page" : undefined}>zerobeam</a>
       ${view === "job" ? html`<h1>${name === "." ? "This folder" : name}</h1><p class="muted about">${known && [known.model ?? known.robot, known.serial?.startsWith("none") ? null : known.serial, known.state.text].filter(Boolean).join(" · ")}</p>` : html`<h1>${titles[view]}</h1>`}
@@ -53,7 +59,7 @@ export function App() {
     ${fault.value && html`<p class="fault" role="alert">${fault.value} <button type="button" onClick=${() => { fault.value = ""; }}>Close</button></p>`}
     <div class=${`body ${view}`}>
       ${view === "job" && html`<${Rail} />`}
-      <main id="content" tabindex="-1">
+      <main id="content" tabindex="-1" ref=${content}>
         ${missing ? html`<p>There is no calibration of this name in the folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p>`
           : view === "home" ? html`<${Home} />` : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
       </main>

@@ -11,19 +11,21 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any, Literal
 
 from pydantic import Field
 
+from ...analysis.answer.message import Action
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.parsing.confinement import WITHIN
 from ...words.time_left import TimeLeft
+from .answers.actions import action_of_result
 from .folder import Folder
-from .started_runs import StartedRuns
+from .started_runs import StartedRuns, run_file
 
 AT_ONCE = 2  # jobs under way; others wait
 MOST_JOBS = 50  # kept; the oldest that have ended are forgotten
@@ -306,9 +308,16 @@ class Jobs:
             if under_way:
                 job.share = min(1.0, done / of)
                 job.time_left.advanced(time.monotonic(), job.share)
+            if kind == "end":
+                event = event | {"action": await asyncio.to_thread(self._offered, job, event)}
             await job.tell("run", event)
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
                 await job.tell("progress", job.brief().to_json())
+
+    def _offered(self, job: AppJob, event: Mapping[str, Any]) -> Any:
+        """The button of a run's message: its command as the app's folder calls the files."""
+        action = Action(**event["message"]["action"])
+        return action_of_result(self._folder, action, self._folder.inside(run_file(job.command))).to_json()
 
     async def _log(self, job: AppJob, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""

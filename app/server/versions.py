@@ -108,6 +108,8 @@ def replacing(
     meanwhile. `current` reads what is there.
     """
     there = path.exists()
+    if there and not path.is_file():
+        raise BadInput("there is a folder of this name", file=path, remedy="choose another name")
     match, none_match = precondition.match, precondition.none_match
     if match is not None and not there:
         raise Conflict(

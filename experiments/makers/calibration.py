@@ -31,6 +31,7 @@ from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
+from ...words.provenance import is_simulated
 from ...words.wording import listed
 from .maker import Holds, one_line
 
@@ -203,6 +204,7 @@ def _sharing(problem: Problem, placed: Mask) -> list[Index]:
 
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
+NO_ROBOT = "SIMULATED: no robot was measured, so that nothing here may be applied to one"
 MEANING = "true position = recorded position + offset"
 ENTERED = (
     "To enter: what serves a controller with nominal geometry best. It makes up for links and bending too, as"
@@ -388,8 +390,12 @@ def calibration(
             solution.problem.shots,
             versions(),
             solution.misfit is not None,
-            (*map(criterion_sentence, solution.contradictions), *run.warnings),
+            (*_simulated(run), *map(criterion_sentence, solution.contradictions), *run.warnings),
         )
+
+
+def _simulated(run: Run) -> tuple[str, ...]:
+    return (NO_ROBOT,) if is_simulated(run.header.provenance) else ()
 
 
 def converged_solution(run: Run, so: str) -> Solution:

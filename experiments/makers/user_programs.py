@@ -23,7 +23,7 @@ from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import read_bytes
 from ...words.wording import listed
-from .calibration import RobotCalibration
+from .calibration import NO_ROBOT, RobotCalibration
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
@@ -273,7 +273,8 @@ def _with_head(
     if language.remark_width is not None:
         lines = [
             MARK,
-            f"zerobeam {calibration.versions['zerobeam']}, offsets of the run",
+            *(["SIMULATED RUN, NO ROBOT MEASURED"] if NO_ROBOT in calibration.warnings else []),
+            f"zerobeam {calibration.versions['zerobeam']}, offsets of run",
             calibration.sha256[:16],
             *(
                 f"{offset.name} {offset.applied:+.4f}" if offset.exported else f"{offset.name} NOT CORRECTED"

@@ -32,6 +32,7 @@ else:
 WRITER = r"(?:(?P<here>[0-9a-f]{8})-(?P<process>[0-9]+)-)?[a-z0-9_]{8}"
 _PART = re.compile(rf"\.(?P<name>.+)\.{WRITER}\.part")
 _DAY_S = 24 * 3600
+_WRITABLE = 0o222
 _BEHIND_THE_END = 2**31 - 2  # the last byte that Windows' C library can lock, and no file of ours is as long
 
 
@@ -45,7 +46,7 @@ def refuse_existing(
     """BadInput if something of this name is there, or if there is no folder to put it in.
 
     `or_else` is what may be done with a file that is there, besides choosing another name. With `force` a
-    regular file may be there, unless it is one of those to `keep`.
+    regular file may be there, unless it is read-only or one of those to `keep`.
     """
     require_within(path, hidden=True)
     if force and path.is_file():
@@ -54,6 +55,10 @@ def refuse_existing(
                 "the file is one of those that are read: it would be lost",
                 file=path,
                 remedy="choose another name; --force replaces other files only",
+            )
+        if not path.stat().st_mode & _WRITABLE:  # the folder would allow to replace it all the same
+            raise BadInput(
+                "the file is read-only", file=path, remedy="make it writable, or choose another name"
             )
     elif path.exists() or path.is_symlink():
         folder = path.is_dir()

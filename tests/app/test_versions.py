@@ -92,6 +92,40 @@ def test_a_broken_file_is_shown_as_such(client: TestClient, root: Path, content:
     assert (current["content"], current["version"] != version.strip('"')) == (None, True)
 
 
+@pytest.mark.parametrize("kind", ["plan", "obstacles", "header"])
+def test_a_file_that_is_read_only_is_not_replaced(
+    client: TestClient, root: Path, kinds: Kinds, kind: str
+) -> None:
+    """By its mode, whoever runs the server: its folder would allow to replace it."""
+    file, _, other = kinds[kind]
+    version = client.get(f"/api/{kind}", params={"file": file}).headers["etag"]
+    before = (root / file).read_bytes()
+    (root / file).chmod(0o444)
+    answer = client.put(f"/api/{kind}", json={"file": file} | other, headers={"if-match": version})
+    assert (answer.status_code, (root / file).read_bytes()) == (400, before)
+    assert answer.json()["error"]["what"].endswith("the file is read-only")
+    assert sorted(root.glob(".*.part")) == []
+    (root / file).chmod(0o644)
+    answer = client.put(f"/api/{kind}", json={"file": file} | other, headers={"if-match": version})
+    assert answer.status_code == 200
+
+
+@pytest.mark.parametrize("kind", ["plan", "obstacles", "header"])
+def test_a_folder_in_place_of_a_file_is_a_refusal(
+    client: TestClient, root: Path, kinds: Kinds, kind: str
+) -> None:
+    file, _, other = kinds[kind]
+    version = client.get(f"/api/{kind}", params={"file": file}).headers["etag"]
+    (root / file).unlink()
+    (root / file).mkdir()
+    for headers in ({"if-match": version}, {"if-none-match": "*"}):
+        answer = client.put(f"/api/{kind}", json={"file": file} | other, headers=headers)
+        assert answer.status_code == 400, headers
+        what = answer.json()["error"]["what"]
+        assert what == "something else has this name" or "folder" in what
+    assert (root / file).is_dir()
+
+
 def test_a_linked_file_has_the_version_of_what_is_there(
     client: TestClient, root: Path, content: dict[str, Any]
 ) -> None:

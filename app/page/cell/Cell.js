@@ -13,6 +13,7 @@ import { Pendant } from "./Pendant.js";
 import { Targets } from "./Targets.js";
 
 function Robot() {
+  if (arm.value === null) return html`<p class="muted">The robot cannot be read.</p>`;
   const { vendor, model, name, joints, reach_mm, pendant, mounting } = arm.value;
   return html`
     <p><b>${[vendor, model ?? name].filter(Boolean).join(", ")}</b>: ${joints.length} joints, reach ${fixed(reach_mm, 0)} mm from the axis of joint 1.

@@ -3,10 +3,9 @@ import { html } from "htm/preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { latest, post } from "../core/api.js";
-import { arm, chosen, file, jointsOf, plan } from "../core/editing.js";
+import { chosen, file, jointsOf, plan, robotFrom } from "../core/editing.js";
 import { failed } from "../core/store.js";
 import { fixed, withUnit } from "../core/words.js";
-import { robotFrom } from "../plan/picture.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { Joints } from "../parts/Joints.js";
 
@@ -41,7 +40,7 @@ export function Pendant() {
   return html`
     <p class="muted">The flange in the base frame, without a tool. Compare it with the pendant at the same joint values.</p>
     <${Joint3} value=${j3.value} usual="pendant" onValue=${(/** @type {string} */ value) => { values.value = null; j3.value = value; }} />
-    <${Joints} joints=${joints} values=${given} names=${arm.value.pendant.names} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { values.value = given.map((one, i) => (i === joint - 1 ? value : one)); }} />
+    <${Joints} joints=${joints} values=${given} names=${found.value.pendant.names} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { values.value = given.map((one, i) => (i === joint - 1 ? value : one)); }} />
     <p><button type="button" onClick=${() => { values.value = given.map(() => 0); }}>All to zero</button></p>
     ${pose.outside.length > 0 && html`<p class="notes">Beyond the limits: ${pose.outside.map((/** @type {number} */ j) => `J${j}`).join(", ")}</p>`}
     <div class="scroll" tabindex="0" role="region" aria-label="Pose of the flange"><table><tbody>${forms(pose).map(([name, text, used]) => html`<tr><th scope="row">${name}</th><td class="copy">${text}</td><td class="muted">${used}</td></tr>`)}</tbody></table></div>

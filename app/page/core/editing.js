@@ -6,7 +6,7 @@ import { failed, files, refresh, say, versionOf } from "./store.js";
 /**
  * @typedef {{joints_deg: number[], target?: string, [key: string]: unknown}} StatedPosture
  * @typedef {{robot: any, tool: any, noise: any, postures_deg: (number[] | StatedPosture)[], targets?: Record<string, any>, constraints?: any, geometry?: any, [key: string]: any}} PlanContent
- * @typedef {{version: string | null, content: PlanContent}} OnDisk
+ * @typedef {{version: string | null, content: PlanContent | null}} OnDisk `content`: null where the file is no plan any more
  * @typedef {{plan: string, base: string | null, content: PlanContent, when: string}} Draft
  */
 
@@ -16,8 +16,10 @@ const MOST_STEPS = 200; // that can be undone
 export const file = signal("");
 /** @type {import("@preact/signals").Signal<PlanContent | null>} */
 export const plan = signal(null);
-/** @type {import("@preact/signals").Signal<any>} the arm of the plan (zerobeam/arm/1, drawn) */
-export const arm = signal(null);
+/** Arms (zerobeam/arm/1, drawn) by what plans state as their robot. @type {import("@preact/signals").Signal<Record<string, any>>} */
+const arms = signal({});
+/** The arm of the plan, whichever content it has; null where it cannot be had. */
+export const arm = computed(() => (plan.value === null ? null : arms.value[robotKey(plan.value)] ?? null));
 /** @type {import("@preact/signals").Signal<any>} the last answer of a check, null where there is none */
 export const answer = signal(null);
 /** Whether the plan has been changed since the answer. */
@@ -35,6 +37,8 @@ export const restored = signal("");
 const past = signal({ before: [], after: [] });
 /** @type {import("@preact/signals").Signal<{version: string | null, text: string}>} the file as it was read or written last */
 const disk = signal({ version: null, text: "" });
+/** The version that the edits were made from; another one on the disk is replaced only by choice. @type {import("@preact/signals").Signal<string | null>} */
+const base = signal(null);
 let merging = ""; // the key of the last change: typing on is one step
 
 export const canUndo = computed(() => past.value.before.length > 0);
@@ -43,6 +47,27 @@ export const unsaved = computed(() => plan.value !== null && JSON.stringify(plan
 
 /** @param {PlanContent} content @param {number} i */
 export const jointsOf = (content, i) => { const posture = content.postures_deg[i]; return Array.isArray(posture) ? posture : posture.joints_deg; };
+
+const robotKey = (/** @type {PlanContent} */ content) => JSON.stringify(content.robot);
+
+/** A robot file is named from the plan's folder in the plan, and from the app's folder elsewhere. @param {any} ref @param {string} planFile */
+export function robotFrom(ref, planFile) {
+  const folder = planFile.slice(0, planFile.lastIndexOf("/") + 1);
+  if (typeof ref === "object") return { ...ref, urdf: folder + ref.urdf };
+  return /\.(yaml|yml|json|urdf)$/.test(ref) ? folder + ref : ref;
+}
+
+/** Fetches the arm of a content before that is shown: a draft and its file may be of different arms. @param {PlanContent} content @param {string} name */
+async function fetchArm(content, name) {
+  const key = robotKey(content);
+  if (key in arms.peek()) return;
+  try {
+    const found = await post("/api/robot", { robot: robotFrom(content.robot, name) });
+    arms.value = { ...arms.peek(), [key]: found };
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error; // then the check says what is wrong with the robot
+  }
+}
 
 const draftKey = (/** @type {string} */ name) => `zerobeam:draft:${name}`;
 
@@ -75,24 +100,29 @@ const ask = latest(
   }),
 );
 
-/** Opens a plan file: what it holds, or the draft that was left of it. @param {string} name */
+/** Opens a plan file: what it holds, or the draft that was left of it. Of a file that is gone the draft is opened. @param {string} name */
 export async function open(name) {
-  const found = await getFile("plan", name);
   const draft = draftOf(name);
-  const text = JSON.stringify(found.plan);
-  const differs = draft !== null && JSON.stringify(draft.content) !== text;
+  const found = await getFile("plan", name).catch((/** @type {unknown} */ error) => {
+    if (draft === null || versionOf(name) !== null) throw error;
+    return null;
+  });
+  const text = found === null ? "" : JSON.stringify(found.plan), version = found?.version ?? null;
+  const differs = draft !== null && JSON.stringify(draft.content) !== text, outdated = differs && draft.base !== version;
+  if (found !== null) arms.value = { [robotKey(found.plan)]: found.robot };
+  if (differs) await fetchArm(draft.content, name);
   batch(() => {
     file.value = name;
-    arm.value = found.robot;
-    disk.value = { version: found.version, text };
+    disk.value = { version, text };
+    base.value = differs ? draft.base : version;
     plan.value = differs ? draft.content : found.plan;
-    past.value = { before: differs ? [found.plan] : [], after: [] };
+    past.value = { before: differs && found !== null ? [found.plan] : [], after: [] };
     answer.value = null;
     wrong.value = null;
     chosen.value = 0;
     pending.value = true;
     restored.value = differs ? draft.when : "";
-    conflict.value = differs && draft.base !== found.version ? { version: found.version, content: found.plan } : null;
+    conflict.value = found === null ? "gone" : outdated ? { version, content: found.plan } : null;
     merging = "";
   });
   ask();
@@ -102,7 +132,7 @@ export async function open(name) {
 export function close() {
   batch(() => {
     file.value = "";
-    plan.value = arm.value = answer.value = wrong.value = conflict.value = null;
+    plan.value = answer.value = wrong.value = conflict.value = null;
     restored.value = "";
   });
 }
@@ -125,6 +155,7 @@ export function change(key, edit) {
 /** @param {PlanContent} next @param {{before: PlanContent[], after: PlanContent[]}} steps */
 function set(next, steps) {
   batch(() => {
+    if (plan.value !== null && robotKey(next) !== robotKey(plan.value)) answer.value = null;
     plan.value = next;
     past.value = steps;
     pending.value = true;
@@ -153,11 +184,12 @@ export async function save(as = file.value) {
   if (content === null) return false;
   const text = JSON.stringify(content), same = as === file.value;
   try {
-    const done = await put("/api/plan", { file: as, plan: content }, same ? disk.value.version : null);
+    const done = await put("/api/plan", { file: as, plan: content }, same ? base.value : null);
     forget(file.value);
     batch(() => {
       file.value = done.file;
       disk.value = { version: done.version, text };
+      base.value = done.version;
       conflict.value = null;
       restored.value = "";
       wrong.value = null;
@@ -167,19 +199,27 @@ export async function save(as = file.value) {
     return true;
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    if (error.status === 412 && same) conflict.value = /** @type {OnDisk | null} */ (error.current) ?? "gone";
+    if (error.status === 412 && same) await showConflict(error.current);
     else wrong.value = error;
     return false;
   }
 }
 
+/** What a refused save says of the file: what GET answers of it. @param {any} current null where it is gone */
+async function showConflict(current) {
+  const content = current?.content?.plan ?? null;
+  if (content !== null) await fetchArm(content, file.value);
+  conflict.value = current ? { version: current.version, content } : "gone";
+}
+
 /** What the file holds takes the place of what is edited: it can be undone. */
 export function takeTheirs() {
   const theirs = conflict.value, now = plan.value;
-  if (theirs === null || theirs === "gone" || now === null) return;
+  if (theirs === null || theirs === "gone" || theirs.content === null || now === null) return;
   forget(file.value);
   batch(() => {
     disk.value = { version: theirs.version, text: JSON.stringify(theirs.content) };
+    base.value = theirs.version;
     conflict.value = null;
     restored.value = "";
   });
@@ -190,7 +230,7 @@ export function takeTheirs() {
 export async function keepMine() {
   const theirs = conflict.value;
   if (theirs === null) return false;
-  disk.value = { ...disk.value, version: theirs === "gone" ? null : theirs.version };
+  base.value = theirs === "gone" ? null : theirs.version;
   conflict.value = null;
   return save();
 }
@@ -201,6 +241,7 @@ export function discard() {
   if (!text || now === null) return;
   forget(file.value);
   restored.value = "";
+  base.value = disk.value.version;
   set(JSON.parse(text), { before: [...past.value.before, now], after: [] });
 }
 
@@ -213,7 +254,7 @@ function forget(name) {
 effect(() => {
   if (!file.value || plan.value === null) return;
   if (!unsaved.value) { forget(file.value); return; }
-  const draft = { plan: file.value, base: disk.value.version, content: plan.value, when: new Date().toISOString() };
+  const draft = { plan: file.value, base: base.value, content: plan.value, when: new Date().toISOString() };
   try { localStorage.setItem(draftKey(file.value), JSON.stringify(draft)); } catch { /* a full or closed store: leaving the page still asks */ }
 });
 
@@ -224,6 +265,7 @@ effect(() => {
   if (version === null) { conflict.value = "gone"; return; }
   get(`/api/plan?file=${encodeURIComponent(name)}`).then((found) => {
     if (file.peek() !== name || found.version === disk.peek().version) return;
+    arms.value = { ...arms.peek(), [robotKey(found.plan)]: found.robot };
     conflict.value = { version: found.version, content: found.plan };
     if (!unsaved.peek()) {
       takeTheirs();

@@ -32,7 +32,7 @@ function Now() {
     <progress max="1" value=${at.share} aria-label="Measurements done"></progress>
     <p class="muted time">${progress(at, seen)}</p>
     <ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`;
-  if (seen.end) return html`<${Message} verdict=${seen.end.verdict} message=${seen.end.message} action=${seen.end.action ?? null} simulated=${seen.rig === "simulated"}><p class="now">${words} <a href=${toJob(route.value.name, "result", followedFile.value)}>Open the result</a></p>${notes.length > 0 && html`<ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`}<//>`;
+  if (seen.end) return html`<${Message} verdict=${seen.end.verdict} message=${seen.end.message} action=${seen.end.action ?? null} simulated=${seen.rig === "simulated"}><p class="now">${words} <a class="button" href=${toJob(route.value.name, "result", followedFile.value)}>Open the result</a></p>${notes.length > 0 && html`<ul class="notes">${notes.map((note) => html`<li>${named(note)}</li>`)}</ul>`}<//>`;
   return html`<section class="verdict held run-now" aria-label="The run"><p class="now" role="status">${words}${seen.rig === "simulated" && html` <strong class="simulated">SIMULATED</strong>`}</p>${rest}</section>`;
 }
 
@@ -41,7 +41,7 @@ function Record() {
   const found = record.value;
   if (!found) return null;
   const count = found.recorded.length;
-  return html`<section class="verdict held run-now" aria-label="The run"><p class="now">${`${count}${found.postures ? ` of ${found.postures}` : ""} ${count === 1 ? "measurement is" : "measurements are"} kept in ${found.file}.`} <a href=${toJob(route.value.name, "result", found.file)}>Open the result</a></p>
+  return html`<section class="verdict held run-now" aria-label="The run"><p class="now">${`${count}${found.postures ? ` of ${found.postures}` : ""} ${count === 1 ? "measurement is" : "measurements are"} kept in ${found.file}.`} <a class="button" href=${toJob(route.value.name, "result", found.file)}>Open the result</a></p>
     ${found.headline && html`<p>${named(found.headline)}</p>`}<ul class="notes">${found.notes.map((/** @type {string} */ note) => html`<li>${named(note)}</li>`)}</ul></section>`;
 }
 

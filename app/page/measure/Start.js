@@ -66,8 +66,8 @@ export function Start({ plan, onPlan }) {
         ${[["simulated", "Simulation"], ["manual", "By hand"], ["abb", "ABB robot"]].map(([rig, text]) => html`<label class="check" key=${rig}><input type="radio" name="rig" value=${rig} checked=${now.rig === rig} onChange=${() => set({ rig })} /> ${text}</label>`)}
       </fieldset>
       <div class="fields">
-        <${Choice} label="Plan" value=${plan} groups=${[["", plans.map((one) => [one, one])]]} onValue=${onPlan} />
-        <${TextField} label="Run file" value=${file.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { file.value = value; }} />
+        <div class="wide"><${Choice} label="Plan" value=${plan} groups=${[["", plans.map((one) => [one, one])]]} onValue=${onPlan} /></div>
+        <div class="wide"><${TextField} label="Run file" value=${file.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { file.value = value; }} /></div>
         ${now.rig === "simulated" && html`
           <${Choice} label="Cell" value=${now.cell} none="an ordinary one" groups=${files("cell")} onValue=${(/** @type {string} */ cell) => set({ cell })} />
           <${NumberField} label="Random seed" value=${now.seed} whole least=${0} onValue=${(/** @type {number | null} */ seed) => set({ seed })} />

@@ -2,6 +2,7 @@
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
 import { conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
+import { go, route, toJob } from "../core/route.js";
 import { freeName } from "../core/store.js";
 import { Dialog } from "./Dialog.js";
 
@@ -20,20 +21,25 @@ const short = (/** @type {unknown} */ value) => { const text = value === undefin
 export function Conflict() {
   const theirs = conflict.value, busy = useSignal(false);
   if (theirs === null || !unsaved.value) return null;
-  const rows = theirs === "gone" ? [] : differences(plan.value, theirs.content);
+  const broken = theirs !== "gone" && theirs.content === null;
+  const rows = theirs === "gone" || theirs.content === null ? [] : differences(plan.value, theirs.content);
+  const other = rows.some(([key]) => /^robot( |$)/.test(key));
   const during = (/** @type {() => unknown} */ work) => async () => { busy.value = true; await work(); busy.value = false; };
   const copy = freeName(file.value.replace(/(\.ya?ml)?$/, "-mine.yaml"));
+  const saveCopy = async () => { if (await save(copy)) go(toJob(route.value.name, route.value.step, copy), { replace: true, sure: true }); };
   return html`
     <${Dialog} title=${theirs === "gone" ? "The plan's file is gone" : "The plan's file was changed meanwhile"} onClose=${() => { conflict.value = null; }}>
       <p>${theirs === "gone" ? `${file.value} was deleted or moved outside of this page. Your changes are still here.` : `${file.value} was changed in another window or program since it was opened here. Nothing is written until you choose.`}</p>
+      ${broken && html`<p class="error">The file is no plan any more, or cannot be read.</p>`}
+      ${other && html`<p class="error">The file is now a plan of another robot than yours.</p>`}
       ${rows.length > 0 && html`
         <div class="scroll" tabindex="0" role="region" aria-label="Differences"><table><thead><tr><th scope="col">value</th><th scope="col">yours</th><th scope="col">in the file</th></tr></thead>
           <tbody>${rows.slice(0, MOST).map(([key, mine, other]) => html`<tr><th scope="row">${key}</th><td>${mine}</td><td>${other}</td></tr>`)}</tbody></table></div>
         ${rows.length > MOST && html`<p class="muted">And ${rows.length - MOST} more.</p>`}`}
       <p class="bar">
         <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Keep mine"}</button>
-        ${theirs !== "gone" && html`<button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
-        <button type="button" disabled=${busy.value} onClick=${during(() => save(copy))}>Save mine as ${copy}</button>
+        ${theirs !== "gone" && !broken && html`<button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
+        <button type="button" disabled=${busy.value} onClick=${during(saveCopy)}>Save mine as ${copy}</button>
       </p>
     <//>`;
 }

@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import { downloadOf } from "../core/api.js";
 import { begin, over, well } from "../core/jobs.js";
 import { attempt, refresh } from "../core/store.js";
+import { sentence } from "../core/words.js";
 import { JobProgress } from "./JobProgress.js";
 
 /** @typedef {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, files: string[]} | null>} Made */
@@ -25,10 +26,13 @@ export function useWritten() {
   return { made, onSubmit };
 }
 
-/** The foot of such a form. @param {{made: Made, button: string, title: string, disabled?: boolean}} props */
-export function Written({ made, button, title, disabled = false }) {
+/** The foot of such a form: what was written, and what the command says of it. @param {{made: Made, button: string, title: string, disabled?: boolean, after?: string}} props */
+export function Written({ made, button, title, disabled = false, after = "" }) {
   const now = made.value;
   return html`
     <p class="bar"><button class="main" disabled=${disabled || (now !== null && !over(now.job.state.value))}>${button}</button></p>
-    ${now && html`<${JobProgress} key=${now.job.id} job=${now.job} title=${title}><p>${now.files.map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p><//>`}`;
+    ${now && html`<${JobProgress} key=${now.job.id} job=${now.job} title=${title}>
+      <p>${now.files.map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p>
+      <ul class="lines said">${(now.job.state.value.answer?.notes ?? []).map((/** @type {string} */ note) => html`<li>${sentence(note)}</li>`)}</ul>
+      ${after && html`<p class="muted">${after}</p>`}<//>`}`;
 }

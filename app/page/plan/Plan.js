@@ -96,7 +96,7 @@ export function Plan() {
     <${PlanBar} />
     <h2>What this plan will determine</h2>
     <${Determined} />
-    ${values !== null && html`
+    ${values !== null && arm.value !== null && html`
       <h2>Joints of ${postureName(/** @type {number} */ (i))}</h2>
       <${Joints} joints=${arm.value.joints} values=${values} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { motion.value = null; turnJoint(joint, value); }} />`}
     <div class="bar" role="group" aria-label="What can be moved in the picture">

@@ -1,6 +1,6 @@
 // The postures as a strip: what each is, and what the plan would be without it.
 import { html } from "htm/preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { computed, signal } from "@preact/signals";
 import { latest, post } from "../core/api.js";
 import { answer, arm, change, chosen, file, jointsOf, pending, plan } from "../core/editing.js";
@@ -35,15 +35,15 @@ function lost(rest) {
 const rows = computed(() => (plan.value?.postures_deg ?? []).map((_, i) => {
   const scene = answer.value?.scene[i], off = answer.value?.postures[i], rest = without.value.get(i), factor = loss(rest);
   const misses = !scene ? "" : !off.hit ? "the target cannot be hit" : !scene.reaches ? "target behind the laser" : scene.violations[0] ?? "";
-  const adds = rest === null ? "gives what no other gives" : factor === null ? "" : factor === Infinity ? `without it: ${lost(rest).join(", ")} not determined` : `without it: u × ${factor < 1.005 ? "1.00" : Number(factor.toPrecision(3))}${rest.verdict !== answer.value.verdict ? `, ${WORDS[rest.verdict]?.toLowerCase()}` : ""}`;
+  const adds = rest === null ? "gives what no other gives" : factor === null ? "" : factor === Infinity ? `without it: ${lost(rest).join(", ")} not determined` : `without it: u × ${factor < 1.005 ? "1.00" : Number(factor.toPrecision(3))}${answer.value && rest.verdict !== answer.value.verdict ? `, ${WORDS[rest.verdict]?.toLowerCase()}` : ""}`;
   return { i, target: scene?.target_name ?? "", misses, adds, share: factor === null ? (rest === null ? 1 : 0) : factor === Infinity ? 1 : Math.min(1, Math.log2(factor)), off: off?.hit && off.off_mm >= 0.05 ? `${fixed(off.off_mm, 1)} mm beside the target before aiming` : "" };
 }));
 
 /** A posture beside the chosen one; `turn` degrees at joint 1, so that it adds something. @param {number} turn */
 const another = (turn) => change(null, (content) => {
-  const i = chosen.value ?? content.postures_deg.length - 1, copy = structuredClone(content.postures_deg[i]), joint = arm.value.joints[0];
+  const i = chosen.value ?? content.postures_deg.length - 1, copy = structuredClone(content.postures_deg[i]), upper = arm.value?.joints[0].upper ?? Infinity;
   const joints = Array.isArray(copy) ? copy : copy.joints_deg;
-  joints[0] += (joints[0] + turn > joint.upper ? -1 : 1) * turn;
+  joints[0] += (joints[0] + turn > upper ? -1 : 1) * turn;
   content.postures_deg.splice(i + 1, 0, copy);
   chosen.value = i + 1;
 });
@@ -56,7 +56,8 @@ const move = (by) => change(null, (content) => {
 const drop = () => change(null, (content) => { content.postures_deg.splice(chosen.value ?? 0, 1); });
 
 export function Postures() {
-  const count = rows.value.length, i = chosen.value;
+  const count = rows.value.length, i = chosen.value, strip = useRef(/** @type {HTMLOListElement | null} */ (null));
+  useEffect(() => { if (i !== null) strip.current?.children[i]?.scrollIntoView({ block: "nearest", inline: "nearest" }); }, [i]);
   useEffect(() => { if (!pending.value) ask(); }, [answer.value, pending.value, count > MOST ? i : 0]);
   return html`
     <div class="strip-head">
@@ -70,7 +71,7 @@ export function Postures() {
         <button type="button" disabled=${i === null || i >= count - 1} aria-label="Move to the right" onClick=${() => move(1)}>Move ›</button>
       </div>
     </div>
-    <ol class="strip" aria-labelledby="postures-title">
+    <ol class="strip" ref=${strip} aria-labelledby="postures-title">
       ${rows.value.map((row) => html`
         <li key=${row.i}><button type="button" class=${row.misses ? "misses" : ""} aria-current=${row.i === i ? "true" : undefined} onClick=${() => { chosen.value = row.i; }} title=${plan.value ? jointsOf(plan.value, row.i).map((v) => fixed(v, 1)).join(", ") : ""}>
           <b>${row.i}</b> <span class="of">${row.target}</span>

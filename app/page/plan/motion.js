@@ -1,9 +1,8 @@
 // The arm moves along a null-space direction: how it can be off without any measurement showing it.
 import { signal } from "@preact/signals";
 import { post } from "../core/api.js";
-import { answer, chosen, file, plan } from "../core/editing.js";
+import { answer, chosen, file, plan, robotFrom } from "../core/editing.js";
 import { attempt } from "../core/store.js";
-import { robotFrom } from "./picture.js";
 
 const STEPS = 6; // poses to each side
 

@@ -1,17 +1,10 @@
 // What the scene shows of the plan that is open, and what is done to the plan in it.
 import { computed, effect, signal } from "@preact/signals";
 import { latest, post, Refused } from "../core/api.js";
-import { answer, arm, change, chosen, file, jointsOf, plan } from "../core/editing.js";
+import { answer, arm, change, chosen, file, jointsOf, plan, robotFrom } from "../core/editing.js";
 import { failed } from "../core/store.js";
 
 /** @typedef {import("../scene/types.js").Scene3D} Scene3D */
-
-/** A robot file is named from the plan's folder in the plan, and from the app's folder elsewhere. @param {any} ref @param {string} planFile */
-export function robotFrom(ref, planFile) {
-  const folder = planFile.slice(0, planFile.lastIndexOf("/") + 1);
-  if (typeof ref === "object") return { ...ref, urdf: folder + ref.urdf };
-  return /\.(yaml|yml|json|urdf)$/.test(ref) ? folder + ref : ref;
-}
 
 /** The meshes of the plan's URDF; undefined where it has none. @type {import("@preact/signals").Signal<any[] | undefined>} */
 export const meshes = signal(undefined);
@@ -44,7 +37,7 @@ export const picture = computed(() => {
   if (body === null || !found?.scene) return null;
   const obstacles = plan.value?.constraints?.obstacles?.boxes ?? [];
   return {
-    of: `plan ${file.value}`,
+    of: `plan ${file.value} ${body.name}`,
     reach: body.reach_mm,
     arm: body,
     meshes: meshes.value,

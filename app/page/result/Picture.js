@@ -27,14 +27,15 @@ const factorFor = (longest, reach) => FACTORS.findLast((factor) => factor * long
 /** @param {{found: Found}} props */
 export function Picture({ found }) {
   const what = useSignal(/** @type {What | null} */ (null)), stated = useSignal(/** @type {number | null} */ (null)), chosen = useSignal(/** @type {number | null} */ (null));
-  const drawn = useSignal(/** @type {any} */ (null));
+  const drawn = useSignal(/** @type {any} */ (null)), unknown = useSignal(false);
   useEffect(() => {
     if (found.arm) { drawn.value = found.arm; return; }
-    if (!robots.value.some((one) => one.name === found.inputs.robot)) return;
-    post("/api/robot", { robot: found.inputs.robot }).then((arm) => { drawn.value = arm; }, (error) => { if (!(error instanceof Refused)) throw error; });
+    unknown.value = !robots.value.some((one) => one.name === found.inputs.robot);
+    if (unknown.value) return;
+    post("/api/robot", { robot: found.inputs.robot }).then((arm) => { drawn.value = arm; }, (error) => { if (!(error instanceof Refused)) throw error; unknown.value = true; });
   }, [found]);
   const arm = found.arm ?? drawn.value, map = found.tcp_map ?? [], residuals = found.residuals ?? [];
-  if (!arm) return html`<p class="muted centred">The arm of this result cannot be drawn here.</p>`;
+  if (!arm) return unknown.value ? html`<p class="muted centred">The arm of this result cannot be drawn here.</p>` : html`<p class="muted centred">…</p>`;
   const reach = arm.reach_mm ?? 1000;
   const vectors = (/** @type {"before" | "after"} */ which) => map.flatMap((one) => { const by = one[which]; return by ? [{ at: one.at, by }] : []; });
   const there = WHAT.filter(([one]) => (one === "residuals" ? residuals.length > 0 : vectors(one).length > 0));
@@ -54,8 +55,8 @@ export function Picture({ found }) {
       <span class="shown" role="group" aria-label="What is drawn">${there.map(([one, text]) => html`<button type="button" key=${one} aria-pressed=${one === now} onClick=${() => { what.value = one; }}>${text}</button>`)}</span>`}
     ${items.length > 0 && html`
       <label class="factor"><span class="label">Drawn ${factor} times as long</span><input type="range" min="0" max=${FACTORS.length - 1} step="1" value=${Math.max(0, FACTORS.indexOf(factor))} aria-label="Factor of the vectors" aria-valuetext=${`${factor} times`} onInput=${(/** @type {any} */ event) => { stated.value = FACTORS[Number(event.target.value)]; }} /></label>
-      <span>At the postures measured: median ${fixed(median, 2)} mm, largest ${fixed(sizes[sizes.length - 1], 2)} mm.</span>`}
-    ${now === "residuals" && html`<span>A ball for each measurement where its target is, larger with its normalised residual; largest ${fixed(most, 2)}.</span>`}
+      <span>At the postures measured: median ${fixed(median, 2)} mm, largest ${fixed(sizes[sizes.length - 1], 2)} mm. </span>`}
+    ${now === "residuals" && html`<span>A ball for each measurement where its target is, larger with its normalised residual; largest ${fixed(most, 2)}. </span>`}
     ${found.tcp_why && html`<span>${found.tcp_why}</span>`}`;
   return html`<${Scene} scene=${scene} chosen=${chosen.value} onChoose=${(/** @type {number | null} */ i) => { chosen.value = i; }} caption=${caption} label="The result in the workspace" />`;
 }

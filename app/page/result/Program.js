@@ -1,7 +1,8 @@
 // A program corrected by what a run determined: for controllers whose joints' zeros cannot be set.
 import { html } from "htm/preact";
 import { signal, useSignal } from "@preact/signals";
-import { upload } from "../core/api.js";
+import { useEffect } from "preact/hooks";
+import { get, upload } from "../core/api.js";
 import { route } from "../core/route.js";
 import { attempt, files, freeName, inside, refresh } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
@@ -11,7 +12,8 @@ import { TextField } from "../parts/TextField.js";
 import { useWritten, Written } from "../parts/Written.js";
 import { Risks } from "./Risks.js";
 
-const PROGRAM = /\.(mod|src|dat|ls|script)$/i;
+/** Endings of the languages that are corrected, as the makers have them. */
+const endings = signal(/** @type {string[]} */ ([]));
 
 /** What is typed for options that may be stated several times, one a line. */
 const options = signal({ tool: "", frame: "", near: "", leave: "", call: "", j3: "", without: "" });
@@ -21,6 +23,7 @@ const risks = signal(/** @type {string[]} */ ([]));
 export function Program({ run }) {
   const program = useSignal(""), out = useSignal("");
   const { made, onSubmit } = useWritten();
+  useEffect(() => { attempt(async () => { if (!endings.value.length) endings.value = (await get("languages")).flatMap((/** @type {{endings: string[]}} */ language) => language.endings); }); }, []);
   const proposed = program.value && freeName(program.value.replace(/(\.\w+)$/, "-corrected$1"));
   const send = (/** @type {FileList | null} */ list) => attempt(async () => {
     for (const file of list ?? []) program.value = (await upload(freeName(`${inside(route.value.name)}${file.name}`), file)).file;
@@ -34,10 +37,11 @@ export function Program({ run }) {
   };
   const text = (/** @type {keyof typeof options.value} */ name, /** @type {string} */ label, /** @type {string} */ example) => html`<${TextField} label=${label} value=${options.value[name]} placeholder=${example} onValue=${(/** @type {string} */ value) => set({ [name]: value })} />`;
   return html`
-    <form onSubmit=${onSubmit(ask)}>
+    <form class="program" onSubmit=${onSubmit(ask)}>
       <p class="muted">Where the controller takes no offsets: the targets of a program are changed, so that the arm reaches what the program means. All else stays as it is; a statement that is not understood is refused, by line.</p>
-      <${Choice} label="Program of the folder" value=${program.value} none="choose a program" groups=${[["", files.value.filter((one) => PROGRAM.test(one.path)).map((one) => [one.path, one.path])]]} onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
-      <label><span class="label">or send one: .mod, .src with .dat, .ls, .script</span><input type="file" multiple accept=".mod,.src,.dat,.ls,.script" onChange=${(/** @type {any} */ event) => send(event.target.files)} /></label>
+      <p class="muted">Correct calculated targets only: targets that were taught on this arm hold its offsets already. Tool and user frames that the program names by number are stated below.</p>
+      <${Choice} label="Program of the folder" value=${program.value} none="choose a program" groups=${[["", files.value.filter((one) => endings.value.some((ending) => one.path.toLowerCase().endsWith(ending))).map((one) => [one.path, one.path])]]} onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
+      <label><span class="label">or send one (${[...new Set(endings.value)].join(", ")}; of KRL .src and .dat)</span><input type="file" multiple accept=${endings.value.join(",")} onChange=${(/** @type {any} */ event) => send(event.target.files)} /></label>
       <${Fold} title="Tool, frame, targets to leave"><div class="fields">
         ${text("tool", "Tool, [NAME=]pose", "0,0,100,0,0,0")}${text("frame", "Frame, [NAME=]pose", "500,0,0,0,0,0")}${text("near", "Joints near targets without a configuration", "0,-30,30,0,60,0")}
         ${text("leave", "Leave this target", "P[3]")}${text("call", "Routine that moves nothing", "GRIP")}${text("without", "Without this offset", "delta4")}
@@ -45,6 +49,6 @@ export function Program({ run }) {
         <${Risks} flags=${risks} />
       </div><//>
       <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
-      <${Written} made=${made} button="Correct the program" title="Corrected program" disabled=${!program.value} />
+      <${Written} made=${made} button="Correct the program" title="Corrected program" disabled=${!program.value} after="The new joints are not checked against limits and obstacles. Try the program at reduced speed." />
     </form>`;
 }

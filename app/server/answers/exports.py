@@ -1,4 +1,4 @@
-"""The forms in which offsets are exported, as the makers have them."""
+"""Forms in which offsets are exported and languages that are corrected, as the makers have them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal, get_args, get_origin
 
 from pydantic import Field
 
-from ....experiments.makers.maker import FormatOption, makers, options_of_format
+from ....experiments.makers.maker import FormatOption, makers, options_of_format, program_languages
 from ....model.files.json_document import JsonDocument
 from ..folder import Folder
 from ..requests import EndPoint
@@ -62,4 +62,25 @@ def _described(option: FormatOption) -> ExportOption:
     )
 
 
-END_POINTS = [EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports)]
+class LanguageForm(JsonDocument):
+    """A language: `export program` corrects its programs."""
+
+    name: str
+    vendor: str = Field(description="of the robots that it is for, as robot files name it")
+    about: str
+    endings: list[str]
+
+
+@cache
+def languages(_: Folder) -> list[LanguageForm]:
+    """The languages whose programs are corrected."""
+    return [
+        LanguageForm(name=files.name, vendor=vendor, about=files.about, endings=list(files.endings))
+        for files, vendor in program_languages()
+    ]
+
+
+END_POINTS = [
+    EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
+    EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),
+]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 from ....words import spreadsheet
 from ....words.observability import reason
@@ -58,9 +59,10 @@ def _row(offset: JointOffset, calibration: RobotCalibration) -> dict[str, object
     }
 
 
-def document(calibration: RobotCalibration) -> dict[str, object]:
+def document(calibration: RobotCalibration, notes: Sequence[str] = ()) -> dict[str, object]:
     """The offsets as plain values. What the data cannot determine is null; `applied` is to be added.
 
+    `notes` are of a file, beside the warnings of the calibration itself.
     `covariance` is of all parameters that the data determine, in the products of their units.
     """
     covariance = calibration.covariance
@@ -87,7 +89,7 @@ def document(calibration: RobotCalibration) -> dict[str, object]:
             "status": list(covariance.status),
             "matrix": covariance.matrix.tolist(),
         },
-        "notes": list(calibration.warnings),
+        "notes": [*calibration.warnings, *notes],
         "inputs": {
             "run": calibration.run,
             "sha256": calibration.sha256,

@@ -1,0 +1,190 @@
+"""What was done in the page survives what happens to the files; nothing wrong is shown or written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from app_page import app, wait
+from cells import LASER, good_plan, header, plan_of, varied_postures
+from chromium import LAPTOP, Tab, chromium
+from command_line import plan_file
+
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.robot_file import load_robot
+
+pytestmark = pytest.mark.browser
+
+CHECKED = "document.querySelector('tr[data-of=delta2]') && !document.querySelector('.pending')"
+SAVED = "document.querySelector('.plan-bar output').textContent === 'Saved.'"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    chromium()
+    made = tmp_path_factory.mktemp("kept") / "dir"
+    (made / "cell").mkdir(parents=True)
+    return made
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with app(folder) as opened:
+        yield opened.address
+
+
+def seven_joints(count: int = 6) -> Plan:
+    """A plan of an arm that has another number of joints than the other plans here."""
+    arm, at = load_robot("panda"), (450.0, 100.0, 200.0)
+    stated = header(LASER, target=at, robot="panda")
+    return plan_of(stated, varied_postures(stated, arm, at, count, 4), robot=arm)
+
+
+@contextmanager
+def plan(address: str, name: str, beside: Tab | None = None) -> Iterator[Tab]:
+    with chromium().opened(f"{address}#/job/cell/plan/cell/{name}", LAPTOP, beside=beside) as tab:
+        yield tab
+
+
+def press(tab: Tab, name: str) -> None:
+    tab.on(lambda page: page.get_by_role("button", name=name, exact=True).first.click())
+
+
+def fill(tab: Tab, label: str, value: str) -> None:
+    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
+
+
+def content(path: Path) -> Any:
+    return yaml.safe_load(path.read_text())
+
+
+def test_a_read_only_plan_is_said_and_the_edit_is_kept_until_it_can_be_saved(
+    folder: Path, address: str
+) -> None:
+    path = folder / "cell" / "locked.yaml"
+    plan_file(path, good_plan(7))
+    path.chmod(0o444)
+    before = path.read_bytes()
+    with plan(address, path.name) as tab:
+        wait(tab, CHECKED)
+        fill(tab, "J1, °", "10")
+        wait(tab, f"{CHECKED} && !({SAVED})")
+        press(tab, "Save")
+        wait(tab, "document.body.innerText.includes('the file is read-only')")
+        assert path.read_bytes() == before
+        tab.reload()
+        wait(tab, f"{CHECKED} && document.body.innerText.includes('were not saved are back')")
+        path.chmod(0o644)
+        press(tab, "Save")
+        wait(tab, SAVED)
+    assert content(path)["postures_deg"][0][0] == 10
+
+
+def test_a_folder_in_place_of_the_plan_loses_nothing(folder: Path, address: str) -> None:
+    path = folder / "cell" / "replaced.yaml"
+    plan_file(path, good_plan(7))
+    with plan(address, path.name) as tab:
+        wait(tab, CHECKED)
+        fill(tab, "J1, °", "10")
+        wait(tab, f"{CHECKED} && !({SAVED})")
+        path.unlink()
+        path.mkdir()
+        wait(tab, "document.querySelector('dialog[open]')")
+        press(tab, "Write the file again")
+        wait(tab, "document.querySelector('.plan-bar ~ .error')")
+        path.rmdir()
+        press(tab, "Save")
+        wait(tab, SAVED)
+    assert content(path)["postures_deg"][0][0] == 10
+
+
+def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chosen(
+    folder: Path, address: str
+) -> None:
+    """The plan was replaced by one for another robot while nobody looked: neither is mixed with the other."""
+    path = folder / "cell" / "other.yaml"
+    plan_file(path, good_plan(7))
+    with chromium().opened(address, LAPTOP) as home:
+        with plan(address, path.name, beside=home) as tab:
+            wait(tab, CHECKED)
+            fill(tab, "J1, °", "10")
+            wait(tab, f"{CHECKED} && !({SAVED})")
+        path.unlink()
+        plan_file(path, seven_joints())
+        theirs = path.read_bytes()
+        with plan(address, path.name, beside=home) as tab:
+            dialog = "document.querySelector('dialog[open]')"
+            for _ in range(2):  # a reload takes nothing for answered
+                wait(tab, f"{dialog} && {CHECKED}")
+                assert "of another robot than yours" in tab.value(f"{dialog}.textContent")
+                assert tab.value("document.querySelectorAll('.joint').length") == 6
+                tab.reload()
+            wait(tab, f"{dialog} && {CHECKED}")
+            tab.key("Escape")
+            press(tab, "Save")
+            wait(tab, dialog)
+            assert path.read_bytes() == theirs
+            press(tab, "Save mine as cell/other-mine.yaml")
+            wait(tab, f"!{dialog} && {SAVED}")
+            assert path.read_bytes() == theirs
+            assert content(path.with_name("other-mine.yaml"))["postures_deg"][0][0] == 10
+            assert tab.value("location.hash").endswith("/cell/other-mine.yaml")
+            tab.value("location.hash = '#/job/cell/plan/cell/other.yaml'")
+            wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED}")
+            assert tab.value(SAVED)
+            assert [text for text in tab.console if "WebGL" not in text and "412" not in text] == []
+
+
+def test_taking_the_other_arms_plan_draws_that_arm_and_undo_brings_mine_back(
+    folder: Path, address: str
+) -> None:
+    path = folder / "cell" / "taken.yaml"
+    plan_file(path, good_plan(7))
+    with plan(address, path.name) as tab:
+        wait(tab, CHECKED)
+        fill(tab, "J1, °", "10")
+        wait(tab, f"{CHECKED} && !({SAVED})")
+        path.unlink()
+        plan_file(path, seven_joints())
+        wait(tab, "document.querySelector('dialog[open]')")
+        press(tab, "Take the file's")
+        wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED} && {SAVED}")
+        press(tab, "Undo")
+        wait(tab, f"document.querySelectorAll('.joint').length === 6 && {CHECKED}")
+        assert tab.on(lambda page: page.get_by_label("J1, °", exact=True).first.input_value()) == "10"
+
+
+def test_the_draft_of_a_plan_that_is_gone_is_opened(folder: Path, address: str) -> None:
+    path = folder / "cell" / "away.yaml"
+    plan_file(path, good_plan(7))
+    with chromium().opened(address, LAPTOP) as home:
+        with plan(address, path.name, beside=home) as tab:
+            wait(tab, CHECKED)
+            fill(tab, "J1, °", "10")
+            wait(tab, f"{CHECKED} && !({SAVED})")
+        path.unlink()
+        with plan(address, path.name, beside=home) as tab:
+            wait(tab, "document.querySelector('dialog[open]')")
+            press(tab, "Write the file again")
+            wait(tab, SAVED)
+    assert content(path)["postures_deg"][0][0] == 10
+
+
+def test_a_save_that_meets_another_version_shows_both_and_takes_either(folder: Path, address: str) -> None:
+    """Before the page has noticed the change by itself."""
+    path = folder / "cell" / "late.yaml"
+    plan_file(path, good_plan(7))
+    with plan(address, path.name) as tab:
+        wait(tab, CHECKED)
+        fill(tab, "J1, °", "10")
+        wait(tab, f"{CHECKED} && !({SAVED})")
+        path.write_text(path.read_text() + "# changed elsewhere\n")
+        tab.value("import('/page/core/editing.js').then((m) => m.save())")
+        wait(tab, "document.querySelector('dialog[open]')")
+        press(tab, "Take the file's")
+        wait(tab, f"{CHECKED} && {SAVED}")
+        assert "postures_deg" in tab.value("import('/page/core/editing.js').then((m) => m.plan.value)")
