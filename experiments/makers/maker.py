@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
 _OTHER_MODELS = (
-    r"panda|franka|fr3|kinova|gen ?[23]|jaco|motoman|yaskawa|gp ?\d+\w*|staubli|tx2?|tx2? ?\d+\w*"
-    r"|x ?arm ?\d*|ufactory|denso|epson|doosan|techman|nachi|comau|mitsubishi|meca ?500"
+    r"panda|franka|fr3|kinova|gen ?[23]|jaco|motoman|yaskawa|gp ?\d+\w*"
+    r"|x ?arm ?\d*|ufactory|denso|epson|doosan|techman|nachi|comau|meca ?500"
 )
 
 
@@ -142,14 +142,15 @@ class KnownLog:
 
 @dataclass(frozen=True)
 class ProgramFiles:
-    """`zerobeam export program`: files of a language by their endings, `paired` where the program is several;
-    `language` loads what reads them (`user_programs.Language`)."""
+    """`zerobeam export program`: files of a language by their endings, `paired` where the program is several
+    of one name, or the `whole_folder`; `language` loads what reads them (`user_programs.Language`)."""
 
     name: str
     about: str
     endings: tuple[str, ...]
     language: Callable[[], Any]
     paired: tuple[str, ...] = ()
+    whole_folder: bool = False
 
 
 @dataclass(frozen=True)

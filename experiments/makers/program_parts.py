@@ -77,7 +77,8 @@ class PoseTarget:
 
     `matches` says whether joints, degrees, of a branch have the stated `configuration`; None where none is
     stated: then each motion to it says which (`Motion.near`), or the motion before.
-    `write` turns a pose and the joints it is reached with into the text for them.
+    `write` turns a pose and the joints it is reached with into the text for them. `words` of a configuration
+    that does not select joints are compared with those of the joints nearest by.
     """
 
     name: str
@@ -88,6 +89,7 @@ class PoseTarget:
     matches: Callable[[Branch, Matrix], bool] | None
     configuration: str
     write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
+    words: Callable[[Branch, Matrix], str] | None = None
 
 
 Target = JointTarget | PoseTarget
@@ -240,9 +242,9 @@ class Source:
 
     def written(self, key: str) -> str:
         """A name, known in small letters (an element of an array as `name{1}`), as the program writes it."""
-        word, brace, rest = key.partition("{")
+        word = re.split(r"[\[{]", key)[0]
         match = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", self.text, re.IGNORECASE)
-        return (word if match is None else match[0]) + brace + rest
+        return (word if match is None else match[0]) + key[len(word) :]
 
     def key_at(self, pos: int, keys: Container[str]) -> str:
         """A name for the target of a motion that is written in the motion, none of `keys`."""
@@ -261,7 +263,8 @@ class Language:
 
     `targets` reads a program; remarks are put behind `head`, a pattern, and begin with `remark`; `pose` is
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
-    poses and joints, found without the grammar; `up` as of `Branches`.
+    poses and joints, found without the grammar; `up` and `by_joint2` as of `Branches`; `remark_end` closes a
+    remark.
     """
 
     name: str
@@ -273,6 +276,8 @@ class Language:
     literals: Callable[[str], list[tuple[int, int]]]
     case_sensitive: bool = False
     up: int = 1
+    by_joint2: bool = False
+    remark_end: str = ""
 
 
 def new_number(old: str, value: float, decimals: int) -> str:

@@ -12,10 +12,12 @@ from typing import Any
 import fanuc_interpreter
 import import_files as importers
 import kawasaki_controller
+import mitsubishi_controller
 import numpy as np
 import pytest
 import robodk_interpreter
 import ros_interpreter
+import staubli_controller
 import urscript_interpreter
 from krl_interpreter import KrlController
 from program_arm import TRUTH, PendantArm, plan_for
@@ -193,7 +195,10 @@ def test_offsets_come_back_through_the_program_of_every_arm(
 
 
 # Languages whose statements are lines, each with its controller.
-CONTROLLERS = {controller.KIND: controller for controller in (kawasaki_controller,)}
+CONTROLLERS = {
+    controller.KIND: controller
+    for controller in (kawasaki_controller, mitsubishi_controller, staubli_controller)
+}
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)
@@ -213,11 +218,13 @@ def test_the_circle_of_a_language_of_lines(
     answer = offsets_come_back(tmp_path, plan, reader.read(job))
     rows = targets_of(plan)
     text = controller.user_program(plan.robot, rows)
-    program = tmp_path / f"job{controller.SUFFIX}"
-    program.write_bytes(text.encode())
-    done = corrected_program(
-        plan.robot, answer, program, tmp_path / f"corrected{controller.SUFFIX}", controller.STATED
-    )
+    if hasattr(controller, "in_files"):  # several files, of a folder
+        program = controller.in_files(tmp_path / "job", text)
+    else:
+        program = tmp_path / f"job{controller.SUFFIX}"
+        program.write_bytes(text.encode())
+    out = tmp_path / f"corrected{program.suffix}"
+    done = corrected_program(plan.robot, answer, program, out, controller.STATED)
     reaches_what_it_means(
         plan,
         answer,
