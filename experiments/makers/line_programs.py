@@ -260,11 +260,19 @@ class LineProgram:
     def _define(self, tree: Tree[Token]) -> None:
         name, father = (self._key(str(word)) for word in _tokens(tree, "WORD"))
         values = _tokens(tree, "VALUE")
-        pose = self.language.pose([float(value) for value in values])
+        pose = self._pose(values)
         if name in self.declared:
             self._problem(span(values[0])[0], f"{name} has a value more than once")
         self.declared[name] = np.asarray(self.declared.get(father, NULL) @ pose)
         self.parsed.literals.append(LiteralSpan(span(values[0])[0], span(values[-1])[1], "frame"))
+
+    def _pose(self, values: Sequence[Token]) -> Matrix:
+        """The pose of a tool or frame; a problem where its numbers are of none."""
+        numbers = [float(value) for value in values]
+        if len(numbers) >= 6 and not any(numbers[6:]) and max(map(abs, numbers)) <= _FARTHEST:
+            return self.language.pose(numbers[:6])
+        self._problem(span(values[0])[0], "these numbers are not those of a tool or frame")
+        return NULL
 
     def _frame_name(self, begin: int, tree: Tree[Token]) -> str:
         """The name of the tool or frame of a statement; one that is written as a pose is called by its
@@ -275,7 +283,7 @@ class LineProgram:
         values = _tokens(poses[0], "VALUE")
         name = f"in line {self.source.line(begin)}"
         if name not in self.declared:
-            self.declared[name] = self.language.pose([float(value) for value in values])
+            self.declared[name] = self._pose(values)
             self.parsed.literals.append(LiteralSpan(span(values[0])[0], span(values[-1])[1], "frame"))
         for other, pose in self.declared.items():  # the same pose is the same tool
             if np.allclose(pose, self.declared[name]):
@@ -552,6 +560,8 @@ def import_taught(
 def _as_planned(language: LineLanguage, job: ImportJob, point: TaughtPoint, number: int) -> bool:
     """Whether a posture of the plan's program is still as the plan has it, to the program's digits."""
     if job.plan is None or point.joints is None or not number < len(job.plan.postures):
+        return False
+    if len(point.joints) < job.robot.n:
         return False
     pendant = Pendant(job.robot)
     planned = pendant.counted(job.plan.postures[number] * job.robot.display)

@@ -47,7 +47,7 @@ def _is_derived(tree: Tree[Token]) -> bool:
 MELFA_BASIC = LineLanguage(
     name="MELFA-BASIC",
     grammar="mitsubishi/melfa_basic",
-    remark=r"'[^\n]*|\bREM\b[^\n]*",
+    remark=r"'[^\n]*|(?i:\brem\b)[^\n]*",
     head=r"\A",
     comment="' ",
     pose=from_rpy,

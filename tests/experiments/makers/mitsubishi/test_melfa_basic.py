@@ -53,6 +53,9 @@ REFUSED = [
     "Mov J0 Wth M_Tool=2",
     "Base 1",
     "Tool PGRIP\r\nMov P1",
+    "Tool (1,2,3,4,5)(0,0)\r\nMov P1",
+    "Tool (1,2,3,4,5,6,7)(0,0)\r\nMov P1",
+    "Tool (1,2,3,4,5,1e400)(0,0)\r\nMov P1",
     "*L1\r\nTool PGRIP\r\nGoTo *L1\r\nMov P1",
     'CallP "PICK"',
     "Def Act 1,M_In(8)=1 GoTo *L1",
@@ -73,6 +76,7 @@ def test_a_statement_that_must_not_pass_is_refused_by_its_line(tmp_path: Path, l
 
 def test_a_program_with_branches_numbers_and_signals_is_corrected(tmp_path: Path) -> None:
     branch = "*L1\r\nIf M_In(1)=1 Then *L2\r\nM1=M1-1\r\n*L2\r\nFor M2=1 To 3\r\nDly 0.5\r\nNext M2\r\nHlt"
+    branch += "\r\nC1$=\"it's\" ' Mov P1\r\nRem Mvs P1,-50"
     text = WHOLE.replace("M_Out(8)=1", f"{branch}\r\nMov J0 Wth M_Out(9)=1\r\nM_Out(8)=1")
     head, code = text.split("End\r\n")[0].splitlines(), text.split("End\r\n")[1]
     numbered = "\r\n".join([*(f"{10 * i} {line}" for i, line in enumerate(head, start=1)), "990 End", code])
@@ -91,7 +95,9 @@ def test_tool_and_base_of_the_controller_must_be_stated(tmp_path: Path) -> None:
 
 def test_damaged_programs_are_refused_or_have_the_same_positions() -> None:
     text = WHOLE.replace("Base PTABLE", "Base P_NBase")
-    refused = refused_or_same(text, 200, 5, positions_of(MELFA_BASIC, ROBOT), lambda name: f"{name}=(")
+    refused = refused_or_same(
+        text, 200, 5, positions_of(MELFA_BASIC, ROBOT), lambda name: rf"{name}=\(|^Tool"
+    )
     assert 40 < refused < 200
 
 
