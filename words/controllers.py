@@ -15,9 +15,11 @@ _FILES = {
     "universal-robots": ("export ur", "joint-zero.txt"),
     "kuka": ("export kuka", "mastering.txt"),
     "fanuc": ("export fanuc", "mastering.txt"),
+    "epson": ("export epson", "calib.txt"),
+    "yaskawa": ("export yaskawa", "home-position.txt"),
 }
 _MODEL = ("export robot", "corrected.yaml")
-_PROGRAMS = ("doosan", "kawasaki", "techman")
+_PROGRAMS = ("doosan", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
 _MODEL_ALONE = ("franka",)
 
 
@@ -40,6 +42,6 @@ def export_sentence(vendor: str | None) -> str:
         return "Write the values to enter into a file for this robot."
     programs = ", or correct its programs (zerobeam export program)" if taken == "programs" else ""
     return (
-        "Enter nothing: no way is published by which this controller takes offsets. Export the corrected"
+        "Enter nothing at this controller: no published way is known by which it takes offsets. Export the corrected"
         f" robot model for what computes with one (export robot, export urdf){programs}."
     )

@@ -11,7 +11,9 @@ A maker's grammar derives a line, by its rule `statement`, to one tree:
   or `only_pose` in it a NAME must be such a position; that says it of `numbers`, a position whose declaration
   does not. A `tool` or `frame` in a motion is of this motion alone, as is a CONFIGURATION in `reached_as`.
 - `tool`, `frame`: a WORD or a `pose`, from here on. `in_base`, `in_frame`: framed positions below are in the
-  base frame, or in the frame that was set. `call`: a WORD, the routine. `routine`: a WORD, its begin.
+  base frame, or in the frame that was set. In a position a `frame` is its own. `definition`: a tool or frame
+  by a WORD, its `pose` in another one, the second WORD, defined before.
+- `call`: a WORD, the routine. `routine`: a WORD, its begin.
 - `join`: it is reached from elsewhere too, or leads there. `plain`: it moves no arm, and changes no position.
 
 Numbers of joints and poses are VALUE. A NAME anywhere else is of what the program changes.
@@ -54,16 +56,22 @@ from .recordings import Imported, ImportJob, TaughtPoint, import_points
 
 _CAPITALS = str.maketrans(ascii_lowercase, ascii_uppercase)
 _FEWEST = 6  # numbers of a position
+Statement = tuple[int, int, Tree[Token] | None]  # begin, end and derivation
 _FARTHEST = 1e8  # mm, degrees or pulses: no position has more
 _FOLLOW = {"joints_follow": True, "poses_follow": False, "nothing_follows": None}
 _IN_BASE = "base"  # the frame of positions in the base frame
 _KINDS = ("only_joints", "only_pose")
 _HARMLESS = "states that it moves no arm and changes no tool, frame or position"
 _POSTURE = re.compile(
-    r"#?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
+    r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
 )  # of a plan's program: planned, measured, via
 SIX_WITH_COMMAS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}(?![\w.])")
 SIX_WITH_BLANKS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:[ \t]+{NUMBER}){{5,}}(?![\w.])")
+
+
+def capitals(text: str) -> str:
+    """The text in capitals, of the same length whatever its letters."""
+    return text.translate(_CAPITALS)
 
 
 @dataclass(frozen=True)
@@ -78,6 +86,10 @@ class LineLanguage:
     `indented` language has its blocks by indentation; behind a line that `opens` a block there is a brace.
     `matching` says of a configuration which joints (n,), degrees, have it, None where that is not known;
     without it the words are compared with each other.
+    Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
+    `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
+    without it they are not interpreted. `saved_decimals` are those that a controller saves, where they are
+    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree.
     """
 
     name: str
@@ -102,6 +114,12 @@ class LineLanguage:
     indented: bool = False
     opens: re.Pattern[str] | None = None
     matching: Callable[[Robot, str], Callable[[Matrix], bool] | None] | None = None
+    comment_end: str = ""
+    read: Callable[[str], Iterator[Statement]] | None = None
+    positions: Callable[[str], list[tuple[int, int]]] | None = None
+    words: Callable[[Branch, Matrix], str] | None = None
+    saved_decimals: int | None = None
+    derives: Callable[[Tree[Token]], bool] | None = None
 
     def for_correction(self) -> Language:
         """What `zerobeam export program` needs of it."""
@@ -115,24 +133,32 @@ class LineLanguage:
             self.literals,
             self.case_sensitive,
             remark_width=self.remark_width,
+            by_joint2=True,
+            remark_end=self.comment_end,
         )
 
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""
+        if self.positions is not None:
+            return self.positions(text)
         return [match.span() for match in self.literal.finditer(blanked(text, self.remark))]
 
-    def statements(self, text: str) -> Iterator[tuple[int, int, Tree[Token] | None]]:
-        """Begin, end and derivation of each line that is not blank."""
+    def statements(self, text: str) -> Iterator[Statement]:
+        """Each line that is not blank."""
+        if self.read is not None:
+            yield from self.read(text)
+            return
         code = blanked(text, self.remark, strings=False)
         if not self.case_sensitive:  # the grammar is in capitals
-            code = code.translate(_CAPITALS)
+            code = capitals(code)
         depth, routine, behind_head = 0, False, False  # in a routine; the line before is its head
         opened = False  # the line before opens a block
         for line in re.finditer(r"[^\r\n]+", code):
             if line[0].strip():
                 tree = understood(self.grammar, "statement", code, *line.span())
                 inner = None if tree is None else tree.children[0]
-                inner = inner if isinstance(inner, Tree) else None
+                if not isinstance(inner, Tree) or (self.derives is not None and not self.derives(inner)):
+                    inner = None
                 indent = len(line[0]) - len(line[0].lstrip())
                 if self.indented and indent != depth:
                     main = routine and not indent
@@ -154,13 +180,15 @@ class LineLanguage:
 
 @dataclass(frozen=True, eq=False)
 class _Position:
-    """Joints or a pose as the program has it, with the names of its tool and frame if it is of some."""
+    """Joints or a pose as the program has it, with the names of its tool and frame if it is of some: a tool
+    of None is that of the motion."""
 
     line: int
     values: tuple[Token, ...]
     is_pose: bool | None  # None: the motion says it
     configuration: str
-    frames: tuple[str, str | None] | None = None
+    frames: tuple[str | None, str | None] | None = None
+    words: tuple[Token, ...] = ()
 
     @property
     def span(self) -> tuple[int, int]:
@@ -240,6 +268,8 @@ class LineProgram:
                 words = " ".join(_tokens(tree, "CONFIGURATION"))
             elif tree.data in frames and self.language.framed:
                 frames[tree.data] = self._frame_name(begin, tree)
+            elif tree.data == "definition":
+                self._define(tree)
             elif tree.data in ("position", "entry"):
                 name = _tokens(tree, "NAME")[0]
                 if tree.data == "entry" and joints_follow is None:
@@ -249,14 +279,18 @@ class LineProgram:
                 if is_pose is None and len(_tokens(tree, "VALUE")) < _FEWEST:  # an array of something else
                     continue
                 configuration = " ".join(_tokens(tree, "CONFIGURATION")) or words
+                framed: tuple[str | None, str | None] | None = None
+                if self.language.framed:
+                    framed = frames["tool"], {"in_base": _IN_BASE, "in_frame": frames["frame"]}.get(within)
+                for frame in tree.find_data("frame"):
+                    framed = None, self._frame_name(begin, frame)
                 position = _Position(
                     self.source.line(begin),
                     tuple(_tokens(tree, "VALUE")),
                     is_pose,
                     configuration,
-                    (frames["tool"], {"in_base": _IN_BASE, "in_frame": frames["frame"]}.get(within))
-                    if self.language.framed
-                    else None,
+                    framed,
+                    tuple(_tokens(tree, "CONFIGURATION")),
                 )
                 self._named(begin, str(name), span(name)[0], position)
 
@@ -273,6 +307,23 @@ class LineProgram:
         else:
             self.positions[key] = position
 
+    def _define(self, tree: Tree[Token]) -> None:
+        name, father = (self._key(str(word)) for word in _tokens(tree, "WORD"))
+        values = _tokens(tree, "VALUE")
+        pose = self._pose(values)
+        if name in self.declared:
+            self._problem(span(values[0])[0], f"{name} has a value more than once")
+        self.declared[name] = np.asarray(self.declared.get(father, NULL) @ pose)
+        self.parsed.literals.append(LiteralSpan(span(values[0])[0], span(values[-1])[1], "frame"))
+
+    def _pose(self, values: Sequence[Token]) -> Matrix:
+        """The pose of a tool or frame; a problem where its numbers are of none."""
+        numbers = [float(value) for value in values]
+        if len(numbers) >= 6 and not any(numbers[6:]) and max(map(abs, numbers)) <= _FARTHEST:
+            return self.language.pose(numbers[:6])
+        self._problem(span(values[0])[0], "these numbers are not those of a tool or frame")
+        return NULL
+
     def _frame_name(self, begin: int, tree: Tree[Token]) -> str:
         """The name of the tool or frame of a statement; one that is written as a pose is called by its
         place."""
@@ -284,7 +335,7 @@ class LineProgram:
         values = _tokens(poses[0], "VALUE")
         name = f"in line {self.source.line(begin)}"
         if name not in self.declared:
-            self.declared[name] = self.language.pose([float(value) for value in values])
+            self.declared[name] = self._pose(values)
             self.parsed.literals.append(LiteralSpan(span(values[0])[0], span(values[-1])[1], "frame"))
         for other, pose in self.declared.items():  # the same pose is the same tool
             if np.allclose(pose, self.declared[name]):
@@ -379,8 +430,9 @@ class LineProgram:
         else:
             tokens = tuple(_tokens(at, "VALUE"))
             name = self.source.key_at(span(tokens[0])[0], self.parsed.targets)
-            words = " ".join(_tokens(at, "CONFIGURATION"))
-            position = _Position(line, tokens, bool(list(at.find_data("pose"))), words)
+            words = tuple(_tokens(at, "CONFIGURATION"))
+            is_pose = bool(list(at.find_data("pose")))
+            position = _Position(line, tokens, is_pose, " ".join(words), words=words)
         if self.language.matching is not None:
             position = replace(position, configuration=reached_as)
         if self._enter(begin, written, name, position):
@@ -402,7 +454,8 @@ class LineProgram:
 
     def _enter(self, begin: int, written: str, name: str, position: _Position) -> bool:
         """Enter the target of a motion; False where it is a problem."""
-        frames = position.frames or (self.active["tool"], self.active["frame"])
+        tool, frame = position.frames or (None, self.active["frame"])
+        frames = (self.active["tool"] if tool is None else tool, frame)
         if name in self.parsed.targets:
             if position.is_pose and frames != self.used[name]:
                 self._problem(begin, f"{written}: {name} is used with different tools or frames")
@@ -458,9 +511,19 @@ class LineProgram:
                 return False
             poses.append(pose)
 
-        def write(pose: Matrix, _: Branch | None, __: Matrix) -> list[Edit]:
+        words = self.language.words
+
+        def write(pose: Matrix, branch: Branch | None, joints: Matrix) -> list[Edit]:
             numbers = self.language.numbers(pose)
-            return number_edits(spans, self.source.text, numbers, self.language.pose_decimals)
+            edits = number_edits(spans, self.source.text, numbers, self.language.pose_decimals)
+            if words is not None and branch is not None and position.words:
+                right = words(branch, joints).split()
+                edits += [
+                    Edit(*span(old), new)
+                    for old, new in zip(position.words, right, strict=True)
+                    if old != new
+                ]
+            return edits
 
         matching = None
         if self.language.matching is not None and position.configuration:
@@ -479,8 +542,9 @@ class LineProgram:
             None,
             position.configuration,
             write,
-            matching,
+            matching=matching,
             turns=self.language.turns,
+            words=words,
         )
         return True
 
@@ -502,7 +566,9 @@ class LineProgram:
             if written in self.parsed.targets or self.parsed.speaks_of(position.line, written):
                 continue
             begin = position.span[0]
-            if position.is_pose is None or (position.is_pose and position.frames is None):
+            if position.is_pose is None or (
+                position.is_pose and (position.frames is None or position.frames[0] is None)
+            ):
                 self._problem(begin, f"{written} is not the target of a motion here (--leave {written}?)")
             else:
                 self._enter(begin, written, written, position)
@@ -523,13 +589,13 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
         line = text.count("\n", 0, begin) + 1
         if tree.data in _FOLLOW:
             joints_follow = _FOLLOW[tree.data]
-        kinds = ("position", "entry", "at", "tool", "frame")
+        kinds = ("position", "entry", "at", "tool", "frame", "definition")
         for part in (each for each in reversed([*tree.iter_subtrees()]) if each.data in kinds):
             values = _tokens(part, "VALUE")
             if not values:
                 continue
             spans.add((span(values[0])[0], span(values[-1])[1]))
-            if part.data in ("tool", "frame"):
+            if part.data in ("tool", "frame", "definition"):
                 continue
             names = _tokens(part, "NAME")
             is_pose = _is_pose(part, joints_follow)
@@ -540,7 +606,10 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
             if is_pose is False:
                 numbers[: robot.n] /= per_degree[: len(numbers)]
                 joints = tuple(numbers.tolist())
-            name = text[slice(*span(names[0]))] if names else f"line {line}"
+            name = f"line {line}"
+            if names:
+                written = text[slice(*span(names[0]))]
+                name = written if capitals(written) == capitals(names[0]) else str(names[0])
             points.append(TaughtPoint(name, joints, line))
     for begin, end in language.literals(text):
         if (begin, end) not in spans:
@@ -580,6 +649,14 @@ def import_taught(
         if points is not None or not ours:
             return taught
         recorded = "m" if any(match[1] in "mM" for _, match in ours) else "p"
+        numbers = {int(match[2]) for _, match in ours if match[1].lower() == recorded}
+        missing = set(range(0 if job.plan is None else len(job.plan.postures))) - numbers
+        if missing:  # a plan's program has all of them, whether they were recorded or not
+            raise BadInput(
+                "a posture of the plan is not in the file",
+                found=f"no zb_{recorded}{min(missing)}",
+                remedy="save or copy the whole file again; or name the positions to use (--points)",
+            )
         return [
             point._replace(number=int(match[2]))
             for point, match in ours
@@ -593,7 +670,10 @@ def _as_planned(language: LineLanguage, job: ImportJob, point: TaughtPoint, numb
     """Whether a posture of the plan's program is still as the plan has it, to the program's digits."""
     if job.plan is None or point.joints is None or not number < len(job.plan.postures):
         return False
+    if len(point.joints) < job.robot.n:
+        return False
     pendant = Pendant(job.robot)
     planned = pendant.counted(job.plan.postures[number] * job.robot.display)
-    digits = 10.0**-language.joint_decimals / np.abs(pendant.per_degree(language.unit))
+    decimals = language.joint_decimals if language.saved_decimals is None else language.saved_decimals
+    digits = 10.0**-decimals / np.abs(pendant.per_degree(language.unit))
     return bool((np.abs(np.array(point.joints[: job.robot.n]) - planned) <= digits).all())

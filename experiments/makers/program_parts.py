@@ -81,6 +81,7 @@ class PoseTarget:
     of joints alone, for a language whose configurations are not those of `Branch`; they are not rewritten.
     `turns` says whether joints, degrees, have the turns that are stated, as they are meant and as they are
     corrected.
+    `words` of a configuration that does not select joints are compared with those of the joints nearest by.
     """
 
     name: str
@@ -93,6 +94,7 @@ class PoseTarget:
     write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
     matching: Callable[[Matrix], bool] | None = None
     turns: Callable[[Matrix], bool] | None = None
+    words: Callable[[Branch, Matrix], str] | None = None
 
     @property
     def configured(self) -> bool:
@@ -250,9 +252,9 @@ class Source:
 
     def written(self, key: str) -> str:
         """A name, known in small letters (an element of an array as `name{1}`), as the program writes it."""
-        word, brace, rest = key.partition("{")
+        word = re.split(r"[\[{]", key)[0]
         match = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", self.text, re.IGNORECASE)
-        return (word if match is None else match[0]) + brace + rest
+        return (word if match is None else match[0]) + key[len(word) :]
 
     def key_at(self, pos: int, keys: Container[str]) -> str:
         """A name for the target of a motion that is written in the motion, none of `keys`."""
@@ -271,8 +273,8 @@ class Language:
 
     `targets` reads a program; remarks are put behind `head`, a pattern, and begin with `remark`; `pose` is
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
-    poses and joints, found without the grammar; `up` as of `Branches`. `remark_width` is how long a remark
-    may be, if that is little.
+    poses and joints, found without the grammar; `up` and `by_joint2` as of `Branches`. `remark_width` is how
+    long a remark may be, if that is little; `remark_end` closes it.
     """
 
     name: str
@@ -285,6 +287,8 @@ class Language:
     case_sensitive: bool = False
     up: int = 1
     remark_width: int | None = None
+    by_joint2: bool = False
+    remark_end: str = ""
 
 
 def new_number(old: str, value: float, decimals: int) -> str:

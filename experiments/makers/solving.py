@@ -48,13 +48,14 @@ def up_to_flange(robot: Robot, nominal: Robot) -> Robot:
 class Arms:
     """The arm that the controller computes with, the calibrated one, the offsets between (n,), rad or mm, and
     what depends on the posture besides: (n,) by which offsets are more at commanded joints (n,), rad or mm.
-    `up` as of `Branches`."""
+    `up` and `by_joint2` as of `Branches`."""
 
     nominal: Robot
     calibrated: Robot
     offsets: Matrix
     up: int
     posture_offsets: Callable[[Matrix], Matrix]
+    by_joint2: bool = False
 
     @cached_property
     def solver(self) -> Solver:
@@ -62,7 +63,7 @@ class Arms:
 
     @cached_property
     def branches(self) -> Branches | None:
-        branches = Branches(self.nominal, self.up)
+        branches = Branches(self.nominal, self.up, self.by_joint2)
         return branches if branches.exist else None
 
     def branch(self, joints: Matrix) -> Branch | None:
@@ -263,15 +264,24 @@ class _Corrector:
         if target.matching is not None and not target.matching(commanded):
             raise _Unsolved(f"the corrected joints have another configuration than {target.configuration}")
         if not target.configured and target.configuration:
-            self._require_words(target, arms.branch(joints), branch)
+            self._require_words(target, joints, branch)
         if branch != arms.branch(joints):
             self.changed.append(target.name)
         self.edits += target.write(np.asarray(pose), branch, commanded)
         return joints
 
-    def _require_words(self, target: PoseTarget, meant: Branch | None, commanded: Branch | None) -> None:
-        """The words of a configuration that is not interpreted must be those of one branch, and a branch have
-        one; the corrected target keeps them."""
+    def _require_words(self, target: PoseTarget, joints: Matrix, commanded: Branch | None) -> None:
+        """The words of a configuration must be those of the joints. Words that are not interpreted must be
+        those of one branch, and a branch have one; the corrected target keeps them."""
+        meant = self.arms.branch(joints)
+        if target.words is not None and meant is not None:
+            right = target.words(meant, joints)
+            if right != target.configuration:
+                raise _Unsolved(
+                    f"its configuration is {target.configuration}, and that of the joints nearest by {right};"
+                    " state --near, or a joint target before it"
+                )
+            return
         if commanded != meant:
             raise _Unsolved(
                 f"it is not known how another configuration than {target.configuration} is written"

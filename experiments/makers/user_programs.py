@@ -78,19 +78,26 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
 
 
 def files_of(path: Path, vendor: str | None = None) -> list[Path]:
-    """The files of the program: of KRL the .src and the .dat of one name, as far as they are there. Of an
+    """The files of the program: of KRL the .src and the .dat of one name, as far as they are there, of VAL3
+    all of the folder. Of an
     ending that several makers use all that may belong to it, or to that of `vendor`."""
     suffix = path.suffix.lower()
-    order = [
-        other
-        for files, maker in program_languages()
-        if suffix in files.endings and vendor in (None, maker)
-        for other in files.paired
+    languages = [
+        files for files, maker in program_languages() if suffix in files.endings and vendor in (None, maker)
     ]
+    order = [other for files in languages for other in files.paired]
     if not order or not path.parent.is_dir():
         return [path]
-    others = [other for other in path.parent.iterdir() if other.stem == path.stem]
-    paths = [path, *(other for other in others if other.suffix.lower() in {*order} - {suffix})]
+    folder = any(files.whole_folder for files in languages)
+    others = [
+        other
+        for other in sorted(path.parent.iterdir())
+        if other != path and (folder or other.stem == path.stem)
+    ]
+    paths = [
+        path,
+        *(other for other in others if other.suffix.lower() in {*order} - (set() if folder else {suffix})),
+    ]
     return sorted(paths, key=lambda each: order.index(each.suffix.lower()))
 
 
@@ -127,6 +134,7 @@ def corrected_program(
         np.array([offset.internal for offset in calibration.offsets]),
         language.up,
         calibration.posture_offsets,
+        language.by_joint2,
     )
     corrections = correct_targets(parsed, arms, facts.near)
     _claim_all(language, source, parsed)
@@ -146,7 +154,8 @@ def corrected_program(
             for edit in corrections.edits
             if start <= edit.start < start + len(text)
         ]
-        name = out if each == path else out.with_suffix(each.suffix)
+        other = each.name if files_of_language.whole_folder else out.stem + each.suffix
+        name = out if each == path else out.with_name(other)
         whole = _with_head(language, _applied(text, edits), calibration, notes, path.name).encode("latin-1")
         # What an editor put before the first line stays there, and only there.
         files[name] = BOM_UTF8 + whole if read_bytes(each).startswith(BOM_UTF8) else whole
@@ -204,9 +213,9 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
 
 
 def _bare(name: str) -> str:
-    """P[3] of FANUC is 3."""
+    """P[3] of FANUC is 3, p[0] of VAL3 p."""
     match = re.fullmatch(r"[Pp]\[(\d+)\]", name)
-    return match[1] if match else name
+    return match[1] if match and match[1] != "0" else name.removesuffix("[0]")
 
 
 def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
@@ -218,13 +227,11 @@ def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
 
 def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:
     """The error that names all problems, by file and line."""
-    lines = [text.count("\n") for text in texts]
+    starts = np.cumsum([0, *(text.count("\n") for text in texts[:-1])]).tolist()
     sentences = []
     for line, sentence in sorted(dict.fromkeys(parsed.problems)):
-        file, file_line = (
-            (paths[1], line - lines[0]) if len(paths) > 1 and line > lines[0] else (paths[0], line)
-        )
-        sentences.append(f"{file.name} line {file_line}: {sentence}")
+        part = max(i for i, start in enumerate(starts) if line > start or not i)
+        sentences.append(f"{paths[part].name} line {line - starts[part]}: {sentence}")
     shown = "\n           ".join(sentences[:_SHOWN])
     more = f"\n           and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
     return BadInput(
@@ -289,4 +296,8 @@ def _with_head(
     else:
         lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
         rows = [language.remark + one_line(line) for line in lines]
+        if language.remark_end:  # of XML: no -- in it
+            rows = [
+                language.remark + one_line(line).replace("--", "- -") + language.remark_end for line in lines
+            ]
     return text[:start] + "".join(row + newline for row in rows) + text[start:]

@@ -42,11 +42,13 @@ class Branches:
     """The postures of an arm. Joints are degrees (n,).
 
     `up` is 1 where joint 1 turns counterclockwise as seen from above, as those of ABB and FANUC do, -1 where
-    clockwise, as KUKA's, however the arm is mounted.
+    clockwise, as KUKA's, however the arm is mounted. The front is where the wrist's centre is at zero; with
+    `by_joint2`, of an arm that stretches along axis 1 there, where joint 2 leads when it increases.
     """
 
     robot: Robot
     up: int
+    by_joint2: bool = False
 
     @cached_property
     def exist(self) -> bool:
@@ -76,16 +78,15 @@ class Branches:
         return float((centre - points[0]) @ np.cross(axes[1], axes[0]))
 
     def _signs(self, joints: Matrix) -> tuple[float, float] | None:
-        """How far, mm, the wrist's centre is in front of axis 1, and (scaled) of the lower arm.
-
-        The front is where the centre is at zero.
-        """
+        """How far, mm, the wrist's centre is in front of axis 1, and (scaled) of the lower arm."""
         start_axes, start = self._at_zero
         axes, points = self._lines(joints)
         up = start_axes[0] * self.up
         front = np.cross(start_axes[1], up)
         centre = _meeting(start[3], start_axes[3], start[4], start_axes[4])
         ahead = float((centre - start[0]) @ front)
+        if self.by_joint2 and abs(ahead) < 1.0:
+            ahead = float((centre - start[1]) @ up)
         if not np.isfinite(ahead) or abs(ahead) < 1.0:
             return None
         # Axis 2 is carried by joint 1, and so is the front.

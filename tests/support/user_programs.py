@@ -363,6 +363,7 @@ def varied(robot: Robot, count: int, seed: int = 3) -> Matrix:
     """Joints, degrees, away from the limits and from the wrist's singularity."""
     rng = np.random.default_rng(seed)
     lower, upper = np.maximum(robot.lower, -3.0) * 0.8, np.minimum(robot.upper, 3.0) * 0.8
+    lower = np.maximum(lower, robot.lower + 0.05)  # a limit may be zero
     rows = np.degrees(rng.uniform(lower, upper, (10 * count, robot.n)))
     return np.round(rows[np.abs(rows[:, 4]) > 8][:count], 3)
 

@@ -28,6 +28,7 @@ AS = LineLanguage(
     numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).zyz],
     form="X,Y,Z,O,A,T",
     joint_decimals=4,
+    base_frames=frozenset(),
     pose_decimals=(4,) * 6,
     literal=re.compile(f"{SIX_WITH_BLANKS.pattern}|" + r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
 )

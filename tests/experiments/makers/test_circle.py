@@ -15,10 +15,12 @@ import fanuc_interpreter
 import franka_programs
 import import_files as importers
 import kawasaki_controller
+import mitsubishi_controller
 import numpy as np
 import pytest
 import robodk_interpreter
 import ros_interpreter
+import staubli_controller
 import techman_controller
 import urscript_interpreter
 import yaskawa_controller
@@ -202,6 +204,8 @@ _MODULES = (
     doosan_controller,
     epson_controller,
     kawasaki_controller,
+    mitsubishi_controller,
+    staubli_controller,
     techman_controller,
     yaskawa_controller,
 )
@@ -226,11 +230,13 @@ def test_the_circle_of_a_language_of_lines(
     answer = offsets_come_back(tmp_path, plan, reader.read(job))
     rows = targets_of(plan)
     text = controller.user_program(plan.robot, rows)
-    program = tmp_path / f"job{controller.SUFFIX}"
-    program.write_bytes(text.encode())
-    done = corrected_program(
-        plan.robot, answer, program, tmp_path / f"corrected{controller.SUFFIX}", controller.STATED
-    )
+    if hasattr(controller, "in_files"):  # several files, of a folder
+        program = controller.in_files(tmp_path / "job", text)
+    else:
+        program = tmp_path / f"job{controller.SUFFIX}"
+        program.write_bytes(text.encode())
+    out = tmp_path / f"corrected{program.suffix}"
+    done = corrected_program(plan.robot, answer, program, out, controller.STATED)
     reaches_what_it_means(
         plan,
         answer,

@@ -1,0 +1,49 @@
+"""Mitsubishi: MELFA-BASIC V and VI programs."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+
+if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ..plan_programs import ProgramMotion
+    from ..program_parts import Language
+    from ..recordings import Imported, ImportJob
+
+
+def _melfa_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .melfa_basic import melfa_program
+
+    return {file: melfa_program(plan, motion, file)}
+
+
+def _read_melfa(job: "ImportJob", points: PointNames = None) -> "Imported":
+    """Mitsubishi: joint variables (J…) of a program saved as text, taught at the postures."""
+    from ..line_programs import import_taught
+    from .melfa_basic import MELFA_BASIC
+
+    return import_taught(
+        MELFA_BASIC,
+        job,
+        points=names_of(points),
+        vendor="mitsubishi",
+        note="Mitsubishi joint variables, degrees, joint 1 first",
+    )
+
+
+def _melfa() -> "Language":
+    from .melfa_basic import MELFA_BASIC
+
+    return MELFA_BASIC.for_correction()
+
+
+MAKER = Maker(
+    "Mitsubishi",
+    "mitsubishi",
+    r"mitsubishi|melfa|rv ?\d+\w*",
+    program=(PlanProgram("melfa", "melfa (Mitsubishi)", _melfa_program, ("speed",)),),
+    read=(Reader("melfa", _read_melfa, "Programs as text (.prg, .mb5)."),),
+    correct=(ProgramFiles("MELFA-BASIC", ".prg or .mb5 (Mitsubishi)", (".prg", ".mb5"), _melfa),),
+)

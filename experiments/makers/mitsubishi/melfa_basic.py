@@ -1,0 +1,90 @@
+"""MELFA-BASIC V (Mitsubishi): its positions and motions, and a plan as a program in it.
+
+Facts, from the instruction manual of the CR750 and CR800 (detailed explanations of functions and operations)
+and a driver of melfa (Melfa::moveTo): names that begin with J are joints, degrees, with P positions X, Y, Z,
+A, B, C, mm and degrees, of which A, B, C turn about fixed x, y, z; their flags have the configuration and the
+turns. Tool and Base stay in the controller: a program that does not set them leaves both open.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from lark import Token, Tree
+
+from ....model.errors import BadInput
+from ....model.files.plan import Plan
+from ....model.kinematics.orientation import from_rpy, orientation
+from ..line_programs import SIX_WITH_COMMAS, LineLanguage
+from ..maker import one_line
+from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
+
+_DIGITS = 2  # of the values of a program that the controller saves
+_NAME = re.compile(r"[A-Za-z0-9]\w{0,15}")
+_CONFIRM = (
+    "At each posture the program stops (Hlt): jog the beam onto the centre, and teach the joint variable of",
+    "the posture again (JZB_P0, JZB_P1, ...). Then start; confirm: the arm goes on to the next posture, or",
+    "returns to where it stopped first (parameter RETPATH). At the end save the program as text, with its",
+    "variables.",
+)
+
+
+def _is_derived(tree: Tree[Token]) -> bool:
+    """Joints have names with J, and poses with P. Of the system's variables only outputs are set: others
+    change the tool, or are shared with other programs."""
+    if tree.data == "position":
+        name, value = tree.children
+        return isinstance(value, Tree) and str(name)[0] == ("J" if value.data == "joints" else "P")
+    for part in tree.iter_subtrees():
+        first = part.children[0] if part.data in ("plain", "also") and part.children else None
+        variable = first.children[0] if isinstance(first, Tree) and first.children else first
+        if isinstance(variable, Token) and variable[1:2] == "_" and not variable.startswith("M_OUT"):
+            return False
+    return True
+
+
+MELFA_BASIC = LineLanguage(
+    name="MELFA-BASIC",
+    grammar="mitsubishi/melfa_basic",
+    remark=r"'[^\n]*|(?i:\brem\b)[^\n]*",
+    head=r"\A",
+    comment="' ",
+    pose=from_rpy,
+    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).roll_pitch_yaw],
+    form="X,Y,Z,A,B,C",
+    joint_decimals=4,
+    pose_decimals=(4,) * 6,
+    literal=re.compile(f"{SIX_WITH_COMMAS.pattern}|" + r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
+    flange_tools=frozenset({"p_ntool"}),
+    base_frames=frozenset({"p_nbase"}),
+    saved_decimals=_DIGITS,
+    derives=_is_derived,
+)
+
+
+def melfa_program(plan: Plan, motion: ProgramMotion, file: Path) -> str:
+    """Text of the program. At each posture it stops, for its joint variable to be taught again."""
+    note = made_for(plan, "mitsubishi", "a MELFA-BASIC program", 6, "a joint variable")
+    if not _NAME.fullmatch(file.stem):
+        raise BadInput(
+            "the file's name is that of the program, and the controller does not allow this one",
+            found=file.stem,
+            allowed="letters, digits and _: at most 16 (ZB_PLAN.prg)",
+            remedy="choose another name for the file",
+        )
+    steps, percent = steps_of(plan, motion), min(percents(plan.robot, motion.speed))
+    lines = [f"' {line}" for line in (*head_lines(plan, motion, note), *_CONFIRM)]
+    lines += [f"JOvrd {percent}", "Cnt 0"]
+    for step in steps:
+        lines.append(f"' posture {step.number}, {one_line(step.target)}")
+        lines += [f"Mov J{name.upper()}" for name in step.named]
+        lines.append("Hlt")
+    lines.append("End")
+    for step in steps:
+        for name, row in step.named.items():
+            values = ",".join(
+                f"{'+' if value >= 0 else ''}{decimal(round(value, _DIGITS) + 0.0, 2)}" for value in row
+            )
+            lines.append(f"J{name.upper()}=({values})")
+    return "\n".join(lines) + "\n"

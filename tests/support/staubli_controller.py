@@ -1,0 +1,150 @@
+"""A Stäubli controller as far as the tests need it: it runs VAL3 applications, and saves their data.
+
+Written from the manual of VAL3, without the code that is tested.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from program_arm import PendantArm
+from scipy.spatial.transform import Rotation
+from user_programs import TABLE, TOOL, flange_arm, solved_pose
+
+from zerobeam.experiments.makers.user_programs import ProgramOptions
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.kinematics.robot import Robot
+
+ROBOT, TARGET = "tx2_60", (450.0, 0.0, 100.0)
+KIND, READER, SUFFIX = "val3", "val3", ".pjx"
+STEP_DEG = 6e-4  # the digits of the positions of a plan's program
+DIGITS_MM = 1e-3  # … and of a program of a person
+STATED = ProgramOptions()
+_DATA = "{http://www.staubli.com/robotics/VAL3/Data/2}"
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
+JOINTS = [f"j{i}" for i in range(1, 7)]
+POSE = ["x", "y", "z", "rx", "ry", "rz"]
+
+
+def _code(program: Path) -> list[str]:
+    text = "".join(ElementTree.parse(program).getroot().itertext())
+    return [line.split("//")[0].strip() for line in text.splitlines()]
+
+
+def carried_out(project: Path, arm: PendantArm) -> Path:
+    """The data file that is saved after the application has run."""
+    data = project.with_suffix(".dtx")
+    tree = ElementTree.parse(data)
+    values = {each.get("name"): each[0] for each in tree.iter(f"{_DATA}Data")}
+    for statement in _code(project.with_name("start.pgx")):
+        if motion := re.fullmatch(r"movej\((\w+),flange,(\w+)\)", statement):
+            assert float(values[motion[2]].get("vel")) <= 10
+            arm.move([values[motion[1]].get(key) for key in JOINTS])
+        elif stored := re.fullmatch(r"(\w+)=herej\(\)", statement):
+            values[stored[1]].attrib.update(
+                {key: f"{value:.6f}" for key, value in zip(JOINTS, arm.joints(), strict=True)}
+            )
+        elif statement == "zb_key=get()":
+            arm.centre()
+        else:
+            assert re.fullmatch(r'(begin|end|waitEndMove\(\)|resetMotion\(\)|putln\(".*"\))?', statement)
+    ElementTree.register_namespace("", _DATA.strip("{}"))
+    ElementTree.register_namespace("xsi", _XSI)
+    saved = project.with_name("saved.dtx")
+    # As a controller does it: only the file's comments say of which plan it is.
+    tree.write(saved, encoding="utf-8", xml_declaration=True)
+    return saved
+
+
+def attributes(keys: list[str], values: Matrix) -> str:
+    return " ".join(f'{key}="{value:.6f}"' for key, value in zip(keys, values, strict=True))
+
+
+def pose_of(pose: Matrix) -> str:
+    turns = Rotation.from_matrix(pose[:3, :3]).as_euler("XYZ", degrees=True)
+    return attributes(POSE, np.array([*pose[:3, 3], *turns]))
+
+
+def configuration(robot: Robot, row: Matrix) -> str:
+    """By the side view of the data sheet: axis 2 is above axis 1, upper arm 290 mm, forearm 310 mm."""
+    q2, q3 = np.radians(row[1]), np.radians(row[1] + row[2])
+    ahead = 290 * np.sin(q2) + 310 * np.sin(q3)
+    elbow, wrist = ("positive" if row[i] > 0 else "negative" for i in (2, 4))
+    return f'shoulder="{"lefty" if ahead > 0 else "righty"}" elbow="e{elbow}" wrist="w{wrist}"'
+
+
+def data(name: str, kind: str, *values: str) -> str:
+    rows = "".join(f'\r\n      <Value key="{i}" {value} />' for i, value in enumerate(values))
+    head = f'<Data name="{name}" access="private" xsi:type="array" type="{kind}" size="{max(1, len(values))}"'
+    return f"    {head}>{rows}\r\n    </Data>"
+
+
+def code_file(name: str, lines: list[str]) -> str:
+    code = "\r\n".join(["begin", *lines, "end"])
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\r\n'
+        f'<Programs xmlns:xsi="{_XSI}" xmlns="http://www.staubli.com/robotics/VAL3/Program/2">\r\n'
+        f'  <Program name="{name}" access="public">\r\n    <Code><![CDATA[{code}]]></Code>\r\n'
+        "  </Program>\r\n</Programs>\r\n"
+    )
+
+
+def data_file(lines: list[str]) -> str:
+    rows = "\r\n".join(lines)
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\r\n'
+        f'<Database xmlns:xsi="{_XSI}" xmlns="{_DATA[1:-1]}">\r\n  <Datas>\r\n{rows}\r\n'
+        "  </Datas>\r\n</Database>\r\n"
+    )
+
+
+def user_program(robot: Robot, rows: Matrix) -> str:
+    """As a person has it: joints and a pose after each other, in one array each."""
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    moves = []
+    for i in range(len(rows)):
+        moves.append(f"  movej(jAt[{i}],tGrip,mNom) // go")
+        if i % 2:
+            moves.append(f"  {'movel' if i % 4 == 1 else 'nMove=movej'}(pAt[{i // 2}],tGrip[0],mNom)")
+    points = [
+        f'{pose_of(poses[i])} {configuration(robot, rows[i])} fatherId="fTable[0]"'
+        for i in range(1, len(rows), 2)
+    ]
+    datas = [
+        data("fTable", "frame", f'{pose_of(TABLE)} fatherId="world[0]"'),
+        data("tGrip", "tool", f'{pose_of(TOOL)} fatherId="flange[0]" ioLink="valve1"'),
+        data("mNom", "mdesc", 'accel="100" vel="100" decel="100" tmax="999" rmax="99" blend="off"'),
+        data("nMove", "num"),
+        data("jAt", "jointRx", *(attributes(JOINTS, row) for row in rows)),
+        data("pAt", "pointRx", *points),
+    ]
+    return code_file("start", [*moves, "  waitEndMove()"]) + data_file(datas)
+
+
+def commanded(text: str, robot: Robot, rows: Matrix) -> Matrix:
+    """(N, n) degrees that the controller of the nominal arm commands at each motion to a jAt or pAt."""
+    root = ElementTree.fromstring(text[text.rindex("<?xml") :].encode())
+    values = {each.get("name"): [dict(value.attrib) for value in each] for each in root.iter(f"{_DATA}Data")}
+    result = []
+    for i, row in enumerate(rows):
+        if i % 2:
+            numbers = [float(values["pAt"][i // 2][key]) for key in POSE]
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.from_euler("XYZ", numbers[3:], degrees=True).as_matrix()
+            pose[:3, 3] = numbers[:3]
+            result.append(solved_pose(robot, TABLE @ pose @ np.linalg.inv(TOOL), row))
+        else:
+            result.append(np.array([float(values["jAt"][i][key]) for key in JOINTS]))
+    return np.array(result)
+
+
+def in_files(folder: Path, text: str) -> Path:
+    """The application in a folder; its program."""
+    folder.mkdir(exist_ok=True)
+    cut = text.rindex("<?xml")
+    (folder / "start.pgx").write_bytes(text[:cut].encode())
+    (folder / "job.dtx").write_bytes(text[cut:].encode())
+    return folder / "start.pgx"
