@@ -42,6 +42,6 @@ def export_sentence(vendor: str | None) -> str:
         return "Write the values to enter into a file for this robot."
     programs = ", or correct its programs (zerobeam export program)" if taken == "programs" else ""
     return (
-        "Enter nothing at this controller: no published way is known by which it takes offsets. Export the corrected"
-        f" robot model for what computes with one (export robot, export urdf){programs}."
+        "Enter nothing: no published way is known by which this controller takes offsets. Export the"
+        f" corrected robot model for what computes with one (export robot, export urdf){programs}."
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..analysis.answer.result import Result
 from ..analysis.diagnostics.enter import Conformity, TcpError
 from . import numbers
+from .controllers import taken_by
 
 WHY_THEY_DIFFER = (
     "The values are not the offsets of the arm: the controller computes with nominal links, so the values"
@@ -23,7 +24,10 @@ _DECISIONS = {
 
 
 def enter_sentence(result: Result) -> str | None:
-    """What entering the values gains at the TCP; None where there are none."""
+    """What entering the values gains at the TCP, or the model where no values can be entered; None where
+    there are none."""
+    if taken_by(result.inputs.vendor) != "offsets":
+        return model_sentence(result)
     entered = result.entered
     if entered is None:
         return None
@@ -69,7 +73,8 @@ def model_sentence(result: Result) -> str | None:
 def conformity_sentence(result: Result) -> str:
     """Whether the robot meets what it must; that nothing is required, where nothing is stated."""
     if result.conformity is not None:
-        return _decided(result.conformity)
+        takes = taken_by(result.inputs.vendor) == "offsets"
+        return _decided(result.conformity, "With the values entered" if takes else "By its offsets alone")
     required = result.inputs.header.get("required")
     if not isinstance(required, dict):
         return NO_REQUIREMENT
@@ -99,10 +104,10 @@ def expected_sentence(conformity: Conformity, after: TcpError) -> str:
     )
 
 
-def _decided(conformity: Conformity) -> str:
+def _decided(conformity: Conformity, corrected: str) -> str:
     return (
         f"Required: 95 % of the workspace within {numbers.exact(conformity.required_mm, 'mm')} at the TCP."
-        f" With the values entered the requirement is met with {_probability(conformity.probability)}. So"
+        f" {corrected} the requirement is met with {_probability(conformity.probability)}. So"
         f" {_DECISIONS[conformity.decision]} (JCGM 106: from 95 % on it conforms, up to 5 % it does not)."
     )
 

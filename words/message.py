@@ -47,7 +47,7 @@ from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.instruments.registry import KINDS
 from . import numbers
-from .controllers import export_command, export_sentence
+from .controllers import export_command, export_sentence, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
@@ -400,7 +400,8 @@ def _action(case: _Case) -> Action:
     command, file = export_command(case.vendor)
     enter = export_sentence(case.vendor)
     if case.unmet:
-        enter += " The values are not enough for the requirement: do not release the robot with them."
+        values = "values are" if taken_by(case.vendor) == "offsets" else "offsets alone are"
+        enter += f" The {values} not enough for the requirement: do not release the robot with them."
     return Action(enter, f"zerobeam {command} {run} -o {file}")
 
 

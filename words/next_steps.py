@@ -80,8 +80,10 @@ def _with_the_model(result: Result) -> tuple[NextStep, ...]:
         "Verify: measure a second run with the same header. It is predicted.",
         (f"zerobeam analyse {run} --hold-out NEW.jsonl",),
     )
-    gain = model_sentence(result)
-    return (verify,) if gain is None else (NextStep(gain), verify)
+    gain = " ".join(
+        each for each in (model_sentence(result), conformity_sentence(result)) if each is not None
+    )
+    return NextStep(gain), verify
 
 
 def _after_entering(result: Result) -> tuple[NextStep, ...]:
