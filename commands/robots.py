@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from ..model.errors import BadInput
-from .console import out, print_json, print_picture
+from .console import EXIT_STATUS, out, print_json, print_picture
 from .options import J3Origin, Json
 
 
@@ -39,6 +39,19 @@ def robot(
             help="What joint 3 is counted from, if not as the robot file states.", show_default=False
         ),
     ] = None,
+    pose: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Pose of the flange that the pendant shows at the --joints of the same number: X, Y, Z and"
+            " the maker's angles, base frame, no tool; repeatable. Says which entry of the file is wrong.",
+            metavar="POSE",
+            show_default=False,
+        ),
+    ] = None,
+    angles: Annotated[
+        Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"] | None,
+        typer.Option(help="Form of the angles of --pose, if not the maker's.", show_default=False),
+    ] = None,
     base: Annotated[
         str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
     ] = None,
@@ -49,7 +62,7 @@ def robot(
     as_json: Json = False,
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
-    compare."""
+    compare; with --pose, say which entry of its file disagrees with the pendant (status 1)."""
     from ..experiments.arm_shown import arm_json, typed_arm
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
@@ -68,13 +81,15 @@ def robot(
     if (base is None) != (tip is None):
         raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
-    arm = typed_arm(ref, joints or [], units=units, j3=j3)
+    arm = typed_arm(ref, joints or [], units=units, j3=j3, poses=pose or [], angles=angles)
     if picture is not None:
         from ..reports.scenes.turnable import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
     if as_json:
         print_json(arm_json(arm))
-        return
-    print_arm(out, arm)
-    print_picture(picture)
+    else:
+        print_arm(out, arm)
+        print_picture(picture)
+    if arm.check is not None and not arm.check.agrees:
+        raise typer.Exit(EXIT_STATUS["misfit"])
