@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..analysis.pendant_check.check import PendantCheck, check_poses
-from ..analysis.pendant_check.poses import FORM_OF_VENDOR, FORMS, AngleForm, Reading
+from ..analysis.pendant_check.poses import FORM_OF_VENDOR, FORMS, AngleForm, Counting
 from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
@@ -80,7 +80,7 @@ def typed_arm(
             found="the robot file names no vendor whose form is known" if angles is None else angles,
             allowed="--angles " + ", ".join(FORMS),
         )
-    reading = Reading(form, pendant.joint3)
+    reading = Counting(form, pendant.joint3)
     source = stated_rows(ref, Path()) if isinstance(ref, str) and _has_rows(ref) else robot
     read = typed_poses(joints, poses, pendant, units or pendant.unit, form)
     return replace(arm, check=check_poses(source, reading, read))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..analysis.pendant_check.changes import Change
+from ..analysis.pendant_check.changes import EntryChange
 from ..analysis.pendant_check.check import PendantCheck
 from ..model.arrays import Matrix
 from ..model.kinematics.orientation import orientation
@@ -42,7 +42,7 @@ def check_sentences(check: PendantCheck) -> list[str]:
     return [f"The file disagrees with the pendant. {head}{few}", *lines]
 
 
-def change_sentence(change: Change) -> str:
+def change_sentence(change: EntryChange) -> str:
     """Which entry is wrong, and what it would have to be."""
     entry, old, new = change.entry, change.old, change.new
     match change.kind:

@@ -17,7 +17,7 @@ from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform
 from ...model.kinematics.robot import Robot
 from .elements import Chain, Element, chain_of_robot, chain_of_rows
-from .poses import FORMS, PendantPose, Reading, agree, count_of, tolerance
+from .poses import FORMS, Counting, PendantPose, agree, count_of, tolerance
 
 Kind = Literal[
     "value", "swap", "convention", "metres", "radians", "order", "joint3", "sign", "exchange", "pose"
@@ -28,7 +28,7 @@ _DECIMALS = range(4)
 
 
 @dataclass(frozen=True, eq=False)
-class Change:
+class EntryChange:
     """One entry that is otherwise than stated, and the arm and reading that follow.
 
     `entry` is what a person looks for; `old` and `new` are values (mm, degrees) or words; `bound` is by how
@@ -40,49 +40,49 @@ class Change:
     old: float | str
     new: float | str
     chain: Chain
-    reading: Reading
+    reading: Counting
     bound: float | None = None
 
 
-def listed_changes(source: RobotFile | Robot, chain: Chain, reading: Reading) -> Iterator[Change]:
+def listed_changes(source: RobotFile | Robot, chain: Chain, reading: Counting) -> Iterator[EntryChange]:
     """All changes without a number of their own."""
     if isinstance(source, RobotFile):
         for kind, entry, old, new, other in _file_changes(source):
-            yield Change(kind, entry, old, new, chain_of_rows(other), reading)
+            yield EntryChange(kind, entry, old, new, chain_of_rows(other), reading)
     else:
         for entry, factor in (("all lengths of the URDF", _METRES), ("all lengths of the URDF", 1 / _METRES)):
-            yield Change("metres", entry, "metres", "millimetres", _scaled(chain, factor), reading)
+            yield EntryChange("metres", entry, "metres", "millimetres", _scaled(chain, factor), reading)
     revolute = chain.revolute()
     if chain.n > 2 and all(revolute[1:3]):
         other3: Literal["link", "ground"] = "link" if reading.joint3 == "ground" else "ground"
         changed = replace(reading, joint3=other3)
-        yield Change("joint3", "pendant.joint3", reading.joint3, other3, chain, changed)
+        yield EntryChange("joint3", "pendant.joint3", reading.joint3, other3, chain, changed)
     for i in range(chain.n):
         changed = replace(reading, reversed_joint=i)
-        yield Change("sign", f"direction of joint {i + 1}", "", "", chain, changed)
+        yield EntryChange("sign", f"direction of joint {i + 1}", "", "", chain, changed)
     for i, j in combinations(range(chain.n), 2):
         if revolute[i] == revolute[j]:
             entry = f"order of joints {i + 1} and {j + 1}"
-            yield Change("exchange", entry, "", "", chain, replace(reading, exchanged=(i, j)))
+            yield EntryChange("exchange", entry, "", "", chain, replace(reading, exchanged=(i, j)))
     for factor, unit in ((math.degrees(1), "radians"), (math.radians(1), "degrees")):
         other_unit = "degrees" if unit == "radians" else "radians"
         changed = replace(reading, joint_factor=factor)
-        yield Change("radians", "joint values of the pendant", other_unit, unit, chain, changed)
+        yield EntryChange("radians", "joint values of the pendant", other_unit, unit, chain, changed)
     yield from _pose_changes(chain, reading)
 
 
-def _pose_changes(chain: Chain, reading: Reading) -> Iterator[Change]:
+def _pose_changes(chain: Chain, reading: Counting) -> Iterator[EntryChange]:
     for form in FORMS:
         if form != reading.form and count_of(form) == count_of(reading.form):
-            yield Change(
+            yield EntryChange(
                 "pose", "order of the pose's angles", reading.form, form, chain, replace(reading, form=form)
             )
     if reading.form not in ("quaternion", "rotation-vector"):
         changed = replace(reading, angle_factor=math.degrees(1))
-        yield Change("pose", "unit of the pose's angles", "degrees", "radians", chain, changed)
+        yield EntryChange("pose", "unit of the pose's angles", "degrees", "radians", chain, changed)
     for factor, unit in ((_METRES, "metres"), (25.4, "inches")):
         changed = replace(reading, place_factor=factor)
-        yield Change("pose", "unit of the pose's X, Y, Z", "millimetres", unit, chain, changed)
+        yield EntryChange("pose", "unit of the pose's X, Y, Z", "millimetres", unit, chain, changed)
 
 
 FileChange = tuple[Kind, str, float | str, float | str, RobotFile]
@@ -153,7 +153,7 @@ def chain_of(source: RobotFile | Robot) -> Chain:
     return chain_of_rows(source) if isinstance(source, RobotFile) else chain_of_robot(source)
 
 
-def fitted_changes(chain: Chain, reading: Reading, poses: Sequence[PendantPose]) -> Iterator[Change]:
+def fitted_changes(chain: Chain, reading: Counting, poses: Sequence[PendantPose]) -> Iterator[EntryChange]:
     """Each element with the value that brings the chain closest to the poses."""
     sights = []
     for pose in poses:
@@ -173,7 +173,9 @@ def fitted_changes(chain: Chain, reading: Reading, poses: Sequence[PendantPose])
             aims.append((weights * shown[:3]).ravel())
         value, bound = _solved(np.concatenate(columns), np.concatenate(aims), part.turns)
         rounded = _roundest(chain, k, value, reading, poses)
-        yield Change("value", part.entry, part.value, rounded, chain.with_value(k, rounded), reading, bound)
+        yield EntryChange(
+            "value", part.entry, part.value, rounded, chain.with_value(k, rounded), reading, bound
+        )
 
 
 def _solved(terms: Matrix, aim: Matrix, turns: bool) -> tuple[float, float]:
@@ -195,7 +197,7 @@ def _solved(terms: Matrix, aim: Matrix, turns: bool) -> tuple[float, float]:
     return math.degrees(math.remainder(angle, 2 * math.pi)), math.degrees(1 / math.sqrt(float(slope @ slope)))
 
 
-def _roundest(chain: Chain, k: int, value: float, reading: Reading, poses: Sequence[PendantPose]) -> float:
+def _roundest(chain: Chain, k: int, value: float, reading: Counting, poses: Sequence[PendantPose]) -> float:
     """The value with the fewest decimals that agrees with the poses; as it is, if none does."""
     if not agree(chain.with_value(k, value), reading, poses, 2.0):
         return value

@@ -10,9 +10,9 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile
 from ...model.kinematics.robot import Robot
-from .changes import Change, chain_of, fitted_changes, listed_changes
+from .changes import EntryChange, chain_of, fitted_changes, listed_changes
 from .elements import Chain
-from .poses import PendantPose, Reading, Tolerance, agree, tolerance
+from .poses import Counting, PendantPose, Tolerance, agree, tolerance
 
 _OTHER_POSTURES = 6  # at which two changed arms are compared
 _LOOSE = 2.0  # share of the tolerance up to which two arms with fitted values are the same
@@ -50,18 +50,18 @@ class PendantCheck:
     """
 
     deviations: tuple[Deviation, ...]
-    suspects: tuple[Change, ...]
+    suspects: tuple[EntryChange, ...]
     same_arm: bool
     tool: Matrix | None
     frame: Matrix | None
-    unchecked: tuple[Change, ...]
+    unchecked: tuple[EntryChange, ...]
 
     @property
     def agrees(self) -> bool:
         return all(each.share <= 1 for each in self.deviations)
 
 
-def check_poses(source: RobotFile | Robot, reading: Reading, poses: Sequence[PendantPose]) -> PendantCheck:
+def check_poses(source: RobotFile | Robot, reading: Counting, poses: Sequence[PendantPose]) -> PendantCheck:
     """Compare a robot file, or a robot without rows, with poses of its pendant, and look for one change of it
     that explains what deviates."""
     chain = chain_of(source)
@@ -90,7 +90,7 @@ def check_poses(source: RobotFile | Robot, reading: Reading, poses: Sequence[Pen
     return PendantCheck(deviations, tuple(explained), same, tool, frame, ())
 
 
-def _deviation(chain: Chain, reading: Reading, pose: PendantPose) -> Deviation:
+def _deviation(chain: Chain, reading: Counting, pose: PendantPose) -> Deviation:
     before = chain.before(reading.joints(pose, chain.revolute()))
     shown = reading.pose(pose)
     position = float(np.linalg.norm(before[-1][:3, 3] - shown[:3, 3]))
@@ -101,7 +101,7 @@ def _deviation(chain: Chain, reading: Reading, pose: PendantPose) -> Deviation:
     return Deviation(position, float(np.degrees(angle)), allowed.position, allowed_deg, share)
 
 
-def _same(chain: Chain, reading: Reading, change: Change, poses: Sequence[PendantPose]) -> bool:
+def _same(chain: Chain, reading: Counting, change: EntryChange, poses: Sequence[PendantPose]) -> bool:
     """Whether a change makes the arm of `chain` and `reading` in every posture, for these digits."""
     rng = np.random.default_rng(0)
     revolute = chain.revolute()
@@ -118,7 +118,9 @@ def _same(chain: Chain, reading: Reading, change: Change, poses: Sequence[Pendan
     return True
 
 
-def _constant(chain: Chain, reading: Reading, poses: Sequence[PendantPose], *, behind: bool) -> Matrix | None:
+def _constant(
+    chain: Chain, reading: Counting, poses: Sequence[PendantPose], *, behind: bool
+) -> Matrix | None:
     """The transform behind the flange, or before the base, that the first pose asks for, if the others agree
     with it."""
     first: Matrix | None = None

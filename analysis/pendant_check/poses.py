@@ -76,7 +76,7 @@ class PendantPose:
 
 
 @dataclass(frozen=True)
-class Reading:
+class Counting:
     """How values of the pendant are read: what joint 3 is counted from, a pair of joints that is exchanged,
     and a joint of the file that moves the other way (from 0), the unit of the joints; form and units of the
     pose."""
@@ -133,7 +133,7 @@ class Tolerance:
         return max(off / self.position, angle / self.angle)
 
 
-def tolerance(chain: Chain, before: Sequence[Matrix], reading: Reading, pose: PendantPose) -> Tolerance:
+def tolerance(chain: Chain, before: Sequence[Matrix], reading: Counting, pose: PendantPose) -> Tolerance:
     """Of the flange at a posture, at which the poses before each part of the chain are `before`."""
     turns = np.array(chain.revolute())
     digit = pose.joint_digit * reading.joint_factor
@@ -144,7 +144,7 @@ def tolerance(chain: Chain, before: Sequence[Matrix], reading: Reading, pose: Pe
     return Tolerance(position, reading.angle_bound(pose) + float(steps[turns].sum()))
 
 
-def agree(chain: Chain, reading: Reading, poses: Sequence[PendantPose], most: float = 1.0) -> bool:
+def agree(chain: Chain, reading: Counting, poses: Sequence[PendantPose], most: float = 1.0) -> bool:
     """Whether the chain agrees with all poses: no deviation over its tolerance is above `most`."""
     for pose in poses:
         before = chain.before(reading.joints(pose, chain.revolute()))

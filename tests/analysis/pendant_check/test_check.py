@@ -12,7 +12,7 @@ import pytest
 
 from zerobeam.analysis.pendant_check.changes import chain_of
 from zerobeam.analysis.pendant_check.check import PendantCheck, check_poses
-from zerobeam.analysis.pendant_check.poses import FORM_OF_VENDOR, AngleForm, PendantPose, Reading
+from zerobeam.analysis.pendant_check.poses import FORM_OF_VENDOR, AngleForm, Counting, PendantPose
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import RobotFile, load_robot, stated_rows
@@ -21,7 +21,7 @@ from zerobeam.words.pendant_check import check_sentences
 
 POSTURES = ((20.0, -30.0, 40.0, 50.0, -60.0, 70.0), (-35.0, 25.0, -10.0, -80.0, 45.0, 110.0))
 ARMS = ("gp7", "ur5e", "kr6_r900", "lrmate_200id", "tx2_60", "irb120")
-Wrong = tuple[RobotFile, Reading]
+Wrong = tuple[RobotFile, Counting]
 
 
 def numbers_shown(pose: Matrix, form: AngleForm) -> tuple[tuple[float, ...], float]:
@@ -38,8 +38,8 @@ def numbers_shown(pose: Matrix, form: AngleForm) -> tuple[tuple[float, ...], flo
     return (*np.round(pose[:3, 3], 2).tolist(), *np.round(angles, digits).tolist()), 10.0**-digits
 
 
-def right_reading(file: RobotFile) -> Reading:
-    return Reading(FORM_OF_VENDOR[file.vendor or ""], file.pendant.joint3 or "link")
+def right_reading(file: RobotFile) -> Counting:
+    return Counting(FORM_OF_VENDOR[file.vendor or ""], file.pendant.joint3 or "link")
 
 
 def shown_poses(name: str, postures: object = POSTURES) -> list[PendantPose]:
@@ -69,7 +69,7 @@ def longest(file: RobotFile) -> tuple[int, str]:
     return max(lengths)[1:]
 
 
-def other_way(file: RobotFile, reading: Reading) -> Wrong:
+def other_way(file: RobotFile, reading: Counting) -> Wrong:
     """Joint 5 moves the other way: what is before and behind it is turned about x by half a turn."""
     before, row = file.joints[3], file.joints[4]
     turned = with_row(file, 4, alpha_deg=before.alpha_deg + 180)
@@ -77,29 +77,29 @@ def other_way(file: RobotFile, reading: Reading) -> Wrong:
     return with_row(turned, 5, **values), reading
 
 
-def longer(file: RobotFile, reading: Reading) -> Wrong:
+def longer(file: RobotFile, reading: Counting) -> Wrong:
     number, key = longest(file)
     return with_row(file, number, **{key: getattr(file.joints[number - 1], key) + 12.5}), reading
 
 
-def swapped(file: RobotFile, reading: Reading) -> Wrong:
+def swapped(file: RobotFile, reading: Counting) -> Wrong:
     number, _ = longest(file)
     row = file.joints[number - 1]
     return with_row(file, number, a_mm=row.d_mm, d_mm=row.a_mm), reading
 
 
-def other_joint3(file: RobotFile, reading: Reading) -> Wrong:
+def other_joint3(file: RobotFile, reading: Counting) -> Wrong:
     return file, replace(reading, joint3="link" if reading.joint3 == "ground" else "ground")
 
 
-def other_angles(file: RobotFile, reading: Reading) -> Wrong:
+def other_angles(file: RobotFile, reading: Counting) -> Wrong:
     if reading.form == "quaternion":  # has no other order: that of the file's own angles then
         flange = file.flange.model_copy(update={"rpy_deg": (10.0, 20.0, 30.0)})
         return file.model_copy(update={"flange": flange}), reading
     return file, replace(reading, form="zyz")
 
 
-def in_radians(file: RobotFile, reading: Reading) -> Wrong:
+def in_radians(file: RobotFile, reading: Counting) -> Wrong:
     rows = (
         row.model_copy(
             update={"alpha_deg": math.radians(row.alpha_deg), "theta_deg": math.radians(row.theta_deg)}
@@ -109,12 +109,12 @@ def in_radians(file: RobotFile, reading: Reading) -> Wrong:
     return file.model_copy(update={"joints": tuple(rows)}), reading
 
 
-def in_metres(file: RobotFile, reading: Reading) -> Wrong:
+def in_metres(file: RobotFile, reading: Counting) -> Wrong:
     rows = (row.model_copy(update={"a_mm": row.a_mm / 1000, "d_mm": row.d_mm / 1000}) for row in file.joints)
     return file.model_copy(update={"joints": tuple(rows)}), reading
 
 
-MISTAKES: Mapping[str, tuple[Callable[[RobotFile, Reading], Wrong], str]] = {
+MISTAKES: Mapping[str, tuple[Callable[[RobotFile, Counting], Wrong], str]] = {
     "sign of a joint": (other_way, "direction of joint 5"),
     "zero of joint 2": (
         lambda file, reading: (with_row(file, 2, theta_deg=file.joints[1].theta_deg + 90), reading),
