@@ -39,7 +39,8 @@ class ShownPose:
 
 @dataclass(frozen=True, eq=False)
 class ShownArm:
-    """A robot, what its maker calls it (None: not stated), its reach in mm, and the flange in postures.
+    """A robot, what its maker calls it and its payload class in kg (None: not stated), its reach in mm, and
+    the flange in postures.
 
     `pendant` says how joints are counted where they are read and shown; `check` is what poses of the pendant
     say of the file.
@@ -48,6 +49,7 @@ class ShownArm:
     robot: Robot
     pendant: Pendant
     model: str | None
+    payload_kg: float | None
     reach_mm: float
     poses: tuple[ShownPose, ...]
     check: PendantCheck | None = None
@@ -118,10 +120,16 @@ def shown_arm(
 
 def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> ShownArm:
     robot = pendant.robot
-    model = stated_rows(ref, Path()).model if isinstance(ref, str) and _has_rows(ref) else None
+    file = stated_rows(ref, Path()) if isinstance(ref, str) and _has_rows(ref) else None
+    model, payload = (None, None) if file is None else (file.model, file.payload_kg)
     postures = joints or [np.zeros(robot.n)]
     return ShownArm(
-        robot, pendant, model, longest_reach(robot), tuple(_pose(robot, posture) for posture in postures)
+        robot,
+        pendant,
+        model,
+        payload,
+        longest_reach(robot),
+        tuple(_pose(robot, posture) for posture in postures),
     )
 
 
@@ -134,6 +142,7 @@ def arm_json(arm: ShownArm) -> dict[str, object]:
         "name": robot.name,
         "vendor": robot.vendor,
         "model": arm.model,
+        "payload_kg": arm.payload_kg,
         "reach_mm": round(arm.reach_mm, 1),
         "mounting": {"below_base_mm": facts.below_base},
         "pendant": {

@@ -55,6 +55,9 @@ def print_arm(console: Console, arm: ShownArm) -> None:
         console.print(Text(line))
     reach = numbers.with_unit(numbers.fixed(arm.reach_mm, 0), "mm")
     console.print(Text(f"Reach: the flange gets up to {reach} from the axis of joint 1."))
+    if arm.payload_kg is not None:
+        payload = numbers.with_unit(numbers.exact(arm.payload_kg), "kg")
+        console.print(Text(f"Payload class: {payload}."))
     for pose in arm.poses:
         console.print()
         _print_pose(console, pose, arm)
