@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import warnings
 from pathlib import Path
 
@@ -157,3 +158,23 @@ def test_a_file_is_checked_against_poses_of_the_pendant(tmp_path: Path) -> None:
 )
 def test_poses_that_cannot_be_read_are_refused(arguments: tuple[str, ...], message: str) -> None:
     assert message in zerobeam("robot", *arguments).refused()
+
+
+def test_a_new_robot_by_questions_is_written_drawn_and_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "mine.yaml"
+    lengths = ["450", "155", "0", "641", "200", "640", "100"]  # the upper arm is 27 mm too long
+    options = with_poses("gp12")
+    joints_and_poses = options[1::2]
+    answers = [*lengths, *["-170 170 200"] * 6, *joints_and_poses]
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
+    answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
+    assert answer.status == 1, answer.err
+    words = " ".join(answer.out.replace("\u00a0", " ").split())
+    assert "a_mm of joint 2 is 641 mm; 614 mm" in words
+    assert path.with_suffix(".html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert load_robot(path).vendor == "yaskawa"
+    again = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
+    assert "exists already" in again.refused()
+    assert "a maker" in zerobeam("robot", "new").refused()
