@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from ..model.errors import BadInput
-from .console import out, print_json, print_picture
+from .console import EXIT_STATUS, out, print_json, print_picture
 from .options import J3Origin, Json
 
 
@@ -17,7 +17,7 @@ def robot(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="A built-in name, a robot file (.yaml), or a URDF (.urdf).",
+            help="A built-in name, a robot file (.yaml), or a URDF (.urdf); new: make a robot file.",
             show_default=False,
         ),
     ] = None,
@@ -39,6 +39,19 @@ def robot(
             help="What joint 3 is counted from, if not as the robot file states.", show_default=False
         ),
     ] = None,
+    pose: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Pose of the flange that the pendant shows at the --joints of the same number: X, Y, Z and"
+            " the maker's angles, base frame, no tool; repeatable. Says which entry of the file is wrong.",
+            metavar="POSE",
+            show_default=False,
+        ),
+    ] = None,
+    angles: Annotated[
+        Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"] | None,
+        typer.Option(help="Form of the angles of --pose, if not the maker's.", show_default=False),
+    ] = None,
     base: Annotated[
         str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
     ] = None,
@@ -47,9 +60,47 @@ def robot(
         Path | None, typer.Option(help="Write a page with the arm in 3D (.html).", show_default=False)
     ] = None,
     as_json: Json = False,
+    file: Annotated[
+        Path | None, typer.Option("-o", "--out", help="New: robot file to write (.yaml).", show_default=False)
+    ] = None,
+    vendor: Annotated[
+        str | None, typer.Option(help="New: who makes the arm, as in robot files.", show_default=False)
+    ] = None,
+    row: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="New: a alpha d theta lower upper [speed] of a joint, mm and degrees; once for each joint.",
+            metavar="ROW",
+            show_default=False,
+        ),
+    ] = None,
+    convention: Annotated[
+        Literal["standard", "modified"], typer.Option(help="New: convention of the rows.")
+    ] = "standard",
+    below: Annotated[
+        float, typer.Option(help="New, with rows: how far the mounting face is below the base frame, mm.")
+    ] = 0.0,
+    sheet: Annotated[
+        str | None,
+        typer.Option(
+            help="New: lengths of the data sheet, mm: height=…,shoulder=…,upper=…,elbow=…,forearm=…,wrist=….",
+            metavar="LENGTHS",
+            show_default=False,
+        ),
+    ] = None,
+    ranges: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--range",
+            help="New, with --sheet: lower upper [speed] of a joint, degrees; once for each joint.",
+            metavar="RANGE",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
-    compare."""
+    compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
+    its file from rows or a data sheet, asking for what no option states."""
     from ..experiments.arm_shown import arm_json, typed_arm
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
@@ -65,16 +116,69 @@ def robot(
         raise BadInput(
             "which robot?", allowed="a built-in name (--list), a robot file (.yaml), or a URDF (.urdf)"
         )
+    if name == "new":
+        if file is None or vendor is None:
+            raise BadInput("a new robot has a file and a maker", allowed="-o FILE.yaml and --vendor MAKER")
+        read = _write_new(file, vendor, row or [], convention, below, sheet, ranges or [])
+        joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
+        name = str(file)
+        if picture is None:
+            picture = file.with_suffix(".html")
     if (base is None) != (tip is None):
         raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
-    arm = typed_arm(ref, joints or [], units=units, j3=j3)
+    arm = typed_arm(ref, joints or [], units=units, j3=j3, poses=pose or [], angles=angles)
     if picture is not None:
         from ..reports.scenes.turnable import write_arm_page
 
         write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
     if as_json:
         print_json(arm_json(arm))
-        return
-    print_arm(out, arm)
-    print_picture(picture)
+    else:
+        print_arm(out, arm)
+        print_picture(picture)
+    if arm.check is not None and not arm.check.agrees:
+        raise typer.Exit(EXIT_STATUS["misfit"])
+
+
+def _write_new(
+    file: Path,
+    vendor: str,
+    rows: list[str],
+    convention: Literal["standard", "modified"],
+    below: float,
+    sheet: str | None,
+    ranges: list[str],
+) -> tuple[list[str], list[str]]:
+    """The robot file of options, or of questions where these state neither rows nor a sheet; then the joint
+    values and poses of two postures, if a person states them."""
+    from ..experiments.new_robot import (
+        RobotEntries,
+        asked_entries,
+        content_of,
+        typed_lengths,
+        write_robot,
+    )
+    from ..model.files.whole_file import refuse_existing
+
+    refuse_existing(file, or_else="choose another name, or remove it first")
+    if rows or sheet is not None:
+        lengths = None if sheet is None else typed_lengths(sheet)
+        entries = RobotEntries(file.stem, vendor, rows, convention, lengths, ranges, below)
+        write_robot(file, content_of(entries))
+        return [], []
+
+    def ask(question: str) -> str:
+        return str(typer.prompt(question, err=True))
+
+    write_robot(file, content_of(asked_entries(file.stem, vendor, ask)))
+    joints, poses = [], []
+    for number in (1, 2):
+        text = str(
+            typer.prompt(f"Joint values at posture {number} (none: no check)", default="none", err=True)
+        )
+        if text == "none":
+            break
+        joints.append(text)
+        poses.append(ask("The pose that the pendant shows there"))
+    return joints, poses

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from ..analysis.pendant_check.check import PendantCheck, check_poses
+from ..analysis.pendant_check.poses import FORM_OF_VENDOR, FORMS, AngleForm, Counting
 from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
@@ -16,8 +18,10 @@ from ..model.kinematics.inverse import longest_reach
 from ..model.kinematics.orientation import Orientation, orientation
 from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, Robot
+from ..words.pendant_check import check_sentences
 from ..words.wording import counted
 from .makers.joint_text import typed_joints
+from .makers.pose_text import typed_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,26 +39,57 @@ class ShownPose:
 
 @dataclass(frozen=True, eq=False)
 class ShownArm:
-    """A robot, what its maker calls it (None: not stated), its reach in mm, and the flange in postures.
+    """A robot, what its maker calls it and its payload class in kg (None: not stated), its reach in mm, and
+    the flange in postures.
 
-    `pendant` says how joints are counted where they are read and shown.
+    `pendant` says how joints are counted where they are read and shown; `check` is what poses of the pendant
+    say of the file.
     """
 
     robot: Robot
     pendant: Pendant
     model: str | None
+    payload_kg: float | None
     reach_mm: float
     poses: tuple[ShownPose, ...]
+    check: PendantCheck | None = None
 
 
 def typed_arm(
-    ref: str | UrdfRef, joints: Sequence[str], *, units: PendantUnit | None, j3: J3 | None
+    ref: str | UrdfRef,
+    joints: Sequence[str],
+    *,
+    units: PendantUnit | None,
+    j3: J3 | None,
+    poses: Sequence[str] = (),
+    angles: AngleForm | None = None,
 ) -> ShownArm:
     """The robot of a name or file; `joints` are texts of joint values as the pendant shows them (none: the
-    zero posture), in `units` and with joint 3 from `j3` where these are not as the robot file states."""
+    zero posture), in `units` and with joint 3 from `j3` where these are not as the robot file states.
+
+    `poses` are texts of the poses that the pendant shows there, orientations in the form `angles` (None: that
+    of the maker); the file is checked against them.
+    """
     robot = load_robot(ref)
     pendant = pendant_of(robot, j3) if joints else Pendant(robot, j3)
-    return _shown(ref, pendant, [_typed(pendant, text, units or pendant.unit) for text in joints])
+    arm = _shown(ref, pendant, [_typed(pendant, text, units or pendant.unit) for text in joints])
+    if not poses:
+        return arm
+    form = angles or FORM_OF_VENDOR.get(robot.vendor or "")
+    if form is None:
+        raise BadInput(
+            "how does the pendant show orientations?",
+            found="the robot file names no vendor whose form is known" if angles is None else angles,
+            allowed="--angles " + ", ".join(FORMS),
+        )
+    reading = Counting(form, pendant.joint3)
+    source = stated_rows(ref, Path()) if isinstance(ref, str) and _has_rows(ref) else robot
+    read = typed_poses(joints, poses, pendant, units or pendant.unit, form)
+    return replace(arm, check=check_poses(source, reading, read))
+
+
+def _has_rows(ref: str | UrdfRef) -> bool:
+    return isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
 
 
 def shown_arm(
@@ -85,11 +120,16 @@ def shown_arm(
 
 def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> ShownArm:
     robot = pendant.robot
-    rows = isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
-    model = stated_rows(ref, Path()).model if rows and isinstance(ref, str) else None
+    file = stated_rows(ref, Path()) if isinstance(ref, str) and _has_rows(ref) else None
+    model, payload = (None, None) if file is None else (file.model, file.payload_kg)
     postures = joints or [np.zeros(robot.n)]
     return ShownArm(
-        robot, pendant, model, longest_reach(robot), tuple(_pose(robot, posture) for posture in postures)
+        robot,
+        pendant,
+        model,
+        payload,
+        longest_reach(robot),
+        tuple(_pose(robot, posture) for posture in postures),
     )
 
 
@@ -102,6 +142,7 @@ def arm_json(arm: ShownArm) -> dict[str, object]:
         "name": robot.name,
         "vendor": robot.vendor,
         "model": arm.model,
+        "payload_kg": arm.payload_kg,
         "reach_mm": round(arm.reach_mm, 1),
         "mounting": {"below_base_mm": facts.below_base},
         "pendant": {
@@ -138,6 +179,29 @@ def arm_json(arm: ShownArm) -> dict[str, object]:
             }
             for pose in arm.poses
         ],
+        "check": None if arm.check is None else _check_json(arm.check),
+    }
+
+
+def _check_json(check: PendantCheck) -> dict[str, object]:
+    return {
+        "agrees": check.agrees,
+        "deviations": [
+            {
+                "mm": each.place_mm,
+                "deg": each.angle_deg,
+                "allowed_mm": each.allowed_mm,
+                "allowed_deg": each.allowed_deg,
+            }
+            for each in check.deviations
+        ],
+        "suspects": [
+            {"entry": each.entry, "kind": each.kind, "is": each.old, "would_be": each.new}
+            for each in check.suspects
+        ],
+        "same_arm": check.same_arm,
+        "unchecked": list(dict.fromkeys(each.entry for each in check.unchecked)),
+        "sentences": check_sentences(check),
     }
 
 

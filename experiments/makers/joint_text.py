@@ -156,10 +156,10 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> TypedJoin
     plain = re.sub(r"\b(?:deg|degrees|rad|radians|mm|pulses?)\b", " ", plain)
     order = list(range(n)) if pendant is None else pendant.order
     for inner in [match[1] for match in _INNERMOST.finditer(plain)]:
-        values = _numbers(inner, n)
+        values = plain_numbers(inner, n)
         if values is not None and len(values) == n:
             return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
-    values = _numbers(re.sub(r"[\[\](){}]", " ", plain), n)
+    values = plain_numbers(re.sub(r"[\[\](){}]", " ", plain), n)
     if values is None or len(values) != n:
         count = "no numbers" if not values else f"{len(values)} numbers"
         raise BadInput(
@@ -183,7 +183,7 @@ def _in_order(by_name: Mapping[int, float], n: int) -> tuple[float, ...]:
     return tuple(by_name[number] for number in range(1, n + 1))
 
 
-def _numbers(text: str, n: int) -> tuple[float, ...] | None:
+def plain_numbers(text: str, n: int) -> tuple[float, ...] | None:
     """All numbers of a text of numbers and delimiters; None where anything else is in it."""
     parts = [part for part in re.split(r"[;\s|]+", text.strip()) if part]
     if len(parts) == n and any("," in part for part in parts) and all(map(_DECIMAL_COMMA.fullmatch, parts)):

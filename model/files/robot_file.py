@@ -160,6 +160,7 @@ class RobotFile(FileModel):
         default=None, description="who makes it; files for controllers of another vendor are refused"
     )
     model: Name | None = Field(default=None, description="what its maker calls it")
+    payload_kg: Positive | None = Field(default=None, description="payload class, kilograms")
     convention: Literal["standard", "modified"] = Field(
         description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta); "
         "modified (Craig): Rx(alpha) Tx(a) Ry(beta) Rz(theta) Tz(d)"

@@ -14,6 +14,7 @@ from ...model.files.robot_file import built_in_robots, stated_rows
 from ...model.kinematics.pendant import COUNTED_FROM_GROUND, Pendant
 from ...model.kinematics.robot import Joint
 from ...words import numbers
+from ...words.pendant_check import check_sentences
 from ...words.wording import counted, listed, shown
 
 _NOT_STATED = "–"
@@ -54,11 +55,20 @@ def print_arm(console: Console, arm: ShownArm) -> None:
         console.print(Text(line))
     reach = numbers.with_unit(numbers.fixed(arm.reach_mm, 0), "mm")
     console.print(Text(f"Reach: the flange gets up to {reach} from the axis of joint 1."))
+    if arm.payload_kg is not None:
+        payload = numbers.with_unit(numbers.exact(arm.payload_kg), "kg")
+        console.print(Text(f"Payload class: {payload}."))
     for pose in arm.poses:
         console.print()
         _print_pose(console, pose, arm)
     console.print()
-    console.print(Text("Compare with the pendant: pose of the flange in the base frame, without a tool."))
+    if arm.check is None:
+        console.print(Text("Compare with the pendant: pose of the flange in the base frame, without a tool."))
+        return
+    first, *rest = check_sentences(arm.check)
+    console.print(Text(first, style="bold" if arm.check.agrees else "bold yellow"))
+    for line in rest:
+        console.print(Text(f"- {line}"))
 
 
 def _conventions(pendant: Pendant) -> list[str]:

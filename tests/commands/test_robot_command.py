@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import warnings
 from pathlib import Path
 
@@ -121,3 +122,74 @@ def test_the_picture_is_a_page_and_overwrites_nothing(tmp_path: Path) -> None:
 )
 def test_bad_input_is_one_message(arguments: tuple[str, ...], said: str) -> None:
     assert said in zerobeam("robot", *arguments).refused()
+
+
+POSES = (
+    ("--joints", "20.00 -30.00 40.00 50.00 -60.00 70.00"),
+    ("--joints", "-35.00 25.00 -10.00 -80.00 45.00 110.00"),
+)
+
+
+def with_poses(arm: str) -> list[str]:
+    """Options with two postures of a built-in arm and the poses that its pendant shows there."""
+    options = []
+    for option, joints in POSES:
+        pose = zerobeam("robot", arm, option, joints, "--json").json["poses"][0]
+        numbers = [*pose["xyz_mm"], *pose["rpy_deg"]]
+        shown = " ".join(f"{name}= {value:.2f}" for name, value in zip("XYZWPR", numbers, strict=True))
+        options += [option, joints, "--pose", shown]
+    return options
+
+
+def test_a_file_is_checked_against_poses_of_the_pendant(tmp_path: Path) -> None:
+    options = with_poses("gp7")
+    right = zerobeam("robot", "gp7", *options)
+    assert right.status == 0
+    assert "The file agrees with the 2 poses of the pendant" in " ".join(right.out.split())
+    path = tmp_path / "mine.yaml"
+    text = (BUILT_IN / "gp7.yaml").read_text(encoding="utf-8")
+    path.write_text(text.replace("a_mm: 445", "a_mm: 435"), encoding="utf-8")
+    wrong = zerobeam("robot", path, *options)
+    assert wrong.status == 1
+    assert "it is this: - a_mm of joint 2 is 435 mm; 445 mm" in " ".join(
+        wrong.out.replace("\u00a0", " ").split()
+    )
+    check = zerobeam("robot", path, *options, "--json").json["check"]
+    assert [(each["entry"], each["is"], each["would_be"]) for each in check["suspects"]] == [
+        ("a_mm of joint 2", 435, 445)
+    ]
+    assert not check["agrees"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("gp7", "--pose", "1 2 3 4 5 6"), "in pairs"),
+        (("gp7", "--joints", "1 2 3 4 5 6", "--pose", "1 2 3"), "X, Y, Z and three angles"),
+        (("irb120", "--joints", "1 2 3 4 5 6", "--pose", "1 2 3 4 5 6"), "q1, q2, q3, q4"),
+        (("gen3_lite", "--joints", "1 2 3 4 5 6", "--pose", "1 2 3 4 5 6"), "--angles"),
+        (("gp7", *(("--joints", "1 2 3 4 5 6", "--pose", "1 2 3 4 5 6") * 2)), "two postures are the same"),
+    ],
+)
+def test_poses_that_cannot_be_read_are_refused(arguments: tuple[str, ...], message: str) -> None:
+    assert message in zerobeam("robot", *arguments).refused()
+
+
+def test_a_new_robot_by_questions_is_written_drawn_and_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "mine.yaml"
+    lengths = ["450", "155", "0", "641", "200", "640", "100"]  # the upper arm is 27 mm too long
+    options = with_poses("gp12")
+    joints_and_poses = options[1::2]
+    answers = [*lengths, *["-170 170 200"] * 6, *joints_and_poses]
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
+    answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
+    assert answer.status == 1, answer.err
+    words = " ".join(answer.out.replace("\u00a0", " ").split())
+    assert "a_mm of joint 2 is 641 mm; 614 mm" in words
+    assert path.with_suffix(".html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert load_robot(path).vendor == "yaskawa"
+    again = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
+    assert "exists already" in again.refused()
+    assert "a maker" in zerobeam("robot", "new").refused()

@@ -25,11 +25,21 @@ from zerobeam.model.files.run import read_run
 Matrix = NDArray[np.float64]
 
 # mm that the mounting face is below the base frame; 0 of all others.
-BELOW = {"gp7": 330, "lrmate_200id": 330, "m10ia": 450, "tx2_60": 375}
+BELOW = {
+    **{"gp7": 330, "gp8": 330, "gp12": 450, "gp25": 505, "hc10dt": 275},
+    **{"lrmate_200id": 330, "m10ia": 450, "crx10ia": 245, "m20id_25": 425, "r2000ic_165f": 670},
+    **{"tx2_60": 375, "tx2_90": 478, "rx160": 550},
+}
 # Pendants that count joint 3 from the ground, with their range of joint 3, degrees.
-GROUND = {"lrmate_200id": (-140, 280), "m10ia": (-180, 264)}
+GROUND = {
+    **{"lrmate_200id": (-140, 280), "m10ia": (-180, 264), "crx10ia": (-250.9, 430.9)},
+    **{"m20id_25": (-250, 320), "r2000ic_165f": (-155, 240)},
+}
 # Range of J2 + J3 there: the LR Mate's by its maker; the M-10iA's where its forearm is through the upper arm.
-BETWEEN = {"lrmate_200id": (-70, 205), "m10ia": (-93, 266)}
+BETWEEN = {
+    **{"lrmate_200id": (-70, 205), "m10ia": (-93, 266), "crx10ia": (-71, 251)},
+    **{"m20id_25": (-90, 220), "r2000ic_165f": (-79, 180)},
+}
 LANGUAGES = {
     "abb": ("rapid", "zb.mod", r"jointtarget zb_p0:=\[\[(.*?)\]"),
     "kuka": ("krl", "zb.src", r"AXIS ZB_P0=\{(.*?)\}"),

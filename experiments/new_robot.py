@@ -1,0 +1,200 @@
+"""A robot file of a person's arm: from Denavit-Hartenberg rows, or from the lengths of a data sheet."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ..model.errors import BadInput
+from ..model.files.robot_file import RobotFile, stated_rows
+from ..model.files.whole_file import flow, refuse_existing, write_whole, yaml_text
+from ..model.parsing.reading import shown
+from ..model.parsing.validation import validate
+
+# Lengths as data sheets of arms with six axes draw them, with the arm's own words for each.
+LENGTHS: Mapping[str, str] = {
+    "height": "from the mounting face to axis 2",
+    "shoulder": "from axis 1 to axis 2, forward",
+    "side": "from the plane of axis 1 to that of the wrist, sideways",
+    "upper": "from axis 2 to axis 3",
+    "elbow": "from axis 3 to axis 4, across the forearm",
+    "forearm": "from axis 3 to axis 5, along the forearm",
+    "wrist": "from axis 5 to the flange",
+}
+# An arm of each maker: its zeros, signs, base frame and flange are those of the maker's other arms.
+LIKE: Mapping[str, str] = {
+    "abb": "irb120",
+    "fanuc": "lrmate_200id",
+    "kawasaki": "rs007n",
+    "kuka": "kr6_r900",
+    "mitsubishi": "rv4frl",
+    "staubli": "tx2_60",
+    "yaskawa": "gp7",
+}
+_ROW = ("a_mm", "alpha_deg", "d_mm", "theta_deg", "lower_deg", "upper_deg", "speed_deg_s")
+
+
+@dataclass(frozen=True)
+class RobotEntries:
+    """What a person states of an arm: rows (`a alpha d theta lower upper [speed]`), or lengths of a data
+    sheet by name (mm) with the range of each joint (`lower upper [speed]`), degrees.
+
+    `below_base` is how far the mounting face is below the base frame, mm; lengths of a data sheet say it.
+    """
+
+    name: str
+    vendor: str
+    rows: Sequence[str] = ()
+    convention: Literal["standard", "modified"] = "standard"
+    lengths: Mapping[str, float] | None = None
+    ranges: Sequence[str] = ()
+    below_base: float = 0.0
+
+
+def typed_lengths(text: str) -> dict[str, float]:
+    """`height=330, upper=455, …` as lengths by name. BadInput for another name, or where one is missing."""
+    parts = dict(re.findall(r"([A-Za-z]+)\s*[=:]\s*([-+\d.]+)", text))
+    lengths = {"shoulder": 0.0, "side": 0.0, "elbow": 0.0}
+    for name, value in parts.items():
+        if name not in LENGTHS:
+            raise BadInput("there is no such length", found=name, allowed=", ".join(LENGTHS))
+        lengths[name] = _numbers(value, range(1, 2), name)[0]
+    missing = [name for name in LENGTHS if name not in lengths]
+    if missing:
+        raise BadInput(
+            "lengths of the data sheet are missing",
+            found=shown(text) or "none",
+            allowed="; ".join(f"{name}: {LENGTHS[name]}" for name in missing),
+        )
+    return lengths
+
+
+def content_of(entries: RobotEntries) -> dict[str, object]:
+    """The content of the robot file. BadInput where it makes no robot."""
+    if bool(entries.rows) == (entries.lengths is not None):
+        raise BadInput(
+            "an arm is stated by its rows or by the lengths of its data sheet",
+            found="both" if entries.rows else "neither",
+            allowed="--row once for each joint, or --sheet and --range",
+        )
+    if entries.lengths is None:
+        rows = [dict(zip(_ROW, _numbers(row, range(6, 8), "row"), strict=False)) for row in entries.rows]
+        content: dict[str, object] = {
+            "schema": "zerobeam/robot/1",
+            "name": entries.name,
+            "vendor": entries.vendor,
+            "convention": entries.convention,
+            "joints": rows,
+            "mounting": {"below_base_mm": entries.below_base},
+        }
+        if entries.vendor == "fanuc":
+            content["pendant"] = {"joint3": "ground"}
+    else:
+        content = _of_sheet(entries, entries.lengths)
+    validate(RobotFile, content, file=None, line=lambda _: None)
+    return content
+
+
+def _of_sheet(entries: RobotEntries, lengths: Mapping[str, float]) -> dict[str, object]:
+    """The rows of another arm of the maker with these lengths in the places of its own."""
+    if entries.vendor not in LIKE:
+        raise BadInput(
+            "the zeros and signs of this maker's arms are not known here",
+            found=entries.vendor,
+            allowed=", ".join(LIKE),
+            remedy="state the Denavit-Hartenberg rows: --row",
+        )
+    like = stated_rows(LIKE[entries.vendor], Path())
+    if len(entries.ranges) != len(like.joints):
+        raise BadInput("each joint has a range", found=len(entries.ranges), allowed=len(like.joints))
+    if lengths["side"] and not like.joints[1].d_mm:
+        raise BadInput(
+            "arms of this maker have no side offset here",
+            found=f"side: {lengths['side']:g}",
+            remedy="state the Denavit-Hartenberg rows: --row",
+        )
+    above = like.joints[0].d_mm  # 0: the base frame is at the height of axis 2
+    values: dict[tuple[int, str], float] = {
+        (0, "a_mm"): lengths["shoulder"],
+        (0, "d_mm"): _signed(lengths["height"], above) if above else 0.0,
+        (1, "a_mm"): lengths["upper"],
+        (1, "d_mm"): _signed(lengths["side"], like.joints[1].d_mm),
+        (2, "a_mm"): _signed(lengths["elbow"], like.joints[2].a_mm),
+        (3, "d_mm"): _signed(lengths["forearm"], like.joints[3].d_mm),
+        (5, "d_mm"): _signed(lengths["wrist"], like.joints[5].d_mm),
+    }
+    rows = []
+    for i, (joint, text) in enumerate(zip(like.joints, entries.ranges, strict=True)):
+        row = {key: values.get((i, key), getattr(joint, key)) for key in _ROW[:4]}
+        rows.append(row | dict(zip(_ROW[4:], _numbers(text, range(2, 4), "range"), strict=False)))
+    frames = {
+        key: {"xyz_mm": list(frame.xyz_mm), "rpy_deg": list(frame.rpy_deg)}
+        for key, frame in (("base", like.base), ("flange", like.flange))
+    }
+    pendant = {
+        "joint3": like.pendant.joint3,
+        "names": None if like.pendant.names is None else list(like.pendant.names),
+    }
+    return {
+        "schema": "zerobeam/robot/1",
+        "name": entries.name,
+        "vendor": entries.vendor,
+        "convention": like.convention,
+        "joints": rows,
+        **frames,
+        "mounting": {"below_base_mm": 0.0 if above else lengths["height"]},
+        "pendant": {key: value for key, value in pendant.items() if value is not None},
+    }
+
+
+def _signed(length: float, like: float) -> float:
+    return -length if like < 0 and length else length
+
+
+def _numbers(text: str, counts: range, what: str) -> list[float]:
+    parts = [part for part in re.split(r"[,;\s]+", text.strip()) if part]
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        values = []
+    if len(values) not in counts:
+        needs = " ".join(_ROW if what == "row" else _ROW[4:]) if what in ("row", "range") else "a number"
+        raise BadInput(
+            f"the {what} is not understood", found=shown(text), allowed=f"{needs} (speed optional)"
+        )
+    return values
+
+
+def write_robot(path: Path, content: Mapping[str, object]) -> None:
+    """The robot file; never over another one."""
+    refuse_existing(path, or_else="choose another name, or remove it first")
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise BadInput("a robot file has another name", found=path.name, allowed="a name that ends in .yaml")
+    in_lines = {
+        key: [flow(row) for row in value] if key == "joints" and isinstance(value, list) else value
+        for key, value in content.items()
+    }
+    write_whole(path, yaml_text({key: flow(v) if isinstance(v, dict) else v for key, v in in_lines.items()}))
+
+
+def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEntries:
+    """The entries of a person, line by line: lengths of the data sheet where the maker's zeros are known,
+    else rows. `ask` puts a question and gives the answer."""
+    if vendor in LIKE:
+        lengths = " ".join(f"{key}={ask(f'{key} ({words}), mm')}" for key, words in LENGTHS.items())
+        ranges = [ask(f"Joint {i}: lower upper [speed], degrees") for i in range(1, 7)]
+        return RobotEntries(name, vendor, lengths=typed_lengths(lengths), ranges=ranges)
+    count = int(_numbers(ask("Number of joints"), range(1, 2), "number")[0])
+    rows = [
+        ask(f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees") for i in range(1, count + 1)
+    ]
+    convention = ask("Convention of the rows: standard or modified")
+    if convention not in ("standard", "modified"):
+        raise BadInput("there is no such convention", found=shown(convention), allowed="standard, modified")
+    below = _numbers(ask("How far the mounting face is below the base frame, mm"), range(1, 2), "number")[0]
+    return RobotEntries(
+        name, vendor, rows, "standard" if convention == "standard" else "modified", below_base=below
+    )
