@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
@@ -20,7 +20,8 @@ from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, s
 from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
-    from ..experiments.recording import Controller
+    from ..experiments.recording import Answers, Controller
+    from ..experiments.recording import RigName as RigKind
     from ..experiments.rigs.abb.access import Caution, ControllerAccess
     from ..model.files.plan import Plan
 
@@ -34,10 +35,25 @@ class RigName(StrEnum):
     MANUAL = "manual"
 
 
+def _rig_name(text: str) -> str:
+    """A rig's name, or the address of a controller whose joints are read."""
+    if "://" not in text and text not in set(RigName):
+        raise typer.BadParameter(f"{text!r} is neither {', '.join(RigName)} nor an address as ur://HOST")
+    return text
+
+
 def run(
     plan: PlanFile,
     file: NewRunFile,
-    rig: Annotated[RigName, typer.Option(help="What carries the plan out.")] = RigName.SIMULATED,
+    rig: Annotated[
+        str,
+        typer.Option(
+            parser=_rig_name,
+            metavar="RIG",
+            help="What carries the plan out: simulated, replay, abb, manual; or the address of a controller"
+            " whose joints are read while its own program or a person moves the arm: ur://HOST[:PORT].",
+        ),
+    ] = RigName.SIMULATED.value,
     cell: Annotated[
         Path | None, typer.Option(help="Cell file (.yaml) of the simulated rig.", show_default=False)
     ] = None,
@@ -142,13 +158,14 @@ def run(
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
-    if sensors is not None and rig is not RigName.ABB:
+    if sensors is not None and rig != RigName.ABB:
         raise BadInput("--sensors is for the ABB rig", remedy="add --rig abb, or leave it out")
-    if watch is not None and rig is not RigName.MANUAL:
+    if watch is not None and rig != RigName.MANUAL:
         raise BadInput("--watch is for the manual rig", remedy="add --rig manual, or leave it out")
     if force and resume:
         raise BadInput("--force and --resume contradict each other", remedy="state one of the two")
     planned = read_plan(plan)
+    live = "://" in rig
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
         view: Callable[[RunEvent], None] = led_view(err)
@@ -170,19 +187,22 @@ def run(
             return typer.confirm(text, err=True)
 
         controller: Controller | None = None
-        if rig is RigName.ABB:
+        if rig == RigName.ABB:
             # Plan, access, caution, then sensors: errors are reported before a port is opened.
             require_constraints(planned)
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, confirm)
             controller = _controller(opened, planned, access, sensors, sensor_port, caution)
         answers: Answers | None = None
-        if rig is RigName.MANUAL:
+        if rig == RigName.MANUAL:
             # Of a terminal, and of the app, which asks for the scene, a person reads the questions.
             follows = not (sys.stdin.isatty() or scene)
             lines = TypedLines(sys.stdin, follows=follows) if watch is None else WatchedLines(watch)
             answers = Answers(lines, units, j3)
+        elif live:
+            require_constraints(planned)
+            answers = _live_answers(opened, planned, rig, j3)
         request = RunRequest(
-            rig=rig.value,
+            rig="live" if live else cast("RigKind", rig),
             seed=seed,
             cell=cell,
             camera=camera,
@@ -211,6 +231,19 @@ def run(
         print_carried(out, answer)
         say(f"Run: {file}")
     raise typer.Exit(1 if answer.missing else EXIT_STATUS[answer.verdict])
+
+
+def _live_answers(opened: ExitStack, plan: Plan, address: str, j3: J3Origin | None) -> Answers:
+    """The joints of the controller at an address, taken where a line confirms them: closed with `opened`."""
+    from ..experiments.recording import Answers
+    from ..experiments.rigs.live.address import open_joints
+    from ..model.kinematics.pendant import pendant_of
+
+    joints = open_joints(address, pendant_of(plan.robot, j3))
+    opened.callback(joints.close)
+    scheme = address.partition("://")[0]
+    about = {"controller": f"{scheme} {joints.identity}".rstrip()}
+    return Answers(TypedLines(sys.stdin, follows=not sys.stdin.isatty()), None, j3, joints, about)
 
 
 def controller(

@@ -225,15 +225,18 @@ _ANSWERS = {
 def led_view(console: Console) -> Listener:
     """Takes the events of a run by hand and prints them, line by line."""
     before: Mapping[str, float | None] = {}
+    joints = "type the joint values"
 
     def hear(event: RunEvent) -> None:
-        nonlocal before
+        nonlocal before, joints
         match event:
             case RunOpened():
+                if event.rig == "live":
+                    joints = "press Enter when the arm is at rest"
                 _say(console, _beginning(event))
             case PostureRequested():
                 console.print()
-                _say(console, _request(event), "bold")
+                _say(console, _request(event, joints), "bold")
                 _say(console, _joints(event.pendant))
             case ReadingRequested():
                 _say(console, f"Type {_reads(event.reads)}.", "bold")
@@ -274,18 +277,19 @@ def _beginning(event: RunOpened) -> str:
     )
 
 
-def _request(event: PostureRequested) -> str:
+def _request(event: PostureRequested, joints: str) -> str:
+    """`joints` says what a person does for them."""
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
     if event.reads:
         which = f", reflector {shown(event.reflector)}" if event.reflector else ""
         return (
             f"Posture {of} (measurement {event.shot}), {shown(event.target)}{which}: go there, measure, and"
-            f" type the joint values; then {_reads(event.reads)}."
+            f" {joints}; then {_reads(event.reads)}."
         )
     return (
         f"Posture {of} (measurement {event.shot}{again}), target {shown(event.target)}:"
-        " go there, bring the beam or probe onto the target, and type the joint values."
+        f" go there, bring the beam or probe onto the target, and {joints}."
     )
 
 

@@ -36,6 +36,8 @@ from ...procedure.order import Order
 from ...procedure.rig import RefusalReason, RefusedPosture
 from ...procedure.session import ProcedureResult, arm_sent, recorded_event, state_of
 from ...procedure.steering import Belief
+from ..live.at_rest import JointsAtRest
+from ..live.interface import JointsRefused
 from .doubts import Doubt, Judge
 from .instrument_readings import InstrumentReadings, Reading
 from .lines import Lines
@@ -48,6 +50,9 @@ HELP = (
 _MOST = 200  # characters of a comment
 _ANSWERS = ("yes", "rad", "as")
 _METRES = "metres"
+_READ_NOT_TYPED = (
+    "the joints are read from the controller: press Enter when the arm is at rest; 'help' has the words"
+)
 _WORDS = ("skip", "redo", "comment", "show", "pause", "quit", "help", "?")
 
 
@@ -70,7 +75,7 @@ class _Decided(Exception):
 @dataclass(eq=False)
 class Manual:
     """One session. `lines` says what the person or robot writes, `pendant` and `units` what its numbers
-    are."""
+    are. With `arm` the joints are read from its controller where an empty line confirms them."""
 
     plan: Plan
     journal: RunJournal
@@ -80,6 +85,7 @@ class Manual:
     pendant: Pendant
     units: PendantUnit
     scene: bool = False  # whether to tell where the arm is to be
+    arm: JointsAtRest | None = None
     _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
     _again: int | None = field(default=None, init=False)
     _comment: str | None = field(default=None, init=False)
@@ -154,6 +160,8 @@ class Manual:
             elif word in (*_ANSWERS, *_WORDS):
                 parts = ""
                 self._command(word, rest, number)
+            elif self.arm is not None:
+                joints = self._taken(number, self.arm, text)
             elif text:
                 if parts and not labelled(
                     text, self.pendant.names
@@ -202,6 +210,17 @@ class Manual:
                 return self._shot(number, joints, typed)
             held = typed if self.lines.confirms else None
             self._say(number, _METRES, sentence, ("yes", _METRES) if self.lines.confirms else ())
+
+    def _taken(self, number: int, arm: JointsAtRest, text: str) -> Matrix | None:
+        """(n,) the joints where the arm is at rest, None where they are not taken, which is said."""
+        if text:
+            self._say(number, "unreadable", _READ_NOT_TYPED)
+            return None
+        try:
+            return arm.take()
+        except JointsRefused as refused:
+            self._say(number, refused.kind, refused.why)
+            return None
 
     def _unfinished(self, text: str) -> bool:
         """Whether a person pasted the values of some joints by name, and the next line has others."""
