@@ -50,8 +50,9 @@ def run(
         typer.Option(
             parser=_rig_name,
             metavar="RIG",
-            help="What carries the plan out: simulated, replay, abb, manual; or the address of a controller"
-            " whose joints are read while its own program or a person moves the arm: ur://HOST[:PORT].",
+            help="What carries the plan out: simulated, replay, abb, manual; or a controller whose joints are"
+            " read while its own program or a person moves the arm: SCHEME://HOST[:PORT] (ur, kuka, fanuc,"
+            " yaskawa, ros).",
         ),
     ] = RigName.SIMULATED.value,
     cell: Annotated[

@@ -32,8 +32,36 @@ def _ur() -> Callable[[LiveAddress, Pendant], LiveJoints]:
     return UrJoints
 
 
+def _yaskawa() -> Callable[[LiveAddress, Pendant], LiveJoints]:
+    from .yaskawa import YaskawaJoints
+
+    return YaskawaJoints
+
+
+def _kuka() -> Callable[[LiveAddress, Pendant], LiveJoints]:
+    from .kuka import KukaJoints
+
+    return KukaJoints
+
+
+def _fanuc() -> Callable[[LiveAddress, Pendant], LiveJoints]:
+    from .fanuc import FanucJoints
+
+    return FanucJoints
+
+
+def _ros() -> Callable[[LiveAddress, Pendant], LiveJoints]:
+    from .ros import RosJoints
+
+    return RosJoints
+
+
 SCHEMES: Mapping[str, LiveScheme] = {
     "ur": LiveScheme(30004, "universal-robots", ("arm", "dashboard"), _ur),
+    "kuka": LiveScheme(7000, "kuka", ("arm",), _kuka),
+    "fanuc": LiveScheme(16001, "fanuc", ("group",), _fanuc),
+    "yaskawa": LiveScheme(10040, "yaskawa", ("arm",), _yaskawa),
+    "ros": LiveScheme(9090, None, ("topic", "joints"), _ros),
 }
 
 

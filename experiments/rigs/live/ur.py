@@ -44,7 +44,7 @@ class UrJoints:
         self.identity = _serial(address) if "arm" in address.options else ""
         self._stream = Stream(address.host, address.port)
         try:
-            if self._asked(_VERSION, struct.pack(">H", 2)) != b"\x01":
+            if self._answered(_VERSION, struct.pack(">H", 2)) != b"\x01":
                 raise LinkFault("the controller has no version 2 of RTDE")
             self._recipe, types = self._set_up()
             if types != _TYPES:
@@ -54,7 +54,7 @@ class UrJoints:
             raise
 
     def read(self) -> JointReading:
-        if self._asked(_START) != b"\x01":
+        if self._answered(_START) != b"\x01":
             raise LinkFault("the controller does not start its data")
         content = self._next(_DATA)
         if len(content) != _READING.size:
@@ -62,19 +62,19 @@ class UrJoints:
         recipe, stamp, *joints = _READING.unpack(content)
         if recipe != self._recipe:
             raise LinkFault("the controller sent data that were not set up")
-        self._asked(_PAUSE)
+        self._answered(_PAUSE)
         return JointReading(np.degrees(joints), stamp)
 
     def close(self) -> None:
         self._stream.close()
 
     def _set_up(self) -> tuple[int, bytes]:
-        content = self._asked(_SETUP, _SETTINGS.pack(_RATE_HZ) + _OUTPUTS)
+        content = self._answered(_SETUP, _SETTINGS.pack(_RATE_HZ) + _OUTPUTS)
         if not content:
             raise LinkFault("the controller sent an empty answer")
         return content[0], content[1:]
 
-    def _asked(self, kind: bytes, content: bytes = b"") -> bytes:
+    def _answered(self, kind: bytes, content: bytes = b"") -> bytes:
         self._stream.send(_HEADER.pack(_HEADER.size + len(content), kind[0]) + content)
         return self._next(kind)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_controllers import FAULTS, STAND_INS, LiveArm
+from live_controllers import FAULTS, STAND_INS, LiveArm, RosStandIn, UrStandIn, YaskawaStandIn, robot_of
 
 import zerobeam as zb
 from zerobeam.experiments.procedure.events import Doubted, PostureRequested, RunEvent
@@ -23,6 +23,7 @@ from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.pendant import pendant_of
+from zerobeam.model.kinematics.robot import Robot
 
 SCHEMES_READ = list(STAND_INS)
 MOTION_S = 0.35  # of a motion: the two readings of an early confirmation are within it
@@ -33,14 +34,13 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(interface, "ANSWER_S", 0.4)
 
 
-def planned(robot: str, count: int) -> Plan:
+def planned(arm: Robot, count: int) -> Plan:
     """Postures all far from each other, about a tip in a socket; what they determine does not matter."""
-    arm = zb.load_robot(robot)
     rng = np.random.default_rng(4)
     middle, half = (arm.lower + arm.upper) / 2, np.minimum((arm.upper - arm.lower) / 3, 1.5)
     postures = middle + half * rng.uniform(-1, 1, (count, arm.n))
     return zb.Plan.from_arrays(
-        robot=robot,
+        robot=arm,
         geometry="exact",
         tool={"kind": "probe", "calibrated": True, "point_mm": [0, 0, 100]},
         postures=np.degrees(postures).round(4).tolist(),
@@ -90,7 +90,7 @@ def carried_out(
     folder: Path, scheme: str, count: int, share: float, early: float
 ) -> tuple[Operator, LiveArm]:
     stand_in = STAND_INS[scheme]
-    plan = planned(stand_in.robot, count)
+    plan = planned(robot_of(scheme), count)
     arm = LiveArm(np.zeros(plan.robot.n), share)
     operator = Operator(arm, plan, early)
     with stand_in(arm) as server:
@@ -131,13 +131,13 @@ def test_a_hundred_measurements_with_faults(tmp_path: Path, scheme: str) -> None
 @pytest.fixture(params=SCHEMES_READ)
 def stand_in(request: pytest.FixtureRequest) -> Iterator[Any]:
     kind = STAND_INS[request.param]
-    n = zb.load_robot(kind.robot).n
+    n = robot_of(kind.scheme).n
     with kind(LiveArm(10.0 + np.arange(n))) as server:
         yield server
 
 
 def opened(server: Any, url: str = "") -> JointsAtRest:
-    return open_joints(url or server.url, pendant_of(zb.load_robot(server.robot)))
+    return open_joints(url or server.url, pendant_of(robot_of(server.scheme)))
 
 
 def test_the_arm_is_read_where_it_rests_and_not_on_its_way(stand_in: Any) -> None:
@@ -156,7 +156,7 @@ def test_the_arm_is_read_where_it_rests_and_not_on_its_way(stand_in: Any) -> Non
 
 def counts(server: Any, joints: Any) -> Any:
     """The same as the controller counts them."""
-    return pendant_of(zb.load_robot(server.robot)).counted(joints)
+    return pendant_of(robot_of(server.scheme)).counted(joints)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -169,7 +169,8 @@ def test_a_fault_is_overcome_and_one_that_lasts_is_refused(stand_in: Any, fault:
     stand_in.arm.faults, stand_in.arm.share = (fault,), 1.0
     with pytest.raises(JointsRefused) as refused:
         joints.take()
-    assert refused.value.kind == ("stale" if fault == "stale" else "connection")
+    # Without a clock what is stale is the answer to an earlier request, and that is none.
+    assert refused.value.kind == ("stale" if fault == "stale" and stand_in.arm.clock else "connection")
     assert refused.value.why.endswith(("s", "again"))
     stand_in.arm.share = 0.0
     time.sleep(0.5)
@@ -196,14 +197,13 @@ def test_the_joints_of_another_arm_are_refused(stand_in: Any) -> None:
         with pytest.raises(RigFault, match="6 joints, and mine has 7"):
             open_joints(stand_in.url, pendant_of(seven))
         return
-    stand_in.arm = LiveArm(10.0 + np.arange(zb.load_robot(stand_in.robot).n + 1))
+    more = -1 if stand_in.scheme == "ros" else 1  # by names there may be more, and may not be fewer
+    stand_in.arm = LiveArm(10.0 + np.arange(robot_of(stand_in.scheme).n + more))
     with pytest.raises(RigFault, match="joints"):
         opened(stand_in).take()
 
 
 def test_an_arm_that_is_replaced_during_a_run_ends_it() -> None:
-    from live_controllers import UrStandIn
-
     with UrStandIn(LiveArm(np.zeros(6))) as server:
         joints = opened(server, f"{server.url}?arm={server.serial}&dashboard={server.dashboard.port}")
         joints.take()
@@ -216,8 +216,6 @@ def test_an_arm_that_is_replaced_during_a_run_ends_it() -> None:
 
 
 def test_a_controller_without_the_protocol_is_a_fault() -> None:
-    from live_controllers import UrStandIn
-
     with UrStandIn(LiveArm(np.zeros(6)), version=1) as server, pytest.raises(RigFault, match="version 2"):
         opened(server)
     with pytest.raises(RigFault, match="no connection"):
@@ -251,3 +249,40 @@ def test_addresses() -> None:
 def test_the_robot_of_another_maker_is_refused_before_anything_is_opened() -> None:
     with pytest.raises(BadInput, match="another maker"):
         open_joints("ur://127.0.0.1:1", pendant_of(zb.load_robot("irb1600")))
+
+
+def test_the_model_of_a_yaskawa_is_compared() -> None:
+    pendant = pendant_of(robot_of("yaskawa"))
+    with YaskawaStandIn(LiveArm(np.zeros(6))) as server:
+        joints = open_joints(f"{server.url}?arm={server.model}", pendant)
+        assert joints.identity == server.model
+        joints.close()
+        with pytest.raises(BadInput, match="another arm"):
+            open_joints(f"{server.url}?arm=GP8", pendant)
+    with pytest.raises(BadInput, match="pulses for a degree are not stated"):
+        open_joints("yaskawa://127.0.0.1:1", pendant_of(zb.load_robot("gp7")))
+
+
+def test_ros_1_another_topic_and_names_of_the_address() -> None:
+    """Names in another order than the joints of the robot file."""
+    pendant = pendant_of(robot_of("ros"))
+    names = ",".join(f"joint{i}" for i in range(7, 0, -1))
+    with RosStandIn(LiveArm(np.arange(7.0)), version=1) as server:
+        joints = open_joints(f"{server.url}?topic=/arm/joint_states&joints={names}", pendant)
+        np.testing.assert_allclose(joints.take(), np.arange(7.0)[::-1], rtol=0, atol=1e-9)
+        joints.close()
+        joints = open_joints(f"{server.url}?joints={names.replace('joint7', 'elbow')}", pendant)
+        with pytest.raises(RigFault, match="no joints elbow: it has finger, joint7, joint6"):
+            joints.take()
+
+
+def test_joint_3_is_counted_as_the_controller_counts_it() -> None:
+    """FANUC's from the ground, ROS's from link 2 whatever the pendant does."""
+    for scheme in ("fanuc", "ros"):
+        pendant = pendant_of(robot_of(scheme), "ground")
+        shown = np.arange(1.0, 1.0 + robot_of(scheme).n)
+        with STAND_INS[scheme](LiveArm(shown)) as server:
+            joints = open_joints(server.url, pendant)
+            expected = pendant.between_links(shown) if scheme == "fanuc" else shown
+            np.testing.assert_allclose(joints.take(), expected, rtol=0, atol=1e-9)
+            joints.close()
