@@ -36,6 +36,7 @@ from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import CellFile, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
+from .sensors.text_lines import InstrumentLines
 from .simulate import Truth, simulated_shots
 from .verification import offsets_to_enter
 
@@ -110,12 +111,14 @@ class Controller:
 @dataclass(frozen=True)
 class Answers:
     """Where the lines of a run by hand come from, the unit of their values and what joint 3 is counted from:
-    None is as the robot file states. `arm` has the joints of a live run, `about` what its provenance says."""
+    None is as the robot file states. `arm` has the joints of a live run, `instrument` what is read there, and
+    `about` what the provenance says of them."""
 
     lines: Lines
     units: PendantUnit | None = None
     j3: J3 | None = None
     arm: JointsAtRest | None = None
+    instrument: InstrumentLines | None = None
     about: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -211,7 +214,16 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
 
     def measure(journal: RunJournal) -> ProcedureResult:
         return Manual(
-            plan, journal, order, listener, lines, pendant, units, request.scene, answers.arm
+            plan,
+            journal,
+            order,
+            listener,
+            lines,
+            pendant,
+            units,
+            request.scene,
+            answers.arm,
+            answers.instrument,
         ).carry_out()
 
     origin = "by hand" if answers.arm is None else "joints read from the controller"

@@ -36,6 +36,7 @@ from ...procedure.order import Order
 from ...procedure.rig import RefusalReason, RefusedPosture
 from ...procedure.session import ProcedureResult, arm_sent, recorded_event, state_of
 from ...procedure.steering import Belief
+from ...sensors.text_lines import InstrumentLines, ReadingRefused
 from ..live.at_rest import JointsAtRest
 from ..live.interface import JointsRefused
 from .doubts import Doubt, Judge
@@ -75,7 +76,8 @@ class _Decided(Exception):
 @dataclass(eq=False)
 class Manual:
     """One session. `lines` says what the person or robot writes, `pendant` and `units` what its numbers
-    are. With `arm` the joints are read from its controller where an empty line confirms them."""
+    are. With `arm` the joints are read from its controller where an empty line confirms them; with
+    `instrument` its readings are not typed."""
 
     plan: Plan
     journal: RunJournal
@@ -86,6 +88,7 @@ class Manual:
     units: PendantUnit
     scene: bool = False  # whether to tell where the arm is to be
     arm: JointsAtRest | None = None
+    instrument: InstrumentLines | None = None
     _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
     _again: int | None = field(default=None, init=False)
     _comment: str | None = field(default=None, init=False)
@@ -151,9 +154,10 @@ class Manual:
             joints: Matrix | None = None
             if word in _ANSWERS and held is not None:
                 if word == "yes":
-                    if self._may_overrule(held.doubt):
-                        return self._completed(number, held.joints, read)
-                    self._say(number, "refused", held.doubt.sentence)
+                    if not self._may_overrule(held.doubt):
+                        self._say(number, "refused", held.doubt.sentence)
+                    elif (shot := self._completed(number, held.joints, read)) is not None:
+                        return shot
                     continue
                 number = self._named(rest, number) if word == "as" else number
                 joints = self._degrees(held.joints) if word == "rad" else held.joints
@@ -177,15 +181,42 @@ class Manual:
                 continue
             number, doubt = self._judged(number, joints)
             if doubt is None:
-                return self._completed(number, joints, read)
+                shot = self._completed(number, joints, read)
+                if shot is not None:
+                    return shot
+                continue
             held = _Held(joints, doubt) if self.lines.confirms else None
 
-    def _completed(self, number: int, joints: Matrix, text: str) -> Shot:
-        """The measurement with what the instrument reads at `joints` (n,): `text`, or what is typed then."""
+    def _completed(self, number: int, joints: Matrix, text: str) -> Shot | None:
+        """The measurement with what the instrument reads at `joints` (n,): `text`, or what it sends, or what
+        is typed then; None where the arm has moved meanwhile, which is said."""
         if not self._readings.reads:
             return self._shot(number, joints, {})
+        reading = self._reading(number, joints, text)
+        if self.arm is not None:
+            try:
+                if self.arm.moved_from(joints):
+                    raise JointsRefused("moving", "the arm has moved since its joints were read")
+            except JointsRefused as refused:
+                self._say(number, refused.kind, refused.why)
+                return None
+        return self._shot(number, joints, reading)
+
+    def _sent(self, number: int) -> str:
+        """What the instrument sends; empty where it sends nothing that can be used, which is said."""
+        if self.instrument is None:
+            return ""
+        try:
+            return self.instrument.read()
+        except ReadingRefused as refused:
+            self._say(number, "instrument", str(refused))
+            return ""
+
+    def _reading(self, number: int, joints: Matrix, text: str) -> Reading:
+        """The readings of an instrument; a person may type what it does not send."""
         held: Reading | None = None
         while True:
+            text = text or self._sent(number)
             if not text:
                 self.listener(ReadingRequested(number, self._readings.reads))
                 line = self.lines.following()
@@ -195,11 +226,12 @@ class Manual:
             word, _, rest = text.partition(" ")
             word, reading, text = word.lower(), text, ""
             if held is not None and word in ("yes", _METRES):
-                values = held if word == "yes" else self._readings.of_metres(held)
-                return self._shot(number, joints, values)
+                return held if word == "yes" else self._readings.of_metres(held)
             if word in (*_ANSWERS, _METRES, *_WORDS):
                 self._command(word, rest.strip(), number)
                 continue
+            if self.instrument is not None and not reading:
+                continue  # it is read again
             try:
                 typed = self._readings.typed(reading)
             except BadInput as error:
@@ -207,7 +239,7 @@ class Manual:
                 continue
             sentence = self._readings.doubt(number, joints, typed)
             if sentence is None:
-                return self._shot(number, joints, typed)
+                return typed
             held = typed if self.lines.confirms else None
             self._say(number, _METRES, sentence, ("yes", _METRES) if self.lines.confirms else ())
 
