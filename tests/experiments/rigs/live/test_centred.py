@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
+from beside import calibrated, psd, sensors
+from command_line import zerobeam
+from live_controllers import LiveArm, UrStandIn
 
 from zerobeam.experiments.procedure.events import MeasurementRecorded, Withdrawn
 from zerobeam.experiments.rigs.live import centred
 from zerobeam.experiments.rigs.live.centred import CentredLines
 from zerobeam.experiments.sensors.camera import Camera, Image
 from zerobeam.experiments.sensors.psd import Psd
+from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
 from zerobeam.model.arrays import Matrix
+from zerobeam.model.files.run import read_run
 
 SHEET = Psd(20.0, "duo-lateral", 1000.0, 0.0005, 4.0, np.zeros((2, 3)), None, 0.0)
 AMBIENT = np.array([0.3, 0.0, 0.0, 0.0])
@@ -91,3 +98,39 @@ def test_ambient_light_that_was_not_measured_would_shift_the_centre() -> None:
     """The control: with it in the reading the spot on the centre seems to be off."""
     lines = CentredLines(Spot((0.0, 1.0)), "psd", np.zeros(4))
     assert lines._off() > 1.0
+
+
+POSTURES = [[20.0, -80.0, 70.0, -40.0, 60.0, 10.0], [-10.0, -60.0, 50.0, -20.0, 40.0, 30.0]]
+
+
+def test_a_live_run_that_the_psd_confirms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dark, on the centre twice, away while the arm goes on, and on the centre again."""
+    (tmp_path / "plan.yaml").write_text(
+        "schema: zerobeam/plan/1\nrobot: ur5e\ngeometry: exact\n"
+        "tool: {kind: laser, point_mm: [0, 0, 65], direction: [0, 0, 1]}\n"
+        "noise: {joint_deg: 0.01, spot_mm: 0.05}\ntargets: {psd: {guess_mm: [600, 0, 0], sigma_mm: 500}}\n"
+        f"postures_deg: {POSTURES}\n"
+    )
+    arm, readings = LiveArm(POSTURES[0]), 0
+
+    def counts(samples: int) -> Matrix:
+        nonlocal readings
+        readings += 1
+        x, light = {1: (0.0, 0.0), 4: (5.0, 1.0)}.get(readings, (0.0, 1.0))
+        if readings == 4:
+            arm.go(POSTURES[1], 0.01)
+        share = x / (SHEET.size / 2)
+        row = light * np.array([1 + share, 1 - share, 1.0, 1.0]) / 2 + 0.1 * AMBIENT
+        return np.tile(calibrated().counts(row, "duo-lateral"), (samples, 1))
+
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    with AmplifierStandIn("PSD-A 0017", counts) as amplifier, UrStandIn(arm) as server:
+        file = sensors(tmp_path, psds={"psd": psd(amplifier.device, normal="beam")})
+        how = ["--rig", server.url, "--sensors", file, "-o", tmp_path / "run.jsonl"]
+        answer = zerobeam("run", tmp_path / "plan.yaml", *how)
+    assert "Switch the laser off" in answer.err
+    run = read_run(tmp_path / "run.jsonl")
+    assert [shot.shot for shot in run.shots] == [0, 1], answer.err
+    for shot, posture in zip(run.shots, POSTURES, strict=True):
+        np.testing.assert_allclose(shot.joints_deg, posture, atol=1e-9)
+    assert {"sensors sha256", "controller"} <= set(run.header.provenance)
