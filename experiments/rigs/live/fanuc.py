@@ -17,7 +17,7 @@ from ....model.kinematics.pendant import Pendant
 from .interface import JointReading, LinkFault, LiveAddress, OtherArm
 from .stream import Stream
 
-_JOINTS = 9
+_JOINTS, _GROUPS = 9, 8
 _MOST = 100  # lines until the awaited one
 
 
@@ -27,7 +27,7 @@ class FanucJoints:
     identity, resolution, between_links, ticks = "", 0.0, False, None
 
     def __init__(self, address: LiveAddress, pendant: Pendant) -> None:
-        self._n, self._group = pendant.robot.n, address.options.get("group", "1")
+        self._n, self._group = pendant.robot.n, address.number("group", 1, _GROUPS)
         first = Stream(address.host, address.port)
         try:
             port = _answered(first, "Communication", "FRC_Connect").get("PortNumber")
@@ -38,7 +38,7 @@ class FanucJoints:
         self._stream = Stream(address.host, port)
 
     def read(self) -> JointReading:
-        answer = _answered(self._stream, "Command", "FRC_ReadJointAngles", Group=int(self._group))
+        answer = _answered(self._stream, "Command", "FRC_ReadJointAngles", Group=self._group)
         # Some versions call them JointAngles.
         angles, stamp = answer.get("JointAngle", answer.get("JointAngles")), answer.get("TimeTag")
         if not isinstance(angles, dict):
@@ -47,7 +47,7 @@ class FanucJoints:
             values = np.array([float(angles.get(f"J{i}", 0.0)) for i in range(1, _JOINTS + 1)])
             complete = all(f"J{i}" in angles for i in range(1, self._n + 1))
             time_tag = float(stamp)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise LinkFault("the controller sent what are no joints, or no time") from None
         if not complete or values[self._n :].any():
             raise OtherArm(f"the controller's joints are not the {self._n} of the plan's arm")
@@ -69,7 +69,7 @@ def _answered(stream: Stream, kind: str, name: str, **content: int) -> dict[str,
     for _ in range(_MOST):
         try:
             answer = json.loads(stream.line())
-        except ValueError:
+        except (ValueError, RecursionError):
             raise LinkFault("the controller sent a line that cannot be read") from None
         if not isinstance(answer, dict):
             raise LinkFault("the controller sent a line that is no packet")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from ....model.arrays import Matrix
+from ....model.errors import BadInput
 
 ANSWER_S = 2.0  # until a controller that does not answer counts as lost
 
@@ -19,6 +21,13 @@ class LiveAddress:
     host: str
     port: int
     options: Mapping[str, str]
+
+    def number(self, option: str, usual: int, most: int) -> int:
+        """A whole number from 1 to `most`; BadInput for anything else."""
+        text = self.options.get(option, str(usual))
+        if not (re.fullmatch(r"[0-9]{1,6}", text) and 1 <= int(text) <= most):
+            raise BadInput(f"{option}= is not understood", found=text[:100], allowed=f"1 to {most}")
+        return int(text)
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,7 +69,7 @@ class RosJoints:
                 names = [str(name) for name in message["name"]]
                 stamp = _seconds(message["header"]["stamp"])
                 positions = dict(zip(names, map(float, message["position"]), strict=True))
-            except (ValueError, TypeError, KeyError):
+            except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
                 raise LinkFault("the bridge sent a message that cannot be read") from None
             if all(name in positions for name in self._names):
                 return JointReading(self._displayed(positions), stamp)

@@ -91,7 +91,7 @@ class UrJoints:
 
 
 def _serial(address: LiveAddress) -> str:
-    dashboard = Stream(address.host, int(address.options.get("dashboard", _DASHBOARD)))
+    dashboard = Stream(address.host, address.number("dashboard", _DASHBOARD, 65535))
     try:
         dashboard.line()  # its greeting
         dashboard.send(b"get serial number\n")

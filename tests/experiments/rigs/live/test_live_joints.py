@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -286,3 +287,36 @@ def test_joint_3_is_counted_as_the_controller_counts_it() -> None:
             expected = pendant.between_links(shown) if scheme == "fanuc" else shown
             np.testing.assert_allclose(joints.take(), expected, rtol=0, atol=1e-9)
             joints.close()
+
+
+@pytest.mark.parametrize(
+    ("scheme", "option"), [("fanuc", "group=x"), ("fanuc", "group=9"), ("ur", "arm=1&dashboard=0")]
+)
+def test_an_option_that_is_no_number_is_refused(scheme: str, option: str) -> None:
+    with pytest.raises(BadInput, match="is not understood"):
+        open_joints(f"{scheme}://127.0.0.1:1?{option}", pendant_of(robot_of(scheme)))
+
+
+HUGE = b'{"Command": "FRC_ReadJointAngles", "ErrorID": 0, "TimeTag": 1e999, "JointAngle": {"J1": %s}}' % (
+    b"9" * 400
+)
+
+
+@pytest.mark.parametrize(
+    "line", [b"[" * 9000, b"[]", b"\xff", HUGE, b'{"Command": "FRC_ReadJointAngles", "ErrorID": 7}']
+)
+def test_lines_of_rmi_that_are_no_answers(line: bytes) -> None:
+    """Whatever comes is refused as a fault of the connection: nothing of it is taken, and nothing breaks."""
+    from live_controllers import FanucStandIn
+
+    class Odd(FanucStandIn):
+        def _session(self, connection: socket.socket) -> None:
+            while self.sessions.received_line(connection):
+                connection.sendall(line + b"\r\n")
+
+    with Odd(LiveArm(np.zeros(6))) as server:
+        joints = opened(server)
+        with pytest.raises(JointsRefused) as refused:
+            joints.take()
+        assert refused.value.kind == "connection"
+        joints.close()
