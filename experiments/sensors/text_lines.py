@@ -46,8 +46,8 @@ class Bytes(Protocol):
 class TcpBytes:
     """A server that sends lines."""
 
-    def __init__(self, place: str) -> None:
-        host, _, port = place.rpartition(":")
+    def __init__(self, address: str) -> None:
+        host, _, port = address.rpartition(":")
         self._socket = socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_S)
         self._socket.settimeout(_POLL_S)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import socket
 import threading
 import time
@@ -228,3 +229,16 @@ def test_a_tracker_is_read_in_a_live_run(tmp_path: Path, monkeypatch: pytest.Mon
     at = AT if "moved" not in answer.err and "moves" not in answer.err else np.add(AT, 1.0)
     np.testing.assert_allclose(shot.joints_deg, at, atol=1e-6)
     assert "sensors sha256" in run.header.provenance
+
+
+def test_the_file_of_the_page_is_what_is_read(tmp_path: Path) -> None:
+    page = Path(__file__).resolve().parents[3] / "docs" / "how-to" / "live.md"
+    (text,) = re.findall(r"^```yaml\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    (tmp_path / "sensors.yaml").write_text(text)
+    sources = read_sensors_file(tmp_path / "sensors.yaml").instruments
+    assert {name: line_pattern(source.line).groups for name, source in sources.items()} == {
+        "tracker": 3,
+        "gauge": 1,
+        "bar": 1,
+    }
+    assert sources["gauge"].ask == "?\r"
