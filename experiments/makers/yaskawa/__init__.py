@@ -80,4 +80,5 @@ MAKER = Maker(
     program=(PlanProgram("inform", "inform (Yaskawa)", _inform_program, ("speed", "tool")),),
     read=(Reader("inform", _read_inform, "Saved jobs (.JBI)."),),
     correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _inform),),
+    live="yaskawa://HOST",
 )
