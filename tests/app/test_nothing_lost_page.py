@@ -136,7 +136,7 @@ def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chos
             wait(tab, f"!{dialog} && {SAVED}")
             assert path.read_bytes() == theirs
             assert content(path.with_name("other-mine.yaml"))["postures_deg"][0][0] == 10
-            assert tab.value("location.hash").endswith("/cell/other-mine.yaml")
+            wait(tab, "location.hash.endsWith('/cell/other-mine.yaml')")
             tab.value("location.hash = '#/job/cell/plan/cell/other.yaml'")
             wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED}")
             assert tab.value(SAVED)
