@@ -74,9 +74,8 @@ def listed_changes(source: RobotFile | Robot, chain: Chain, reading: Counting) -
 def _pose_changes(chain: Chain, reading: Counting) -> Iterator[EntryChange]:
     for form in FORMS:
         if form != reading.form and count_of(form) == count_of(reading.form):
-            yield EntryChange(
-                "pendant", "order of the pose's angles", reading.form, form, chain, replace(reading, form=form)
-            )
+            other = replace(reading, form=form)
+            yield EntryChange("pendant", "order of the pose's angles", reading.form, form, chain, other)
     if reading.form not in ("quaternion", "rotation-vector"):
         changed = replace(reading, angle_factor=math.degrees(1))
         yield EntryChange("pendant", "unit of the pose's angles", "degrees", "radians", chain, changed)
