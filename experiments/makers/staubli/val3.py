@@ -17,7 +17,7 @@ from lark import Token, Tree
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch
 from ....model.kinematics.orientation import from_xyz, orientation
-from ..line_programs import LineLanguage, Statement, capitals
+from ..line_language import LineLanguage, Statement, capitals
 from ..maker import blanked
 from ..program_parts import NUMBER, understood
 from .val3_files import Element, code_of, documents
