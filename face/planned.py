@@ -195,6 +195,7 @@ def check(plan: Plan) -> CheckedPlan:
     ...     robot="irb1600",
     ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
     ...     postures=[[0, 10 * k, 20 - 5 * k, 0, 50 - 5 * k, 0] for k in range(5)],
+    ...     unit="deg",
     ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
     ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
     ... )
