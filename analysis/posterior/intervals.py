@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import NORMAL_95, Index, Matrix
 from ...model.likelihood.problem import Problem
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution
 from ..status import Status, require_no_more_than
 from .posterior import PosteriorSummary
-from .profiles import Ridge, profile_width
+from .profiles import Ridge
 
 
 def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_width: float) -> Matrix:
@@ -72,7 +72,7 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
     # With noise factors the fit is at their marginal mode: there is no profile that starts from it.
     ends = np.full((len(which), 2), np.nan)
     if not problem.noise.separate:
-        ends = profile_intervals(problem, solution.fit, which, profile_width(solution, solution.quantile))
+        ends = profile_intervals(problem, solution.fit, which, _profile_width(solution))
     draws = {row.name: (row.q2_5, row.q97_5) for row in posterior.parameters or ()}
     result = []
     for i, (low, high) in zip(which, ends, strict=True):
@@ -90,3 +90,13 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
                 )
             )
     return tuple(result)
+
+
+def _profile_width(solution: Solution) -> float:
+    """The root of twice the drop at the ends of a 95 % profile interval: with an estimated scale the one that
+    gives Student's interval for a linear fit, whose log-density is -M log(1 + t^2 / dof) / 2."""
+    problem, dof = solution.problem, solution.dof
+    if problem.noise.estimated and dof:
+        numbers = float(problem.weights @ problem.sizes)
+        return float(np.sqrt(numbers * np.log1p(solution.quantile**2 / dof)))
+    return NORMAL_95

@@ -5,8 +5,9 @@ Moolgavkar 1988), where the residuals are far from linear and the curvature at t
 The priors of all parameters take part.
 
 A distance from the mode is the root of twice the drop of the log-posterior, in standard uncertainties. With
-an estimated noise scale it is the t by which Student's distribution drops as much: the log-density of a
-linear fit is -M log(1 + t^2 / dof) / 2. For a linear fit the distance is that by the curvature.
+an estimated noise scale it is the t by which Student's distribution drops as much, of as many degrees of
+freedom as the standard uncertainty has, with the curvature k of the log-posterior at the mode:
+k dof log(1 + t^2 / dof) is twice the drop. For a linear fit the distance is that by the curvature.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ..estimation.climb import Climb
 from ..estimation.coordinates import FlangeCoordinates
-from ..estimation.effective_dof import noise_dof, student_half_width
+from ..estimation.effective_dof import student_half_width
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution, require_level
 from ..status import Status, known, require_no_more_than
@@ -31,6 +32,7 @@ from ..status import Status, known, require_no_more_than
 _ROUNDS = 25
 _REACHED = 1e-3  # stds: the root of the drop is as wanted
 _LONGEST = 3.0  # how many times a step may lengthen the way
+_NEAR = 0.2  # stds: the curvature at the mode is taken so far from it
 _WITHIN = 2.0  # stds: the deviation of a curve from the normal is looked for so far from the mode
 
 
@@ -54,14 +56,29 @@ class Ridge:
         root = np.sqrt(np.maximum(2 * (self.fit.log_posterior + minima.cost), 0.0))
         return minima.x, root, minima.converged
 
-    def farthest(self, way: Matrix, along: Matrix, width: float) -> Matrix:
-        """(W,) how many times `direction` each row may go until the root of twice the drop is `width`; nan
-        where that was not reached. `way` (W,) is the first guess, `along` (W, f) how all move with it."""
+    def curvature(self, along: Matrix, rows: Index) -> Matrix:
+        """(R,) twice the drop of the log-posterior near the mode over the square of the way, of some rows: 1
+        of known noise, where a way of 1 is one standard uncertainty. `along` (R, f) is how all move with it.
+        """
+        if not self.fit.problem.noise.estimated:
+            return np.ones(len(rows))
+        drops = []
+        for way in (-_NEAR, _NEAR):
+            _, root, converged = self.climbed(self.mode + way * along, rows, np.full(len(rows), way))
+            drops.append(np.where(converged, root**2, np.nan))
+        return np.asarray(np.mean(drops, axis=0) / _NEAR**2)
+
+    def farthest(self, way: Matrix, along: Matrix, width: Matrix | float) -> Matrix:
+        """(W,) how many times `direction` each row may go until the root of twice the drop is `width`, or
+        (W,); nan where that was not reached. `way` (W,) is the first guess, `along` (W, f) how all move with
+        it."""
         near, way = self.mode + way[:, None] * along, way.copy()
+        every = np.broadcast_to(width, way.shape)
         shorter, longer = np.zeros_like(way), np.full_like(way, np.inf)
         active, ends = np.arange(len(way)), np.full(len(way), np.nan)
         for _ in range(_ROUNDS):
             near[active], root, converged = self.climbed(near[active], active, way[active])
+            width = every[active]
             reached = (np.abs(root - width) < _REACHED * width) & converged
             ends[active[reached]] = way[active[reached]]
             below = root < width
@@ -81,27 +98,16 @@ class Ridge:
         return ends
 
 
-def profile_width(solution: Solution, distance: float) -> float:
-    """The root of twice the drop of the log-posterior at a `distance` from the mode of a linear fit."""
-    if not _by_student(solution):
-        return distance
-    return float(np.sqrt(_numbers(solution) * np.log1p(distance**2 / solution.dof)))
+def _distance(root: Matrix, curvature: Matrix | float, dof: float) -> Matrix:
+    """From the mode, by the root of twice the drop."""
+    drop = root**2 / curvature
+    return np.asarray(np.sqrt(drop if math.isinf(dof) else dof * np.expm1(drop / dof)))
 
 
-def _distance(solution: Solution, root: Matrix) -> Matrix:
+def _root(distance: float, curvature: Matrix, dof: float) -> Matrix:
     """The way back."""
-    if not _by_student(solution):
-        return root
-    return np.asarray(np.sqrt(solution.dof * np.expm1(root**2 / _numbers(solution))))
-
-
-def _by_student(solution: Solution) -> bool:
-    return solution.problem.noise.estimated and solution.dof > 0
-
-
-def _numbers(solution: Solution) -> float:
-    problem = solution.problem
-    return float(problem.weights @ problem.sizes)
+    drop = distance**2 if math.isinf(dof) else dof * math.log1p(distance**2 / dof)
+    return np.asarray(np.sqrt(curvature * drop))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,15 +163,15 @@ class ProfileCurve:
         fit, column = solution.fit, solution.problem.parameters.among_free[i]
         fixed = np.zeros((size, len(fit.z)), dtype=bool)
         fixed[:, column] = True
-        ridge = Ridge(fit, fixed, fixed.astype(float))
-        variance = ridge.covariance[column, column]
-        way = offsets * np.sqrt(variance)
-        near = ridge.mode + np.outer(way, ridge.covariance[column] / variance)
-        _, root, converged = ridge.climbed(near, np.arange(size), way)
-        distance = np.where(converged, np.sign(offsets) * _distance(solution, root), np.nan)
-        values = item.display * (item.prior_mean + item.prior_std * (ridge.mode[column] + way))
-        dof = noise_dof(fit) if _by_student(solution) else math.inf
-        return cls(row.name, row.unit, row.status, row.estimate, row.std, values, distance, offsets, dof)
+        ridge = Ridge(fit, fixed, np.zeros(fixed.shape))
+        std = np.sqrt(ridge.covariance[column, column])
+        ridge.direction[:, column] = std
+        along = ridge.covariance[column] / std
+        _, root, converged = ridge.climbed(ridge.mode + np.outer(offsets, along), np.arange(size), offsets)
+        (curvature,) = ridge.curvature(along[None], np.zeros(1, dtype=int))
+        distance = np.where(converged, np.sign(offsets) * _distance(root, curvature, row.dof), np.nan)
+        values = item.display * (item.prior_mean + item.prior_std * (ridge.mode[column] + offsets * std))
+        return cls(row.name, row.unit, row.status, row.estimate, row.std, values, distance, offsets, row.dof)
 
     @property
     def deviation(self) -> float:
@@ -253,9 +259,10 @@ class ProfileContour:
         unit = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ np.linalg.cholesky(block).T
         ridge.direction[:, both] = unit
         along = unit @ np.linalg.solve(block, ridge.covariance[both])
-        radius = _radius(solution, level)
-        way = np.full(size, radius)
-        way = ridge.farthest(way, along, profile_width(solution, radius))
+        dof = min(row.dof for row in rows)
+        radius = _radius(level, dof)
+        width = _root(radius, ridge.curvature(along, np.arange(size)), dof)
+        way = ridge.farthest(np.full(size, radius), along, width)
         prior = np.array([[item.prior_mean * item.display, item.prior_std * item.display] for item in items])
 
         def shown(ways: Matrix) -> Matrix:
@@ -275,12 +282,12 @@ class ProfileContour:
         )
 
 
-def _radius(solution: Solution, level: float) -> float:
+def _radius(level: float, dof: float) -> float:
     """How far from the mode of a linear fit the region of two parameters reaches, in standard uncertainties:
-    the root of the quantile of chi-squared, or of twice that of F where the noise scale is estimated."""
-    if not _by_student(solution):
+    the root of the quantile of chi-squared, or of twice that of F of finite degrees of freedom."""
+    if math.isinf(dof):
         return math.sqrt(-2 * math.log(1 - level))
-    return math.sqrt(2 * float(scipy.special.fdtri(2, noise_dof(solution.fit), level)))
+    return math.sqrt(2 * float(scipy.special.fdtri(2, dof, level)))
 
 
 def profiled(solution: Solution, name: str) -> int:

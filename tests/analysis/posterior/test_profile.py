@@ -182,6 +182,19 @@ def test_with_an_estimated_noise_the_distance_is_students():
     np.testing.assert_allclose(curve.interval(0.95), row.interval(0.95), atol=0.02 * row.u)
 
 
+def test_tolerances_do_not_scale_with_an_estimated_noise():
+    """Some offsets of a typical arm are as uncertain as the noise, some as the tolerances. None deviates."""
+    plan = good_plan(28, geometry=None, noise={"scale": "estimated"})
+    _, problem = simulated_problem(plan, TABLE_2, seed=4)
+    solution = judge(fit_likelihood(problem, starts=0))
+    dofs = {row.name: row.dof for row in solution.offsets if not row.held}
+    for name in (min(dofs, key=dofs.get), max(dofs, key=dofs.get)):
+        curve = ProfileCurve.of(solution, name, size=7)
+        assert curve.dof == dofs[name]
+        assert curve.deviation < 0.15
+    assert max(dofs.values()) > 5 * min(dofs.values())
+
+
 def test_a_contour_reaches_to_the_quantile_of_two_parameters(weak):
     """At a point of its boundary the log-posterior has dropped by half the quantile of chi-squared: by brute
     force over all other parameters. The ellipse is the one of the covariance."""
