@@ -247,6 +247,15 @@ class Analysed(Analysis):
         ------
         BadInput
             There is no such parameter or measurement, the value is not nominal, or too little is left.
+
+        Examples
+        --------
+        >>> import zerobeam as zb
+        >>> from zerobeam.experiments.demos import demo_runs
+        >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+        >>> held = sol.refit(hold={"J6": 0}, drop=[3], ess=100)
+        >>> held["J6"].status, len(held.data), len(sol.data)
+        ('held', 6, 7)
         """
         run = refit_run(self, self.run, hold or {}, drop)
         return analyse(run, seed=self.result.inputs.seed, ess=ess, progress=progress)
@@ -280,6 +289,14 @@ class Analysed(Analysis):
         ------
         BadInput
             A misfit or a fit that did not converge predicts nothing; or an argument cannot be used.
+
+        Examples
+        --------
+        >>> import zerobeam as zb
+        >>> from zerobeam.experiments.demos import demo_runs
+        >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+        >>> sol.predict([10, -20, 30, 5, 40, 0], unit="deg").loc[0, ["x_mm", "u_x_mm"]].round(1).tolist()
+        [525.2, 1.0]
         """
         return predicted_positions(self, joints, unit, point_mm)
 

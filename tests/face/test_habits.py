@@ -16,6 +16,7 @@ from matplotlib.figure import Figure as PlainFigure
 
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.face.progress import shown_progress
 from zerobeam.face.tables import data_frame
 from zerobeam.model.arrays import normal_half_width
 
@@ -169,21 +170,26 @@ def test_profiles_and_contours_show_themselves(good: zb.Analysed, x_pattern: zb.
             ask()
 
 
-def test_figures_are_drawn_on_axes_of_the_reader(good: zb.Analysed, tmp_path) -> None:
+@pytest.mark.parametrize("name", ["offsets", "residuals"])
+def test_a_figure_is_drawn_on_axes_of_the_reader(good: zb.Analysed, name: str, tmp_path) -> None:
     before = dict(matplotlib.rcParams)
-    for name in ("offsets", "residuals"):
-        figure = PlainFigure()
-        axes = figure.subplots()
-        assert getattr(good.plot, name)(ax=axes) is axes
-        figure.savefig(tmp_path / f"{name}.svg")
-        assert b"</svg>" in (tmp_path / f"{name}.svg").read_bytes()
+    figure = PlainFigure()
+    axes = figure.subplots()
+    assert getattr(good.plot, name)(ax=axes) is axes
+    figure.savefig(tmp_path / "figure.svg")
+    assert b"</svg>" in (tmp_path / "figure.svg").read_bytes()
+    assert axes.lines
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.long
+def test_the_posterior_is_drawn_on_axes_of_the_reader(good: zb.Analysed) -> None:
     axes = PlainFigure().subplots(5, 5)
     assert good.plot.posterior(ax=axes) is axes
     assert not axes[0, 1].get_visible()
     assert len(axes[4, 0].collections) > 0
     with pytest.raises(zb.BadInput, match=r"\(5, 5\)"):
         good.plot.posterior(ax=PlainFigure().subplots(2, 2))
-    assert dict(matplotlib.rcParams) == before
 
 
 def test_a_prediction_is_the_arm_with_its_offsets(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
@@ -255,10 +261,18 @@ def test_a_mix_up_of_radians_is_in_the_repr(good: zb.Analysed) -> None:
 
 
 def test_progress_is_shown_on_request(good: zb.Analysed, monkeypatch) -> None:
-    stages: list[str] = []
-    zb.analyse(good.run, ess=100, progress=lambda stage, share: stages.append(stage))
-    for progress, shown in ((True, True), (None, False), (False, False)):
-        written = io.StringIO()
-        monkeypatch.setattr(sys, "stderr", written)
-        zb.analyse(good.run, ess=100, progress=progress)
-        assert all(stage in written.getvalue() for stage in set(stages)) is shown
+    """A line for each stage where there is no tqdm; nothing outside a notebook unless it is asked for."""
+    written = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", written)
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    zb.analyse(good.run, ess=100, progress=True)
+    assert written.getvalue() == "fit …\nidentifiability …\nposterior …\ndiagnostics …\n"
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    for progress in (None, False):
+        with shown_progress(progress) as report:
+            assert report is None
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    with shown_progress(None) as report:
+        assert report is not None
+    with shown_progress(print) as report:
+        assert report is print

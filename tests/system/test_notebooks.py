@@ -88,6 +88,12 @@ def test_its_cells_are_text_and_code(notebook, notebook_page) -> None:
             ast.parse(body)
 
 
+def test_a_cell_has_no_imports_of_the_page_maker(notebook_page) -> None:
+    """Annotations of a class in a cell are objects, as in a notebook."""
+    code = "class One:\n    size: int\n\n\nprint(One.__annotations__['size'] is int, __name__)"
+    assert list(notebook_page.shown(code, {"__name__": "__main__"})) == ["```text\nTrue __main__\n```"]
+
+
 def test_a_page_shows_what_a_cell_prints_and_gives(notebook_page, tmp_path) -> None:
     notebook = tmp_path / "short.py"
     notebook.write_text(
