@@ -251,6 +251,7 @@ def test_a_solution_is_pickled_copied_and_compared(good: zb.Analysed, x_pattern:
     assert zb.analyse(good.run, ess=400, seed=1) != good
 
 
+@pytest.mark.long
 def test_a_mix_up_of_radians_is_in_the_repr(good: zb.Analysed) -> None:
     run = zb.Run.from_arrays(**EXACT, joints=good.run.joints, unit="deg", limits="warn")
     solution = zb.analyse(run, ess=100)
