@@ -21,6 +21,8 @@ DOCS = ROOT / "docs"
 PAGES = {
     path.relative_to(ROOT).as_posix(): path for path in [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 }
+# The pages that state the keys of all files.
+FILE_PAGES = [name for name in PAGES if re.fullmatch(r"docs/files(-\w+)?\.md", name)]
 NOT_RUN = "# not run: "
 
 

@@ -17,7 +17,17 @@ from typing import Any
 import pytest
 import typer.main
 from command_line import zerobeam as command_line
-from documents import DOCS, PAGES, ROOT, blocks, prepare, prose, read, told_commands
+from documents import (
+    DOCS,
+    FILE_PAGES,
+    PAGES,
+    ROOT,
+    blocks,
+    prepare,
+    prose,
+    read,
+    told_commands,
+)
 from measured_arms import cube_run
 from scripts import load_script
 
@@ -28,11 +38,11 @@ from zerobeam.experiments.plans.make import MadePlan
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.experiments.studies.sweeps.study_file import built_in_studies
 
-FILES = "docs/files.md"
 COMMANDS: Any = typer.main.get_command(app)
 TEXTS = {name: read(name) for name in PAGES} | {
     name: (ROOT / name).read_text(encoding="utf-8") for name in ("CONTRIBUTING.md", "CHANGELOG.md")
 }
+FILES = "\n".join(TEXTS[name] for name in FILE_PAGES)
 
 
 def script(name: str) -> types.ModuleType:
@@ -193,7 +203,7 @@ def keys(answer: Any) -> Iterator[str]:
 def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     """Real answers which together leave no key without content."""
     if kind == "check":
-        prepare(TEXTS[FILES], folder)
+        prepare(TEXTS["docs/files.md"], folder)
         return [command_line("check", folder / "x-pattern.yaml", "--json").json]
     good, x_pattern, _ = (case.path for case in demo_runs())
     header, *shots = (json.loads(line) for line in good.read_text(encoding="utf-8").splitlines())
@@ -227,8 +237,8 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)
 def test_every_key_of_a_file_is_documented(name: str) -> None:
-    page = {"compare": "docs/compare.md", "history": "docs/how-to/plant.md"}.get(name, FILES)
-    missing = set(properties(json_schema(name))) - words_in_code(TEXTS[page] + TEXTS[FILES])
+    page = {"compare": "docs/compare.md", "history": "docs/how-to/plant.md"}.get(name, "docs/files.md")
+    missing = set(properties(json_schema(name))) - words_in_code(TEXTS[page] + FILES)
     assert not missing
 
 
@@ -237,14 +247,14 @@ def test_every_key_of_an_answer_is_documented(kind: str, tmp_path: Path) -> None
     found = answers_of(kind, tmp_path)
     for key in found[0].keys() - {"notes"}:
         assert any(answer[key] for answer in found), f"{key} has no content to look into"
-    missing = set(keys(found)) - words_in_code(TEXTS[FILES])
+    missing = set(keys(found)) - words_in_code(FILES)
     assert not missing
 
 
 def test_every_key_of_a_proposal_is_documented() -> None:
     keys = set(MadePlan("x", None, None, None, None, None, None).as_json())
     assert len(keys) > 10
-    assert not keys - words_in_code(TEXTS[FILES])
+    assert not keys - words_in_code(FILES)
 
 
 # --- the site --------------------------------------------------------------------------------------
