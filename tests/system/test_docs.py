@@ -73,6 +73,7 @@ def test_a_page_has_at_most_3000_words(name: str) -> None:
 
 
 def test_the_pages_together_have_at_most_40000_words() -> None:
+    """Of prose: tables, which are for looking up, and blocks do not count."""
     count = sum(words(one) for name in READ for one in sentences(TEXTS[name]))
     assert 20_000 < count <= 40_000
 
