@@ -152,7 +152,7 @@ _Way = tuple[Provenance, Callable[[RunJournal], ProcedureResult], Adaptive | Non
 
 
 def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
-    """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
+    """Carry the plan out into the run file `file`; the answer is the last event (docs/files-cell.md).
 
     A plan that breaks its constraints moves no robot: it can be rehearsed, with a note.
 

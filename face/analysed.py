@@ -343,7 +343,7 @@ class Analysed(Analysis):
         return self.report(folder / "report").result.relative_to(folder).as_posix()
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `result.json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        """The content of `result.json` (docs/files-results.md) as plain dicts, lists, numbers and text."""
         return to_json(self.result)
 
     def __eq__(self, other: object) -> bool:

@@ -99,7 +99,7 @@ class CheckedPlan(Check):
         return app_of(self.aimed.plan, "plan", partial(write_plan_beside, self.aimed.plan))
 
     def to_json(self) -> dict[str, Any]:
-        """The answer of `zerobeam check --json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        """The answer of `zerobeam check --json` (docs/files-cell.md): plain dicts, lists, numbers, text."""
         return check_json(self)
 
     def __repr__(self) -> str:

@@ -46,7 +46,7 @@ _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
 @contextmanager
 def live_view(console: Console) -> Iterator[Listener]:
-    """Takes the events of a run (docs/files.md) and shows its progress; nothing remains on the screen.
+    """Takes the events of a run (docs/files-cell.md) and shows its progress; nothing remains on the screen.
 
     Nothing is written where `console` is no terminal on which a line can be drawn anew.
     """

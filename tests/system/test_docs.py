@@ -72,6 +72,12 @@ def test_a_page_has_at_most_3000_words(name: str) -> None:
     assert not too_long(TEXTS[name])
 
 
+def test_the_pages_together_have_at_most_40000_words() -> None:
+    """Of prose: tables, which are for looking up, and blocks do not count."""
+    count = sum(words(one) for name in READ for one in sentences(TEXTS[name]))
+    assert 20_000 < count <= 40_000
+
+
 def test_at_most_one_sentence_of_a_hundred_has_more_than_40_words() -> None:
     long = {name: long_sentences(TEXTS[name]) for name in READ}
     count = sum(len(sentences(TEXTS[name])) for name in READ)
