@@ -115,7 +115,7 @@ def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> Non
         wait(tab, "document.querySelector('.u-legend')?.textContent.includes('tolerance0.1°')")
         assert "J2 (δ2)not determined" in tab.value("document.querySelector('.u-legend').textContent")
         assert tab.value("document.querySelector('.run-lines').textContent").startswith(
-            "2 "
+            "1 "
         )  # as the sheet counts
         assert tab.console == []
     assert len(read_run(folder / "cell" / "two-run.jsonl").shots) == 2
