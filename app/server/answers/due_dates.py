@@ -14,9 +14,6 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from ....experiments.history.arm_drift import arm_drift
-from ....experiments.history.database import open_history
-from ....experiments.history.store import arms, events, results
 from ....model.errors import BadInput
 
 TOLERANCE_MM = 0.5  # TCP error that is tolerated: as `zerobeam history drift` has it
@@ -82,7 +79,14 @@ def _version(path: Path) -> _Key:
 
 
 def _dates(path: Path, serials: tuple[str, ...]) -> tuple[DueDate, ...]:
-    """BadInput where it is no history. A serial number that two models have is no arm's alone."""
+    """BadInput where it is no history. A serial number that two models have is no arm's alone.
+
+    What reads histories is loaded when there is one: it takes a second.
+    """
+    from ....experiments.history.arm_drift import arm_drift
+    from ....experiments.history.database import open_history
+    from ....experiments.history.store import arms, events, results
+
     history = open_history(str(path))
     dates = []
     try:

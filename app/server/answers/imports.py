@@ -13,7 +13,6 @@ from pydantic import BeforeValidator, Field
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import readings
 from ....experiments.makers.generic.tables import TextTable, check_signs
-from ....experiments.schema import json_schema
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
@@ -212,6 +211,8 @@ def columns(folder: Folder, request: AskedColumns) -> ColumnsAnswer:
 
 def schema(_: Folder) -> Content:
     """JSON Schema of a header."""
+    from ....experiments.schema import json_schema  # with all kinds of files: half a second
+
     return json_schema("header")
 
 
