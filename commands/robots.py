@@ -61,7 +61,23 @@ def robot(
     ] = None,
     as_json: Json = False,
     file: Annotated[
-        Path | None, typer.Option("-o", "--out", help="New: robot file to write (.yaml).", show_default=False)
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            help="Robot file to write (.yaml): new, or a copy of ROBOT to be edited.",
+            show_default=False,
+        ),
+    ] = None,
+    pulses: Annotated[
+        str | None,
+        typer.Option(
+            "--pulses-per-deg",
+            help="With -o, of a pendant that shows pulses: how many for a degree of each joint, negative"
+            " where they fall: P1,P2,….",
+            metavar="PULSES",
+            show_default=False,
+        ),
     ] = None,
     vendor: Annotated[
         str | None, typer.Option(help="New: who makes the arm, as in robot files.", show_default=False)
@@ -100,8 +116,9 @@ def robot(
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
-    its file from rows or a data sheet, asking for what no option states."""
+    its file from rows or a data sheet, asking for what no option states; with -o copy the file of another."""
     from ..experiments.arm_shown import arm_json, typed_arm
+    from ..experiments.new_robot import copy_robot, typed_vendor
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.terminal.arm import print_arm, print_robots
@@ -118,12 +135,21 @@ def robot(
         )
     if name == "new":
         if file is None or vendor is None:
-            raise BadInput("a new robot has a file and a maker", allowed="-o FILE.yaml and --vendor MAKER")
-        read = _write_new(file, vendor, row or [], convention, below, sheet, ranges or [])
+            raise BadInput(
+                "a new robot has a file and a maker",
+                allowed="-o FILE.yaml and --vendor MAKER",
+                remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
+            )
+        read = _write_new(file, typed_vendor(vendor), row or [], convention, below, sheet, ranges or [])
         joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)
         if picture is None:
             picture = file.with_suffix(".html")
+    elif file is not None:
+        copy_robot(name, file, pulses)
+        name = str(file)
+    elif pulses is not None:
+        raise BadInput("--pulses-per-deg is written into a robot file", remedy="name the file: -o mine.yaml")
     if (base is None) != (tip is None):
         raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
