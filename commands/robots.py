@@ -11,6 +11,8 @@ from ..model.errors import BadInput
 from .console import EXIT_STATUS, out, print_json, print_picture
 from .options import J3Origin, Json
 
+PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
+
 
 def robot(
     name: Annotated[
@@ -49,7 +51,7 @@ def robot(
         ),
     ] = None,
     angles: Annotated[
-        Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"] | None,
+        PoseAngles | None,
         typer.Option(help="Form of the angles of --pose, if not the maker's.", show_default=False),
     ] = None,
     base: Annotated[
@@ -140,7 +142,9 @@ def robot(
                 allowed="-o FILE.yaml and --vendor MAKER",
                 remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
             )
-        read = _write_new(file, typed_vendor(vendor), row or [], convention, below, sheet, ranges or [])
+        read = _write_new(
+            file, typed_vendor(vendor), row or [], convention, below, sheet, ranges or [], angles
+        )
         joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)
         if picture is None:
@@ -175,11 +179,14 @@ def _write_new(
     below: float,
     sheet: str | None,
     ranges: list[str],
+    angles: PoseAngles | None,
 ) -> tuple[list[str], list[str]]:
     """The robot file of options, or of questions where these state neither rows nor a sheet; then the joint
     values and poses of two postures, if a person states them."""
+    from ..experiments.arm_shown import typed_arm
     from ..experiments.new_robot import (
         RobotEntries,
+        answer_to,
         asked_entries,
         content_of,
         typed_lengths,
@@ -198,13 +205,22 @@ def _write_new(
         return str(typer.prompt(question, err=True))
 
     write_robot(file, content_of(asked_entries(file.stem, vendor, ask)))
+
+    def typed_joints(text: str) -> str:
+        if text != "none":
+            typed_arm(str(file), [text], units=None, j3=None)
+        return text
+
+    def typed_pose(text: str) -> str:
+        typed_arm(str(file), joints[-1:], units=None, j3=None, poses=[text], angles=angles)
+        return text
+
     joints, poses = [], []
     for number in (1, 2):
-        text = str(
-            typer.prompt(f"Joint values at posture {number} (none: no check)", default="none", err=True)
-        )
+        question = f"Joint values at posture {number} (none: no check)"
+        text = answer_to(lambda put: str(typer.prompt(put, default="none", err=True)), question, typed_joints)
         if text == "none":
             break
         joints.append(text)
-        poses.append(ask("The pose that the pendant shows there"))
+        poses.append(answer_to(ask, "The pose that the pendant shows there", typed_pose))
     return joints, poses

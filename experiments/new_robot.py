@@ -37,6 +37,7 @@ LIKE: Mapping[str, str] = {
     "yaskawa": "gp7",
 }
 _VENDORS: tuple[str, ...] = get_args(Vendor)
+_ATTEMPTS = 5  # at an answer
 _Value = TypeVar("_Value")
 _ROW = ("a_mm", "alpha_deg", "d_mm", "theta_deg", "lower_deg", "upper_deg", "speed_deg_s")
 
@@ -232,20 +233,20 @@ def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEnt
     else rows. `ask` puts a question and gives the answer; one that is not understood is asked for again."""
     if vendor in LIKE:
         values = {
-            key: _answer(ask, f"{key} ({words}), mm", lambda text: _numbers(text, range(1, 2), "length")[0])
+            key: answer_to(ask, f"{key} ({words}), mm", lambda text: _numbers(text, range(1, 2), "length")[0])
             for key, words in LENGTHS.items()
         }
         ranges = [
-            _answer(ask, f"Joint {i}: lower upper [speed], degrees", _checked_range) for i in range(1, 7)
+            answer_to(ask, f"Joint {i}: lower upper [speed], degrees", _checked_range) for i in range(1, 7)
         ]
         return RobotEntries(name, vendor, lengths=values, ranges=ranges)
-    count = int(_answer(ask, "Number of joints", lambda text: _numbers(text, range(1, 2), "number")[0]))
+    count = int(answer_to(ask, "Number of joints", lambda text: _numbers(text, range(1, 2), "number")[0]))
     rows = [
-        _answer(ask, f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees", _checked_row)
+        answer_to(ask, f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees", _checked_row)
         for i in range(1, count + 1)
     ]
-    convention = _answer(ask, "Convention of the rows: standard or modified", _typed_convention)
-    below = _answer(
+    convention = answer_to(ask, "Convention of the rows: standard or modified", _typed_convention)
+    below = answer_to(
         ask,
         "How far the mounting face is below the base frame, mm",
         lambda text: _numbers(text, range(1, 2), "number")[0],
@@ -253,16 +254,21 @@ def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEnt
     return RobotEntries(name, vendor, rows, convention, below_base=below)
 
 
-def _answer(ask: Callable[[str], str], question: str, read: Callable[[str], _Value]) -> _Value:
-    """The answer as it is read; the question again, behind the reason, where it cannot be read."""
+def answer_to(ask: Callable[[str], str], question: str, read: Callable[[str], _Value]) -> _Value:
+    """The answer as it is read; the question again, behind the reason, where it cannot be read.
+
+    BadInput of the last answer where none of several can be."""
     put = question
-    while True:
+    for attempt in range(_ATTEMPTS):
         try:
             return read(ask(put))
         except BadInput as error:
+            if attempt == _ATTEMPTS - 1:
+                raise
             typed = "" if error.found is None else f" ({error.found})"
             allowed = "" if error.allowed is None else f"; allowed: {error.allowed}"
             put = f"{error.what}{typed}{allowed}\n{question}"
+    raise AssertionError
 
 
 def _checked_row(text: str) -> str:

@@ -183,7 +183,14 @@ def test_a_new_robot_by_questions_is_written_drawn_and_checked(
     lengths = ["450", "155", "0", "641", "200", "640", "100"]  # the upper arm is 27 mm too long
     options = with_poses("gp12")
     joints_and_poses = options[1::2]
-    answers = [*lengths, *["-170 170 200"] * 6, *joints_and_poses]
+    answers = [
+        *lengths,
+        *["-170 170 200"] * 6,
+        "1 2 3",
+        joints_and_poses[0],
+        "1, 2, 3",
+        *joints_and_poses[1:],
+    ]
     monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
     answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
     assert answer.status == 1, answer.err
