@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .face.compared import ComparedRuns, compare
     from .face.pictures import Figure, SceneView
     from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan
+    from .face.profiles import Contour, Profile
     from .face.simulated import simulate
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
     from .model.files.arguments import Laser, Noise, Probe
@@ -33,6 +34,7 @@ __all__ = [
     "Check",
     "CheckedPlan",
     "ComparedRuns",
+    "Contour",
     "Covariance",
     "Draws",
     "Figure",
@@ -42,6 +44,7 @@ __all__ = [
     "OptimalPlan",
     "Plan",
     "Probe",
+    "Profile",
     "Result",
     "RigFault",
     "Robot",
@@ -67,6 +70,7 @@ _HOME = {
     "Check": "analysis.observability.check",
     "CheckedPlan": "face.planned",
     "ComparedRuns": "face.compared",
+    "Contour": "face.profiles",
     "Covariance": "analysis.covariance",
     "Draws": "analysis.posterior.posterior",
     "Figure": "face.pictures",
@@ -76,6 +80,7 @@ _HOME = {
     "OptimalPlan": "face.planned",
     "Plan": "model.files.plan",
     "Probe": "model.files.arguments",
+    "Profile": "face.profiles",
     "Result": "analysis.answer.result",
     "RigFault": "model.errors",
     "Robot": "model.kinematics.robot",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -27,15 +28,24 @@ class NamedRow(Protocol):
 Row = TypeVar("Row", bound=NamedRow)
 
 
+def parameter_name(name: str) -> str:
+    """The name of a parameter, of which pendants say J2: delta2.
+
+    >>> parameter_name("J2"), parameter_name("psd.x")
+    ('delta2', 'psd.x')
+    """
+    return re.sub(r"^J(?=\d+$)", "delta", str(name))
+
+
 class Rows(tuple[Row, ...]):
     """Rows with names, in their order."""
 
     __slots__ = ()
 
     def named(self, name: str) -> Row:
-        """The row of this name; BadInput where there is none."""
+        """The row of this name, of an offset also its joint's ("J2"); BadInput where there is none."""
         for row in self:
-            if row.name == name:
+            if row.name == parameter_name(name):
                 return row
         names = [row.name for row in self]
         raise BadInput(
@@ -81,8 +91,8 @@ class Covariance:
     >>> covariance = zb.Covariance(("delta2", "delta3"), ("deg", "deg"), both, np.array([[4, 1], [1, 9.0]]))
     >>> covariance["delta2", "delta3"], covariance.std.tolist()
     (1.0, [2.0, 3.0])
-    >>> covariance.correlation.round(3).tolist()
-    [[1.0, 0.167], [0.167, 1.0]]
+    >>> covariance.correlation.loc["delta2", "delta3"].round(3)
+    np.float64(0.167)
     >>> covariance["delta2", "delta4"]
     Traceback (most recent call last):
     zerobeam.model.errors.BadInput: the covariance has no row for this parameter: ...
@@ -118,7 +128,7 @@ class Covariance:
         """The covariance of some of the parameters, in the order asked for."""
         at = [self._at(name) for name in names]
         return Covariance(
-            tuple(names),
+            tuple(self.names[i] for i in at),
             tuple(self.units[i] for i in at),
             tuple(self.status[i] for i in at),
             self.matrix[np.ix_(at, at)],
@@ -130,17 +140,18 @@ class Covariance:
         return np.sqrt(np.diag(self.matrix))
 
     @property
-    def correlation(self) -> Matrix:
-        """(m, m)."""
-        return np.asarray(self.matrix / np.outer(self.std, self.std))
+    def correlation(self) -> pd.DataFrame:
+        """(m, m) correlation coefficients, labelled by name on both sides; BadInput without pandas."""
+        labels = list(self.names)
+        return frame(self.matrix / np.outer(self.std, self.std), index=labels, columns=labels)
 
     def to_frame(self) -> pd.DataFrame:
         """A pandas DataFrame labelled by name on both sides; BadInput without pandas."""
         return frame(self.matrix, index=list(self.names), columns=list(self.names))
 
     def _at(self, name: str) -> int:
-        if name in self.names:
-            return self.names.index(name)
+        if parameter_name(name) in self.names:
+            return self.names.index(parameter_name(name))
         raise BadInput(
             "the covariance has no row for this parameter: the data do not determine it, or it is held",
             found=name,

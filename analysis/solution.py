@@ -29,7 +29,7 @@ from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from .covariance import Covariance, Rows, frame
 from .displacement import Displacement, displacement
-from .estimation.effective_dof import effective_dof, noise_dof, student_95
+from .estimation.effective_dof import effective_dof, noise_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
@@ -67,7 +67,8 @@ class ParameterResult:
     `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
     eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
     part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
-    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool.
+    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the effective
+    degrees of freedom of `std`, infinite of known noise.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
@@ -86,6 +87,7 @@ class ParameterResult:
     cause: Cause | None
     tolerance_share: float | None = None
     tolerated: bool = False
+    dof: float = math.inf
 
     def __post_init__(self) -> None:
         if self.held != (self.status == "held"):
@@ -113,6 +115,31 @@ class ParameterResult:
     def u(self) -> float | None:
         """The standard uncertainty (GUM), another name for `std`."""
         return self.std
+
+    def interval(self, level: float = 0.95) -> tuple[float, float] | None:
+        """The central interval that holds `level` of the probability, such as 0.68, by the curvature.
+
+        None where the data do not determine the parameter. BadInput unless 0 < level < 1.
+        """
+        require_level(level)
+        if self.estimate is None or self.std is None:
+            return None
+        half = float(student_half_width(np.array(self.dof), level)) * self.std
+        if self.group == "noise":  # log-normal
+            factor = math.exp(half / self.estimate)
+            return self.estimate / factor, self.estimate * factor
+        return self.estimate - half, self.estimate + half
+
+
+def require_level(level: float) -> None:
+    """BadInput where `level` is no probability between 0 and 1."""
+    if not 0 < level < 1:
+        raise BadInput(
+            "this is no level of an interval",
+            found=repr(level),
+            allowed="a probability between 0 and 1, such as 0.68 or 0.95",
+            argument="level",
+        )
 
 
 class ParameterTable(Rows[ParameterResult]):
@@ -320,8 +347,13 @@ class Solution:
     def quantiles(self) -> Matrix:
         """(p,) half widths of the 95 % intervals in stds: Student's t by the effective degrees of freedom
         where the noise is estimated; nan where held."""
+        return np.where(np.isnan(self._dof), np.nan, student_half_width(self._dof))
+
+    @cached_property
+    def _dof(self) -> Matrix:
+        """(p,) effective degrees of freedom of the stds; nan where held."""
         result = np.full(len(self.problem.parameters), np.nan)
-        result[self.problem.parameters.free] = student_95(effective_dof(self.fit))
+        result[self.problem.parameters.free] = effective_dof(self.fit)
         return result
 
     @cached_property
@@ -400,7 +432,7 @@ class Solution:
             self.fit.covariance[np.ix_(at, at)] * np.outer(scale, scale),
         )
 
-    def interval(self, i: int) -> tuple[float, float]:
+    def _interval95(self, i: int) -> tuple[float, float]:
         """The 95 % interval of the parameter at place `i`, by the curvature at the mode."""
         item, value = self.problem.parameters.items[i], float(self.fit.x[i])
         half = float(self.quantiles[i] * self.std[i])
@@ -421,12 +453,13 @@ class Solution:
             estimate=item.shown(value) if determined or item.held else None,
             std=item.shown_std(value, float(self.std[i])) if determined else None,
             data_std=data_std if np.isfinite(data_std) else None,
-            interval95=self.interval(i) if determined else None,
+            interval95=self._interval95(i) if determined else None,
             prior_std=item.shown_prior[1],
             midpoint=None,
             cause=cause if self.converged or item.held else Unconverged(),
             tolerance_share=by_tolerances,
             tolerated=item.tolerated,
+            dof=float(self._dof[i]) if determined else math.inf,
         )
 
     @property

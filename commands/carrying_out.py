@@ -9,19 +9,21 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
-from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
+from ..experiments.rigs.manual.lines import Lines, TypedLines, WatchedLines
 from ..interruption import answered
-from ..model.errors import BadInput
+from ..model.errors import BadInput, RigFault
 from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, say
 from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
-    from ..experiments.recording import Controller
+    from ..experiments.recording import Answers, Controller
+    from ..experiments.recording import RigName as RigKind
     from ..experiments.rigs.abb.access import Caution, ControllerAccess
+    from ..experiments.sensors.text_lines import InstrumentLines
     from ..model.files.plan import Plan
 
 
@@ -34,10 +36,26 @@ class RigName(StrEnum):
     MANUAL = "manual"
 
 
+def _rig_name(text: str) -> str:
+    """A rig's name, or the address of a controller whose joints are read."""
+    if "://" not in text and text not in set(RigName):
+        raise typer.BadParameter(f"{text!r} is neither {', '.join(RigName)} nor an address as ur://HOST")
+    return text
+
+
 def run(
     plan: PlanFile,
     file: NewRunFile,
-    rig: Annotated[RigName, typer.Option(help="What carries the plan out.")] = RigName.SIMULATED,
+    rig: Annotated[
+        str,
+        typer.Option(
+            parser=_rig_name,
+            metavar="RIG",
+            help="What carries the plan out: simulated, replay, abb, manual; or a controller whose joints are"
+            " read while its own program or a person moves the arm: SCHEME://HOST[:PORT] (ur, kuka, fanuc,"
+            " yaskawa, ros).",
+        ),
+    ] = RigName.SIMULATED.value,
     cell: Annotated[
         Path | None, typer.Option(help="Cell file (.yaml) of the simulated rig.", show_default=False)
     ] = None,
@@ -78,7 +96,11 @@ def run(
     ] = 6520,
     sensors: Annotated[
         Path | None,
-        typer.Option(help="ABB: sensors file; else those of the simulated controller.", show_default=False),
+        typer.Option(
+            help="Sensors file. ABB: else those of the simulated controller. By hand or live: an instrument"
+            " that sends lines. Live with a laser: the PSD, which confirms a posture by a centred beam.",
+            show_default=False,
+        ),
     ] = None,
     user: Annotated[
         str | None, typer.Option(help="ABB: user, else ZEROBEAM_ABB_USER.", show_default=False)
@@ -136,15 +158,19 @@ def run(
     from ..experiments.plans.constraints import require_constraints
     from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
     from ..experiments.recording import Answers, RunRequest, record
+    from ..experiments.rigs.live.centred import CentredLines
     from ..model.files.plan import read_plan
     from ..reports.terminal.answers import print_carried
     from ..reports.terminal.live import led_view, live_view
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
-    if sensors is not None and rig is not RigName.ABB:
-        raise BadInput("--sensors is for the ABB rig", remedy="add --rig abb, or leave it out")
-    if watch is not None and rig is not RigName.MANUAL:
+    live = "://" in rig
+    if sensors is not None and not live and rig not in (RigName.ABB, RigName.MANUAL):
+        raise BadInput(
+            "--sensors is for real sensors", remedy="add --rig abb, manual or a controller's address"
+        )
+    if watch is not None and rig != RigName.MANUAL:
         raise BadInput("--watch is for the manual rig", remedy="add --rig manual, or leave it out")
     if force and resume:
         raise BadInput("--force and --resume contradict each other", remedy="state one of the two")
@@ -152,9 +178,12 @@ def run(
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
         view: Callable[[RunEvent], None] = led_view(err)
+        answers: Answers | None = None
 
         def report(event: RunEvent) -> None:
             view(event)
+            if answers is not None and isinstance(answers.lines, CentredLines):
+                answers.lines.hear(event)
             if json_lines:
                 try:
                     sys.stdout.write(json_text(event_json(event)) + "\n")
@@ -170,19 +199,22 @@ def run(
             return typer.confirm(text, err=True)
 
         controller: Controller | None = None
-        if rig is RigName.ABB:
+        if rig == RigName.ABB:
             # Plan, access, caution, then sensors: errors are reported before a port is opened.
             require_constraints(planned)
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, confirm)
             controller = _controller(opened, planned, access, sensors, sensor_port, caution)
-        answers: Answers | None = None
-        if rig is RigName.MANUAL:
+        if rig == RigName.MANUAL:
             # Of a terminal, and of the app, which asks for the scene, a person reads the questions.
             follows = not (sys.stdin.isatty() or scene)
             lines = TypedLines(sys.stdin, follows=follows) if watch is None else WatchedLines(watch)
-            answers = Answers(lines, units, j3)
+            instrument, about = _instrument(opened, planned, sensors)
+            answers = Answers(lines, units, j3, None, instrument, about)
+        elif live:
+            require_constraints(planned)
+            answers = _live_answers(opened, planned, rig, j3, sensors)
         request = RunRequest(
-            rig=rig.value,
+            rig="live" if live else cast("RigKind", rig),
             seed=seed,
             cell=cell,
             camera=camera,
@@ -211,6 +243,63 @@ def run(
         print_carried(out, answer)
         say(f"Run: {file}")
     raise typer.Exit(1 if answer.missing else EXIT_STATUS[answer.verdict])
+
+
+def _live_answers(
+    opened: ExitStack, plan: Plan, address: str, j3: J3Origin | None, sensors: Path | None
+) -> Answers:
+    """The joints of the controller at an address, taken where a line or the PSD confirms them: closed with
+    `opened`."""
+    from ..experiments.recording import Answers
+    from ..experiments.rigs.live.address import open_joints
+    from ..experiments.rigs.live.centred import CentredLines, currents_of
+    from ..experiments.sensors.attached import read_sensors
+    from ..model.kinematics.pendant import pendant_of
+
+    lines: Lines = TypedLines(sys.stdin, follows=not sys.stdin.isatty())
+    about: dict[str, str] = {}
+    instrument = None
+    if sensors is not None and plan.header.only_beam:
+        if len(plan.target_names) > 1:
+            raise BadInput(
+                "which PSD confirms a posture is not clear",
+                found=", ".join(plan.target_names),
+                allowed="a plan with one target",
+                remedy="leave --sensors out, and confirm each posture by Enter",
+            )
+        attached = read_sensors(sensors, plan)
+        opened.callback(attached.close)
+        (target,) = plan.target_names
+        say("Switch the laser off, and press Enter: the ambient light is measured.", to=err)
+        lines.following()
+        dark = currents_of(attached, target)
+        if dark is None:
+            raise RigFault("most samples of the PSD do not arrive")
+        say(
+            "Switch the laser on. A posture is recorded where the beam rests on the centre of the PSD.",
+            to=err,
+        )
+        lines, about = CentredLines(attached, target, dark.mean(axis=0)), attached.provenance()
+    else:
+        instrument, about = _instrument(opened, plan, sensors)
+    joints = open_joints(address, pendant_of(plan.robot, j3))
+    opened.callback(joints.close)
+    scheme = address.partition("://")[0]
+    about = {"controller": f"{scheme} {joints.identity}".rstrip(), **about}
+    return Answers(lines, None, j3, joints, instrument, about)
+
+
+def _instrument(
+    opened: ExitStack, plan: Plan, sensors: Path | None
+) -> tuple[InstrumentLines | None, dict[str, str]]:
+    """The instrument of a plan that sends lines, if a file says so, and the provenance of its readings."""
+    from ..experiments.sensors.attached import open_instrument
+
+    if sensors is None:
+        return None, {}
+    instrument, about = open_instrument(sensors, plan)
+    opened.callback(instrument.close)
+    return instrument, about
 
 
 def controller(

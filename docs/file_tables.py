@@ -15,7 +15,10 @@ from typing import Any, NamedTuple
 
 from zerobeam.experiments.schema import FILE_SCHEMAS, json_schema
 
-PAGES = [Path(__file__).parent / name for name in ("files.md", "compare.md", "how-to/plant.md")]
+PAGES = [
+    Path(__file__).parent / name
+    for name in ("files.md", "files-cell.md", "files-studies.md", "compare.md", "how-to/plant.md")
+]
 _MARK = re.compile(r"(<!-- keys (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 

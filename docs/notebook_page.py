@@ -28,7 +28,7 @@ def cells(text: str) -> Iterator[tuple[bool, str]]:
 
 def page(path: Path) -> str:
     """The notebook as Markdown, carried out in the present folder."""
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"__name__": "__main__"}
     parts = []
     for is_text, body in cells(path.read_text(encoding="utf-8")):
         parts.append(body if is_text else f"```python\n{body}\n```")
@@ -43,9 +43,10 @@ def shown(code: str, names: dict[str, Any]) -> Iterator[str]:
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     value, printed = None, io.StringIO()
     with contextlib.redirect_stdout(printed):
-        exec(compile(tree, "notebook", "exec"), names)
+        # The cells have their own imports from __future__, not those of this file.
+        exec(compile(tree, "notebook", "exec", dont_inherit=True), names)
         if isinstance(last, ast.Expr):
-            value = eval(compile(ast.Expression(last.value), "notebook", "eval"), names)
+            value = eval(compile(ast.Expression(last.value), "notebook", "eval", dont_inherit=True), names)
     if printed.getvalue():
         yield f"```text\n{printed.getvalue().rstrip()}\n```"
     if hasattr(value, "_repr_html_"):

@@ -29,12 +29,14 @@ from .procedure.order import Adaptive, InTurn, Order, WithClosing
 from .procedure.session import Procedure, ProcedureResult, recorded_event, state_of
 from .rigs.abb.access import Caution, ControllerAccess
 from .rigs.abb.driver import AbbRig
+from .rigs.live.at_rest import JointsAtRest
 from .rigs.manual.lines import Lines
 from .rigs.manual.session import Manual
 from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import CellFile, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
+from .sensors.text_lines import InstrumentLines
 from .simulate import Truth, simulated_shots
 from .verification import offsets_to_enter
 
@@ -92,7 +94,8 @@ def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm
     return CorrectedArm(path.name, run.sha256, values)
 
 
-RigName = Literal["simulated", "replay", "abb", "manual"]
+RigName = Literal["simulated", "replay", "abb", "manual", "live"]
+_LED = ("manual", "live")  # rigs that a person, or another program, moves
 
 
 @dataclass(frozen=True)
@@ -108,11 +111,15 @@ class Controller:
 @dataclass(frozen=True)
 class Answers:
     """Where the lines of a run by hand come from, the unit of their values and what joint 3 is counted from:
-    None is as the robot file states."""
+    None is as the robot file states. `arm` has the joints of a live run, `instrument` what is read there, and
+    `about` what the provenance says of them."""
 
     lines: Lines
     units: PendantUnit | None = None
     j3: J3 | None = None
+    arm: JointsAtRest | None = None
+    instrument: InstrumentLines | None = None
+    about: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -145,21 +152,21 @@ _Way = tuple[Provenance, Callable[[RunJournal], ProcedureResult], Adaptive | Non
 
 
 def record(plan: Plan, file: Path, request: RunRequest, listener: Listener) -> Ended:
-    """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
+    """Carry the plan out into the run file `file`; the answer is the last event (docs/files-cell.md).
 
     A plan that breaks its constraints moves no robot: it can be rehearsed, with a note.
 
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
-    if request.rig not in ("manual", "simulated"):
+    if request.rig not in (*_LED, "simulated"):
         plan.header.require_tool()
     if request.rig != "simulated":
         _refuse({"--arm": request.arm}, "is for the simulated rig")
-    if request.rig in ("abb", "manual"):
+    if request.rig == "abb" or request.rig in _LED:
         require_constraints(plan)
     led = _by_rig if plan.header.only_beam else _rehearsed_by_hand
-    way = _by_hand if request.rig == "manual" else led
+    way = _by_hand if request.rig in _LED else led
     about, measure, adaptive = way(plan, request, listener)
     header = _header(plan, file, about)
     with _journal(plan, file, header, request) as journal:
@@ -194,6 +201,8 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     answers = request.answers
     if answers is None:
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
+    if answers.instrument is not None:
+        _require_one_reading(plan)
     if not plan.header.only_beam:
         _refuse({"--adaptive": request.tolerance}, _for_a_beam(plan))
     if not plan.header.only_tools and request.closing:
@@ -204,9 +213,33 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
     order, adaptive = _order(plan, request)
 
     def measure(journal: RunJournal) -> ProcedureResult:
-        return Manual(plan, journal, order, listener, lines, pendant, units, request.scene).carry_out()
+        return Manual(
+            plan,
+            journal,
+            order,
+            listener,
+            lines,
+            pendant,
+            units,
+            request.scene,
+            answers.arm,
+            answers.instrument,
+        ).carry_out()
 
-    return {"origin": "by hand", "plan sha256": plan.sha256}, measure, adaptive
+    origin = "by hand" if answers.arm is None else "joints read from the controller"
+    return {"origin": origin, "plan sha256": plan.sha256, **answers.about}, measure, adaptive
+
+
+def _require_one_reading(plan: Plan) -> None:
+    """BadInput for a plan of which an instrument's lines would not say what they are of."""
+    postures = [means.posture for means in plan.means if means.posture is not None]
+    if len(plan.header.kinds) > 1 or len(set(postures)) < len(postures):
+        raise BadInput(
+            "lines of an instrument are read for one instrument, once at each posture",
+            found=", ".join(f"{label}: {kind.name}" for label, kind in plan.header.kinds.items()),
+            remedy="leave --sensors out, and type what the instruments read",
+            file=plan.path,
+        )
 
 
 def _for_tools(plan: Plan) -> str:
@@ -332,7 +365,7 @@ def _journal(plan: Plan, file: Path, header: Header, request: RunRequest) -> Run
         return RunJournal(file, header)
     message = "the recording has a measurement that is not of this plan"
     remedy = "remove its line, or start without --resume under another name"
-    by_hand = request.rig == "manual"  # a person may have said that another posture is meant
+    by_hand = request.rig in _LED  # a person may have said that another posture is meant
     return RunJournal.resumed(
         file, header, lambda run: require_planned(plan, run, message, remedy, anywhere=by_hand)
     )

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import tempfile
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
 from ..analysis.estimation.robust import Loss
-from ..analysis.solution import ParameterTable
 from ..model.arrays import Progress
-from ..model.errors import BadInput, missing_extra
+from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.html import card, text
-from ..reports.output.posterior_file import write_posterior
-from ..reports.run.parameters import offsets_picture, offsets_table
-from ..reports.run.posterior_summary import posterior_picture
+from ..reports.run.parameters import draw_offsets, offsets_picture, offsets_table, parameter_table
+from ..reports.run.posterior_summary import draw_posterior, posterior_picture
 from ..reports.run.report import ReportPaths, write_report
-from ..reports.run.residuals import residuals_picture
+from ..reports.run.residuals import draw_residuals, residuals_picture
 from ..reports.run.run_scene import run_turnable
 from ..reports.style.blocks import Page, Verdict
 from ..words.findings import likelihood_message, posterior_message
@@ -32,9 +31,18 @@ from ..words.wording import clipped, counted
 from .arguments import require_choice, require_kind, require_number
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView
+from .posterior_dataset import posterior_dataset
+from .predicted import predicted_positions
+from .profiles import Contour, Profile
+from .progress import shown_progress
+from .refit import refit_run
+from .tables import ShownParameters, data_frame, residual_frame
 
 if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
     import xarray as xr
+    from matplotlib.axes import Axes
 
 
 class UnconvergedPosterior(UserWarning):
@@ -45,8 +53,9 @@ class UnconvergedPosterior(UserWarning):
 class Analysed(Analysis):
     """The answer to a recorded run, as `zerobeam.analyse` gives it; it is a `Solution`.
 
-    `sol["delta2"]` is a row with `.estimate`, `.u` (standard uncertainty), `.interval95`, `.status` and
-    `.unit`; all but the last two are None where the data do not determine the parameter.
+    `sol["J2"]` or `sol["delta2"]` is a row with `.estimate`, `.u` (standard uncertainty), `.interval(0.68)`,
+    `.status` and `.unit`. All but the last two are None where the data do not determine the parameter.
+    Solutions can be pickled and copied. They are equal if the runs, the options and the numbers are.
 
     Attributes
     ----------
@@ -54,17 +63,20 @@ class Analysed(Analysis):
         "pass", "weak" or "degenerate", over all offsets; "misfit" where the model does not describe the
         measurements: all numbers are then `unvalidated`, and `misfit` says why.
     parameters, offsets : ParameterTable
-        Rows in their order: all parameters, the joint offsets alone. Offsets are in degrees (mm for prismatic
-        joints) and of the arm: true position = recorded position + offset. `.to_frame()` makes a pandas
-        DataFrame.
+        Rows in their order: all parameters, the joint offsets alone. Each shows itself as a table. Offsets
+        are in degrees (mm for prismatic joints) and of the arm: true position = recorded position + offset.
+        `.to_frame()` makes a pandas DataFrame.
     enter : dict
         Values to enter into a controller with nominal geometry, degrees (mm) by offset; empty where nothing
         may be entered.
     covariance : Covariance
         `.matrix` (m, m) of the m parameters that the data determine, `.names` and `.units` (m,);
-        `covariance["delta2", "delta3"]` is one element. It has no row for anything else.
-    posterior : xarray.DataTree
-        The draws, with group `posterior`: the content of `posterior.nc`.
+        `covariance["J2", "J3"]` is one element, `covariance.correlation` a DataFrame of the correlations. It
+        has no row for anything else.
+    data, residuals : pandas.DataFrame
+        What was recorded and what the fit leaves, a row for each measurement.
+    posterior : xarray.Dataset
+        The draws of what the data determine, as ArviZ takes them.
     plot : Plots
         Figures that show themselves in a notebook.
     run : Run
@@ -72,7 +84,7 @@ class Analysed(Analysis):
     result : Result
         Everything that a report says, as data.
     draws : Draws or None
-        The same draws as an array.
+        All draws, as an array.
 
     Examples
     --------
@@ -81,16 +93,42 @@ class Analysed(Analysis):
     >>> x_pattern = zb.analyse(zb.read_run(demo_runs()[1].path), ess=100)
     >>> x_pattern.verdict
     'degenerate'
-    >>> x_pattern["delta2"].status, x_pattern["delta2"].estimate, x_pattern["delta2"].u
+    >>> x_pattern["J2"].status, x_pattern["J2"].estimate, x_pattern["J2"].interval(0.68)
     ('unidentifiable', None, None)
     >>> "delta2" in x_pattern.covariance.names
     False
+    >>> x_pattern.profile("J2")
+    Traceback (most recent call last):
+    zerobeam.model.errors.BadInput: there is no profile of delta2
+    ...
     """
 
     @cached_property
-    def parameters(self) -> ParameterTable:
+    def parameters(self) -> ShownParameters:
         """A row for each parameter, in their order, with the paper's midpoint estimate where there is one."""
-        return self.result.parameters
+        rows = self.result.parameters
+        k = self.result.coverage_factor
+        return ShownParameters(rows).with_table(parameter_table("Parameters", rows, k, f"U (k = {k:.3g})"))
+
+    @cached_property
+    def offsets(self) -> ShownParameters:
+        """The rows of the joint offsets."""
+        rows = (row for row in self.result.parameters if row.group == "offset")
+        return ShownParameters(rows).with_table(offsets_table(self.result))
+
+    @property
+    def data(self) -> pd.DataFrame:
+        """What was recorded: a row for each measurement, by its number. BadInput without pandas."""
+        return data_frame(self.run)
+
+    @property
+    def residuals(self) -> pd.DataFrame:
+        """What the fit leaves: a row for each measurement, by its number. BadInput without pandas.
+
+        `residual_mm_1`, … are the components, `length_mm` their length and `normalised` the length in its own
+        standard deviations. `leave_one_out_mm` is the residual under the fit to all others.
+        """
+        return residual_frame(self.result)
 
     @property
     def enter(self) -> dict[str, float]:
@@ -101,10 +139,12 @@ class Analysed(Analysis):
         return {} if values is None else dict(values.values)
 
     @property
-    def posterior(self) -> xr.DataTree:
-        """The draws of the posterior, `tree["posterior"]` with dimensions (chain, draw): as `posterior.nc`.
+    def posterior(self) -> xr.Dataset:
+        """The draws of what the data determine, with dimensions (chain, draw), as ArviZ takes them.
 
-        The attribute `source` of a variable is `data`, or `prior` where the data do not determine it.
+        `az.summary(solution.posterior)` and `az.plot_pair(solution.posterior)` work with ArviZ 0.23 and 1.x.
+        A chain is an ensemble of walkers, independent of the others. It has about as many draws as it is
+        worth; `draws` and `posterior.nc` have all of them. Units are in the attributes of each variable.
 
         Raises
         ------
@@ -116,25 +156,149 @@ class Analysed(Analysis):
         UnconvergedPosterior
             The draws may not be used.
         """
-        try:
-            import xarray as xr
-        except ImportError:
-            raise missing_extra("a posterior as a DataTree", "notebook", needed="xarray") from None
         if self.draws is None:
             raise BadInput(
                 "there are no draws of the posterior",
                 found=likelihood_message(self.result.likelihood) or posterior_message(self.result.posterior),
                 allowed="a fit that converged, with a parameter that is identifiable",
             )
+        dataset = posterior_dataset(self.result, self.draws)
         if not self.draws.converged:
             warnings.warn(posterior_message(self.result.posterior), UnconvergedPosterior, stacklevel=2)
-        with tempfile.TemporaryDirectory(prefix="zerobeam-") as folder:
-            file = Path(folder) / "posterior.nc"
-            write_posterior(file, self.result, self.draws)
-            group = xr.load_dataset(file, group="posterior", engine="h5netcdf")
-        tree = xr.DataTree(children={"posterior": xr.DataTree(group)})
-        tree.attrs.update(group.attrs)
-        return tree
+        return dataset
+
+    def profile(self, name: str, *, size: int = 31, width: float = 3.0) -> Profile:
+        """The profile of a parameter: how the posterior falls while all others are at their best.
+
+        Parameters
+        ----------
+        name
+            Of the parameter, such as "J2", "delta2" or "tool.tilt1".
+        size
+            Number of values.
+        width
+            How far from the mode, in standard uncertainties.
+
+        Returns
+        -------
+        Profile
+            Values and distances from the mode; `.deviation` from the normal, `.plot()`.
+
+        Raises
+        ------
+        BadInput
+            The data do not determine the parameter, or it is held or a target's coordinate.
+        """
+        require_number(size, 3, "size", whole=True)
+        require_number(width, 0.1, "width")
+        return Profile.of(self, name, size=int(size), width=float(width))
+
+    def contour(self, first: str, second: str, *, level: float = 0.95, size: int = 36) -> Contour:
+        """The region of two parameters that holds `level` of their joint probability, by the profile.
+
+        Parameters
+        ----------
+        first, second
+            Names of the parameters, as for `profile`.
+        level
+            The probability of the region, such as 0.68.
+        size
+            Number of points of its boundary.
+
+        Returns
+        -------
+        Contour
+            The boundary, and the ellipse of a normal posterior; `.deviation`, `.plot()`.
+
+        Raises
+        ------
+        BadInput
+            As `profile`.
+        """
+        require_number(size, 8, "size", whole=True)
+        return Contour.of(self, first, second, level=level, size=int(size))
+
+    def refit(
+        self,
+        *,
+        hold: Mapping[str, float] | None = None,
+        drop: Collection[int] = (),
+        ess: float = 1000.0,
+        progress: Progress | bool | None = None,
+    ) -> Analysed:
+        """The same run analysed with some parameters held, or without some measurements.
+
+        Parameters
+        ----------
+        hold
+            Values of parameters that are not estimated, {"delta6": 0}: the nominal ones. They are held
+            besides those that are held already.
+        drop
+            Numbers of measurements that are left out, as `data` has them.
+        ess, progress
+            As for `analyse`; the seed is that of this solution.
+
+        Returns
+        -------
+        Analysed
+            A new solution; this one is left as it is.
+
+        Raises
+        ------
+        BadInput
+            There is no such parameter or measurement, the value is not nominal, or too little is left.
+
+        Examples
+        --------
+        >>> import zerobeam as zb
+        >>> from zerobeam.experiments.demos import demo_runs
+        >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+        >>> held = sol.refit(hold={"J6": 0}, drop=[3], ess=100)
+        >>> held["J6"].status, len(held.data), len(sol.data)
+        ('held', 6, 7)
+        """
+        run = refit_run(self, self.run, hold or {}, drop)
+        return analyse(run, seed=self.result.inputs.seed, ess=ess, progress=progress)
+
+    def predict(
+        self,
+        joints: ArrayLike,
+        unit: Literal["deg", "rad"] | None = None,
+        *,
+        point_mm: Sequence[float] | None = None,
+    ) -> pd.DataFrame:
+        """Where the TCP is at recorded joint positions, by the estimated arm.
+
+        Parameters
+        ----------
+        joints
+            (N, n) or (n,) recorded positions; those of prismatic joints in mm.
+        unit
+            Of the revolute joints: "deg" or "rad". It is required: no unit is assumed.
+        point_mm
+            (3,) a point of the flange, in its frame; None: the tool's stated point.
+
+        Returns
+        -------
+        pandas.DataFrame
+            `x_mm`, `y_mm`, `z_mm` in the base frame of joint 1's own encoder, and their standard
+            uncertainties `u_x_mm`, …: those of the arm, without the noise of the readings. A row is nan where
+            the position depends on an offset that the data do not determine.
+
+        Raises
+        ------
+        BadInput
+            A misfit or a fit that did not converge predicts nothing; or an argument cannot be used.
+
+        Examples
+        --------
+        >>> import zerobeam as zb
+        >>> from zerobeam.experiments.demos import demo_runs
+        >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+        >>> sol.predict([10, -20, 30, 5, 40, 0], unit="deg").loc[0, ["x_mm", "u_x_mm"]].round(1).tolist()
+        [525.2, 1.0]
+        """
+        return predicted_positions(self, joints, unit, point_mm)
 
     @property
     def plot(self) -> Plots:
@@ -179,8 +343,21 @@ class Analysed(Analysis):
         return self.report(folder / "report").result.relative_to(folder).as_posix()
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `result.json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        """The content of `result.json` (docs/files-results.md) as plain dicts, lists, numbers and text."""
         return to_json(self.result)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Analysed):
+            return NotImplemented
+        return self is other or self._content() == other._content()
+
+    def __hash__(self) -> int:
+        return hash(self.run.sha256)
+
+    def _content(self) -> dict[str, object]:
+        """All but the time that it took."""
+        timeless = replace(self.result.posterior, seconds=0.0)
+        return to_json(replace(self.result, posterior=timeless))
 
     def __repr__(self) -> str:
         return text(self._page(), offsets_table(self.result))
@@ -202,36 +379,66 @@ class Analysed(Analysis):
 
 @dataclass(frozen=True)
 class Plots:
-    """The figures of an answer; each shows itself in a notebook and has `.save(path)`."""
+    """The figures of an answer.
+
+    Each draws on matplotlib axes of yours, `plot.residuals(ax=ax)`, and returns them. Without `ax` it gives a
+    `Figure`, which shows itself in a notebook and has `.savefig(path)`.
+    """
 
     solution: Analysed
 
-    def offsets(self) -> Figure:
-        """The offsets with their 95 % intervals, and how wide those are."""
-        return Figure(offsets_picture(self.solution.result))
+    @overload
+    def offsets(self, ax: Axes) -> Axes: ...
+    @overload
+    def offsets(self, ax: None = None) -> Figure: ...
+    def offsets(self, ax: Axes | None = None) -> Axes | Figure:
+        """The offsets with their expanded uncertainties; as a figure also how wide those are."""
+        if ax is None:
+            return Figure(offsets_picture(self.solution.result))
+        draw_offsets(ax, self.solution.result)
+        return ax
 
-    def residuals(self) -> Figure:
-        """The residual of each measurement, in mm and divided by its standard deviation."""
-        return Figure(residuals_picture(self.solution.result))
+    @overload
+    def residuals(self, ax: Axes) -> Axes: ...
+    @overload
+    def residuals(self, ax: None = None) -> Figure: ...
+    def residuals(self, ax: Axes | None = None) -> Axes | Figure:
+        """The residual of each measurement divided by its standard deviation; as a figure also in mm."""
+        if ax is None:
+            return Figure(residuals_picture(self.solution.result))
+        draw_residuals(ax, self.solution.result)
+        return ax
 
-    def posterior(self) -> Figure:
-        """Marginals and pairs of the offsets that the data determine.
+    @overload
+    def posterior(self, ax: NDArray[np.object_]) -> NDArray[np.object_]: ...
+    @overload
+    def posterior(self, ax: None = None) -> Figure: ...
+    def posterior(self, ax: NDArray[np.object_] | None = None) -> NDArray[np.object_] | Figure:
+        """Marginals and pairs of the offsets that the data determine, at most six.
+
+        Parameters
+        ----------
+        ax
+            (m, m) axes, one for each pair of the m offsets, as `subplots(m, m)` gives them.
 
         Raises
         ------
         BadInput
             There is nothing that may be drawn: the fit or the sampler did not converge, or the data determine
-            no offset.
+            no offset. Or `ax` has another shape.
         """
-        result = self.solution.result
-        picture = posterior_picture(result, self.solution.draws)
+        result, draws = self.solution.result, self.solution.draws
+        picture = posterior_picture(result, draws)
         if picture is None:
             raise BadInput(
                 "there is no posterior of an offset to draw",
                 found=posterior_message(result.posterior),
                 allowed="draws that converged, of an offset that the data determine",
             )
-        return Figure(picture)
+        if ax is None:
+            return Figure(picture)
+        draw_posterior(ax, result, draws)
+        return ax
 
     def scene(self) -> SceneView:
         """The arm at its measurements and the targets, in 3D.
@@ -255,7 +462,7 @@ def analyse(
     ess: float = 1000.0,
     robust: Loss | None = None,
     held_out: Sequence[str] | Run = (),
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Analysed:
     """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
 
@@ -274,7 +481,9 @@ def analyse(
         each taken whole, to see how it does there. Or another run of the same header: everything is estimated
         from `run`, and the other one is predicted (`result.hold_out`).
     progress
-        Called with the name of the present stage and its share, 0 to 1.
+        True shows a bar (of tqdm where it is installed, else a line for each stage), False shows nothing.
+        None shows it in a notebook only. Or a function, which is called with the name of the present stage
+        and its share, 0 to 1.
 
     Returns
     -------
@@ -303,4 +512,5 @@ def analyse(
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
-    return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
+    with shown_progress(progress) as report:
+        return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=report)

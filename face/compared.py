@@ -63,7 +63,7 @@ class ComparedRuns(Comparison):
         return write_comparison(folder, self)
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `compare.json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        """The content of `compare.json` (docs/compare.md) as plain dicts, lists, numbers and text."""
         return ComparisonDocument.of(self).to_json()
 
     def __repr__(self) -> str:

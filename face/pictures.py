@@ -6,6 +6,7 @@ import base64
 import html
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from ..model.errors import BadInput
 from ..model.files.whole_file import refuse_existing
@@ -52,21 +53,23 @@ class Figure:
     def svg(self) -> str:
         return self.picture.svg
 
-    def save(self, path: Path | str) -> Path:
-        """Write it to a new file, as its ending says: .svg, .pdf or .png (300 dots an inch).
+    def savefig(self, path: Path | str) -> Path:
+        """Write it as the file's ending says: .svg, .pdf or .png (300 dots an inch).
+
+        As with matplotlib, a file that is there is replaced.
 
         Raises
         ------
         BadInput
-            Another ending, or the file exists.
+            Another ending, or the file cannot be written.
         """
-        path = _new_file(path, (".svg", ".pdf", ".png"))
+        path = _file(path, (".svg", ".pdf", ".png"))
         form = path.suffix.lower()
         if form == ".svg":
             content = self.picture.svg.encode()
         else:
             content = picture_bytes(self.picture, "pdf" if form == ".pdf" else "png")
-        return _written(path, content)
+        return _written(path, content, "wb")
 
     def __repr__(self) -> str:
         return f"<Figure {self.picture.name}: {self.picture.title}>"
@@ -124,7 +127,9 @@ class SceneView:
         BadInput
             Another ending, or the file exists.
         """
-        return _written(_new_file(path, (".html",)), self.page.encode())
+        path = _file(path, (".html",))
+        refuse_existing(path)
+        return _written(path, self.page.encode(), "xb")
 
     def __repr__(self) -> str:
         return f"<SceneView of {clipped(self.name, 60)}>"
@@ -137,7 +142,7 @@ class SceneView:
         )
 
 
-def _new_file(path: Path | str, endings: tuple[str, ...]) -> Path:
+def _file(path: Path | str, endings: tuple[str, ...]) -> Path:
     path = Path(path)
     if path.suffix.lower() not in endings:
         raise BadInput(
@@ -146,13 +151,12 @@ def _new_file(path: Path | str, endings: tuple[str, ...]) -> Path:
             allowed=", ".join(endings),
             argument="path",
         )
-    refuse_existing(path)
     return path
 
 
-def _written(path: Path, content: bytes) -> Path:
+def _written(path: Path, content: bytes, mode: Literal["wb", "xb"]) -> Path:
     try:
-        with path.open("xb") as file:
+        with path.open(mode) as file:
             file.write(content)
     except OSError as error:
         raise BadInput("the file cannot be written", found=error.strerror or str(error), file=path) from error

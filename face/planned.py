@@ -32,6 +32,7 @@ from ..words.wording import clipped, counted, label, sentence
 from .arguments import require_choice, require_kind, require_number, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView
+from .tables import ShownPredictions
 
 _NO_NUMBER = "unidentifiable from these measurements"
 
@@ -71,9 +72,10 @@ class CheckedPlan(Check):
     """
 
     @property
-    def offsets(self) -> CheckedTable:
+    def offsets(self) -> ShownPredictions:
         """The rows of the joint offsets."""
-        return CheckedTable(row for row in self.parameters if row.group == "offset")
+        rows = (row for row in self.parameters if row.group == "offset")
+        return ShownPredictions(rows).with_table(_table(self))
 
     def __getitem__(self, name: str) -> CheckedParameter:
         return CheckedTable(self.parameters).named(name)
@@ -97,7 +99,7 @@ class CheckedPlan(Check):
         return app_of(self.aimed.plan, "plan", partial(write_plan_beside, self.aimed.plan))
 
     def to_json(self) -> dict[str, Any]:
-        """The answer of `zerobeam check --json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        """The answer of `zerobeam check --json` (docs/files-cell.md): plain dicts, lists, numbers, text."""
         return check_json(self)
 
     def __repr__(self) -> str:
@@ -195,6 +197,7 @@ def check(plan: Plan) -> CheckedPlan:
     ...     robot="irb1600",
     ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
     ...     postures=[[0, 10 * k, 20 - 5 * k, 0, 50 - 5 * k, 0] for k in range(5)],
+    ...     unit="deg",
     ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
     ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
     ... )
@@ -351,7 +354,8 @@ def _table(checked: CheckedPlan) -> Table:
     worth, of = worth_column(checked.geometry)
     columns = [("offset", "left"), ("predicted u", "right"), ("status", "left"), (worth, "right")]
     caption = "Standard uncertainties u that these measurements will give"
-    return table_of(caption, columns, [_row(row, of(row)) for row in checked.offsets])
+    offsets = [row for row in checked.parameters if row.group == "offset"]
+    return table_of(caption, columns, [_row(row, of(row)) for row in offsets])
 
 
 def _row(row: CheckedParameter, worth: str) -> Row:

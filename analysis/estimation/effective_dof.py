@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.arrays import NORMAL_95, Matrix
+from ...model.arrays import Matrix, normal_half_width
 from .fit import LikelihoodFit
 
 
@@ -68,11 +68,13 @@ def log_scales(fit: LikelihoodFit) -> Matrix:
     return np.asarray(fit.covariance[np.ix_(at, at)] * np.outer(std, std))
 
 
-def student_95(dof: Matrix) -> Matrix:
-    """Half widths of 95 % intervals, in standard uncertainties of so many degrees of freedom; a normal's of
-    infinitely many."""
-    finite = np.isfinite(dof)
-    return np.where(finite, scipy.special.stdtrit(np.where(finite, dof, 1.0), 0.975), NORMAL_95)
+def student_half_width(dof: Matrix, level: float = 0.95) -> Matrix:
+    """Half widths of central intervals that hold `level`, in standard uncertainties of so many degrees of
+    freedom; a normal's of infinitely many."""
+    finite, upper = np.isfinite(dof), (1 + level) / 2
+    return np.where(
+        finite, scipy.special.stdtrit(np.where(finite, dof, 1.0), upper), normal_half_width(level)
+    )
 
 
 def effective_dof(fit: LikelihoodFit) -> Matrix:

@@ -20,7 +20,7 @@ from .elements import Chain, Element, chain_of_robot, chain_of_rows
 from .poses import FORMS, Counting, PendantPose, agree, count_of, tolerance
 
 Kind = Literal[
-    "value", "swap", "convention", "metres", "radians", "order", "joint3", "sign", "exchange", "pose"
+    "value", "swap", "convention", "metres", "radians", "order", "joint3", "sign", "exchange", "pendant"
 ]
 _METRES = 1000.0
 _GRID = np.linspace(-math.pi, math.pi, 721)
@@ -74,15 +74,14 @@ def listed_changes(source: RobotFile | Robot, chain: Chain, reading: Counting) -
 def _pose_changes(chain: Chain, reading: Counting) -> Iterator[EntryChange]:
     for form in FORMS:
         if form != reading.form and count_of(form) == count_of(reading.form):
-            yield EntryChange(
-                "pose", "order of the pose's angles", reading.form, form, chain, replace(reading, form=form)
-            )
+            other = replace(reading, form=form)
+            yield EntryChange("pendant", "order of the pose's angles", reading.form, form, chain, other)
     if reading.form not in ("quaternion", "rotation-vector"):
         changed = replace(reading, angle_factor=math.degrees(1))
-        yield EntryChange("pose", "unit of the pose's angles", "degrees", "radians", chain, changed)
+        yield EntryChange("pendant", "unit of the pose's angles", "degrees", "radians", chain, changed)
     for factor, unit in ((_METRES, "metres"), (25.4, "inches")):
         changed = replace(reading, place_factor=factor)
-        yield EntryChange("pose", "unit of the pose's X, Y, Z", "millimetres", unit, chain, changed)
+        yield EntryChange("pendant", "unit of the pose's X, Y, Z", "millimetres", unit, chain, changed)
 
 
 FileChange = tuple[Kind, str, float | str, float | str, RobotFile]

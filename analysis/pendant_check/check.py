@@ -72,7 +72,7 @@ def check_poses(source: RobotFile | Robot, reading: Counting, poses: Sequence[Pe
         unchecked = tuple(
             change
             for change in explained
-            if change.kind != "pose" and not _same(chain, reading, change, poses)
+            if change.kind != "pendant" and not _same(chain, reading, change, poses)
         )
         return PendantCheck(deviations, (), True, None, None, unchecked)
     explained += [

@@ -7,26 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.arrays import NORMAL_95, Index, Matrix
-from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
-from ..estimation.climb import Climb
-from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution
 from ..status import Status, require_no_more_than
 from .posterior import PosteriorSummary
-
-_ROUNDS = 25
-_REACHED = 1e-3  # stds: the root of the drop is as wanted
-_LONGEST = 3.0  # how many times a step may lengthen the way
+from .profiles import Ridge
 
 
 def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_width: float) -> Matrix:
     """(len(which), 2) lower and upper ends, in internal units, of parameters `which` (by their index).
 
-    How far each may go while all others do their best to keep the fit: this follows the ridge (Venzon &
-    Moolgavkar 1988), where the residuals are far from linear and the curvature at the mode is not to be
-    trusted. The priors of all parameters take part, as in the other intervals.
+    How far each may go while all others do their best to keep the fit (`profiles`).
 
     The ends are where twice the drop of the log-posterior, all others at their best, is `half_width`
     squared (1.96 for 95 %). NaN where no end was found. Offsets, tool and noise only: a target's
@@ -35,45 +27,16 @@ def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_w
     parameters = problem.parameters
     if (parameters.group("target") | ~parameters.free)[which].any():
         raise ValueError("profiles are of free offsets, tool and noise parameters")
-    density = Density(problem)
-    coordinates = FlangeCoordinates(density)
     column = np.repeat(parameters.among_free[which], 2)
     sign = np.tile([-1.0, 1.0], len(which))
-    mode = coordinates.from_parameters(fit.x[None])[0]
-    covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
-    along = (
-        covariance[:, column] / covariance[column, column]
-    ).T  # how all move with the one, by the curvature
-    std = np.sqrt(covariance[column, column])
-
-    way = half_width * std  # from the mode to where it is fixed, by rows
-    near = mode + (sign * way)[:, None] * along
-    shorter, longer = np.zeros_like(way), np.full_like(way, np.inf)
-    active, ends = np.arange(len(column)), np.full(len(column), np.nan)
-    for _ in range(_ROUNDS):
-        near[active, column[active]] = mode[column[active]] + sign[active] * way[active]
-        held = np.arange(len(mode)) == column[active, None]
-        minima = Climb(density, np.zeros(len(active), dtype=int), len(active), held).up(near[active])
-        near[active] = minima.x
-        root = np.sqrt(np.maximum(2 * (fit.log_posterior + minima.cost), 0.0))
-        reached = (np.abs(root - half_width) < _REACHED * half_width) & minima.converged
-        ends[active[reached]] = way[active[reached]]
-        below = root < half_width
-        shorter[active[below]] = way[active[below]]
-        longer[active[~below]] = way[active[~below]]
-        # The root of the drop is nearly linear in the way; where that leads outside the bracket, halve.
-        step = np.clip(half_width / np.maximum(root, 1e-12), 1 / _LONGEST, _LONGEST)
-        proposed = way[active] * step
-        outside = (proposed <= shorter[active]) | (proposed >= longer[active])
-        middle = np.where(
-            np.isfinite(longer[active]), (shorter[active] + longer[active]) / 2, _LONGEST * way[active]
-        )
-        way[active] = np.where(outside, middle, proposed)
-        active = active[~reached]
-        if len(active) == 0:
-            break
-    ends = (mode[column] + sign * ends) * parameters.prior_std[np.repeat(which, 2)]
-    return np.asarray((ends + parameters.prior_mean[np.repeat(which, 2)]).reshape(-1, 2))
+    fixed = np.arange(len(fit.z)) == column[:, None]
+    ridge = Ridge(fit, fixed, fixed * sign[:, None])
+    variance = ridge.covariance[column, column]
+    # How all move with the one, by the curvature.
+    along = (ridge.covariance[:, column] / variance).T * sign[:, None]
+    ends = ridge.mode[column] + sign * ridge.farthest(half_width * np.sqrt(variance), along, half_width)
+    prior = np.repeat(which, 2)
+    return np.asarray((ends * parameters.prior_std[prior] + parameters.prior_mean[prior]).reshape(-1, 2))
 
 
 _DIFFERS = 0.1  # of the width of an interval: by so much its ends may differ and still be the same

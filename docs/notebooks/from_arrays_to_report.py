@@ -126,11 +126,11 @@ solution.covariance.select(offsets).to_frame()
 solution.plot.posterior()
 
 # %% [markdown]
-# The draws are an `xarray.DataTree` with a group `posterior`, which ArviZ reads. The uncertainty of a
+# The draws are an `xarray.Dataset`, which ArviZ takes: `az.summary(solution.posterior)`. The uncertainty of a
 # function of offsets follows from its values over the draws. Here it is the sum of two:
 
 # %%
-draws = solution.posterior["posterior"]
+draws = solution.posterior
 total = draws["delta2"] + draws["delta3"]
 print(f"J2 + J3: {float(total.mean()):.3f} deg, u = {float(total.std()):.3f} deg")
 

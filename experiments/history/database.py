@@ -46,7 +46,7 @@ arm = sa.Table(
 )
 
 # `sha256` is of the run: a run has one result. JSON in text: `offsets` the rows of the result's parameters,
-# `without_prior` and `sensitivity_mm2` as in the result (docs/files.md), null where it has none.
+# `without_prior` and `sensitivity_mm2` as in the result (docs/files-results.md), null where it has none.
 result = sa.Table(
     "result",
     metadata,

@@ -1,48 +1,21 @@
-"""Programs of which a statement is a line: positions, motions to them, tools, frames, what moves no arm.
-
-A maker's grammar derives a line, by its rule `statement`, to one tree:
-
-- `position`: a NAME and its `joints` or `pose`; `entry`: a NAME and `values`, which are joints or a pose by
-  the last line `joints_follow` or `poses_follow`, and refused behind `nothing_follows`. Of a pose a
-  CONFIGURATION is what tells the branches of the arm apart, in the language's own words; `configuration` is a
-  line that states it for entries below.
-- `motion`, `linear`: each `at` in it is a NAME, `joints` or a `pose`, and the arm goes there by joints or in
-  a straight line (or an arc, if the language takes the orientation of every pose in it). With `only_joints`
-  or `only_pose` in it a NAME must be such a position; that says it of `numbers`, a position whose declaration
-  does not. A `tool` or `frame` in a motion is of this motion alone, as is a CONFIGURATION in `reached_as`.
-- `tool`, `frame`: a WORD or a `pose`, from here on. `in_base`, `in_frame`: framed positions below are in the
-  base frame, or in the frame that was set. In a position a `frame` is its own. `definition`: a tool or frame
-  by a WORD, its `pose` in another one, the second WORD, defined before.
-- `call`: a WORD, the routine. `routine`: a WORD, its begin.
-- `join`: it is reached from elsewhere too, or leads there. `plain`: it moves no arm, and changes no position.
-
-Numbers of joints and poses are VALUE. A NAME anywhere else is of what the program changes.
-"""
+"""A program in a language of lines (line_language): its targets, motions, and what forbids to correct it."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from string import ascii_lowercase, ascii_uppercase
 
 import numpy as np
 from lark import Token, Tree
 
 from ...model.arrays import Matrix
-from ...model.errors import BadInput, located
 from ...model.kinematics.branches import Branch
 from ...model.kinematics.pendant import Pendant
-from ...model.kinematics.robot import PendantUnit, Robot
-from .joint_text import require_same_plan
-from .maker import blanked
+from .line_language import FOLLOW, LineLanguage, is_a_pose, tokens
 from .program_parts import (
     NULL,
-    NUMBER,
     Edit,
     JointTarget,
-    Language,
     LiteralSpan,
     Motion,
     Parsed,
@@ -50,132 +23,13 @@ from .program_parts import (
     Source,
     number_edits,
     span,
-    understood,
 )
-from .recordings import Imported, ImportJob, TaughtPoint, import_points
 
-_CAPITALS = str.maketrans(ascii_lowercase, ascii_uppercase)
 _FEWEST = 6  # numbers of a position
-Statement = tuple[int, int, Tree[Token] | None]  # begin, end and derivation
 _FARTHEST = 1e8  # mm, degrees or pulses: no position has more
-_FOLLOW = {"joints_follow": True, "poses_follow": False, "nothing_follows": None}
 _IN_BASE = "base"  # the frame of positions in the base frame
 _KINDS = ("only_joints", "only_pose")
 _HARMLESS = "states that it moves no arm and changes no tool, frame or position"
-_POSTURE = re.compile(
-    r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
-)  # of a plan's program: planned, measured, via
-SIX_WITH_COMMAS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}(?![\w.])")
-SIX_WITH_BLANKS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:[ \t]+{NUMBER}){{5,}}(?![\w.])")
-
-
-def capitals(text: str) -> str:
-    """The text in capitals, of the same length whatever its letters."""
-    return text.translate(_CAPITALS)
-
-
-@dataclass(frozen=True)
-class LineLanguage:
-    """A language of such programs.
-
-    `grammar` is the file of its grammar; `remark` a pattern of its comments, `head` one of the lines behind
-    which the remarks of a correction are put, each behind `comment`. Joints are in `unit`; a pose (4, 4) is
-    that of the numbers of `form`, and back. Numbers are written to so many decimals. `literal` has all that
-    looks like joints or a pose. Of `framed` positions tool and frame are those of the lines above them, else
-    those of the motion. `flange_tools` and `base_frames` are the names of tools and frames that are none. An
-    `indented` language has its blocks by indentation; behind a line that `opens` a block there is a brace.
-    `matching` says of a configuration which joints (n,), degrees, have it, None where that is not known;
-    without it the words are compared with each other.
-    Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
-    `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
-    without it they are not interpreted. `saved_decimals` are those that a controller saves, where they are
-    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree.
-    """
-
-    name: str
-    grammar: str
-    remark: str
-    head: str
-    comment: str
-    pose: Callable[[Sequence[float]], Matrix]
-    numbers: Callable[[Matrix], Sequence[float]]
-    form: str
-    unit: PendantUnit = "deg"
-    joint_decimals: int = 6
-    pose_decimals: Sequence[int] = (4, 4, 4, 6, 6, 6)
-    literal: re.Pattern[str] = SIX_WITH_COMMAS
-    flange_tools: frozenset[str] = frozenset()
-    base_frames: frozenset[str] = frozenset({""})
-    framed: bool = False
-    case_sensitive: bool = False
-    shared: re.Pattern[str] | None = None
-    turns: Callable[[Matrix], bool] | None = None
-    remark_width: int | None = None
-    indented: bool = False
-    opens: re.Pattern[str] | None = None
-    matching: Callable[[Robot, str], Callable[[Matrix], bool] | None] | None = None
-    comment_end: str = ""
-    read: Callable[[str], Iterator[Statement]] | None = None
-    positions: Callable[[str], list[tuple[int, int]]] | None = None
-    words: Callable[[Branch, Matrix], str] | None = None
-    saved_decimals: int | None = None
-    derives: Callable[[Tree[Token]], bool] | None = None
-
-    def for_correction(self) -> Language:
-        """What `zerobeam export program` needs of it."""
-        return Language(
-            self.name,
-            lambda source: LineProgram(self, source).read(),
-            self.head,
-            self.comment,
-            self.pose,
-            self.form,
-            self.literals,
-            self.case_sensitive,
-            remark_width=self.remark_width,
-            by_joint2=True,
-            remark_end=self.comment_end,
-        )
-
-    def literals(self, text: str) -> list[tuple[int, int]]:
-        """The spans of all that looks like joints or a pose."""
-        if self.positions is not None:
-            return self.positions(text)
-        return [match.span() for match in self.literal.finditer(blanked(text, self.remark))]
-
-    def statements(self, text: str) -> Iterator[Statement]:
-        """Each line that is not blank."""
-        if self.read is not None:
-            yield from self.read(text)
-            return
-        code = blanked(text, self.remark, strings=False)
-        if not self.case_sensitive:  # the grammar is in capitals
-            code = capitals(code)
-        depth, routine, behind_head = 0, False, False  # in a routine; the line before is its head
-        opened = False  # the line before opens a block
-        for line in re.finditer(r"[^\r\n]+", code):
-            if line[0].strip():
-                tree = understood(self.grammar, "statement", code, *line.span())
-                inner = None if tree is None else tree.children[0]
-                if not isinstance(inner, Tree) or (self.derives is not None and not self.derives(inner)):
-                    inner = None
-                indent = len(line[0]) - len(line[0].lstrip())
-                if self.indented and indent != depth:
-                    main = routine and not indent
-                    if main or not behind_head:
-                        yield line.start(), line.start(), Tree("main" if main else "join", [])
-                    depth, routine = indent, routine and not main
-                behind_head = inner is not None and inner.data == "routine"
-                if self.opens is not None:
-                    if opened and not line[0].lstrip().startswith("{"):
-                        inner = None
-                    opened = bool(self.opens.search(line[0])) and not line[0].rstrip().endswith("{")
-                if (
-                    self.indented and behind_head and indent
-                ):  # a routine in a block: when it is there is not known
-                    inner, behind_head = None, False
-                routine |= behind_head
-                yield line.start(), line.end(), inner
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,17 +51,6 @@ class _Position:
     @property
     def numbers(self) -> list[float]:
         return [float(value) for value in self.values]
-
-
-def _tokens(tree: Tree[Token], kind: str) -> list[Token]:
-    return [token for token in tree.scan_values(lambda token: isinstance(token, Token)) if token.type == kind]
-
-
-def _is_pose(tree: Tree[Token], joints_follow: bool | None) -> bool | None:
-    """Whether a position is a pose; None where nothing in its line or above says it."""
-    if tree.data == "entry":
-        return not joints_follow
-    return None if list(tree.find_data("numbers")) else bool(list(tree.find_data("pose")))
 
 
 class LineProgram:
@@ -260,25 +103,25 @@ class LineProgram:
         frames = {"tool": "", "frame": ""}
         within = ""  # the last line that says in what positions are
         for begin, written, tree in self.trees:
-            if tree.data in _FOLLOW:
-                joints_follow, words = _FOLLOW[tree.data], ""
+            if tree.data in FOLLOW:
+                joints_follow, words = FOLLOW[tree.data], ""
             elif tree.data in ("in_base", "in_frame"):
                 within = tree.data
             elif tree.data == "configuration":
-                words = " ".join(_tokens(tree, "CONFIGURATION"))
+                words = " ".join(tokens(tree, "CONFIGURATION"))
             elif tree.data in frames and self.language.framed:
                 frames[tree.data] = self._frame_name(begin, tree)
             elif tree.data == "definition":
                 self._define(tree)
             elif tree.data in ("position", "entry"):
-                name = _tokens(tree, "NAME")[0]
+                name = tokens(tree, "NAME")[0]
                 if tree.data == "entry" and joints_follow is None:
                     self._problem(begin, f"{written}: nothing says whether these are joints or a pose")
                     continue
-                is_pose = _is_pose(tree, joints_follow)
-                if is_pose is None and len(_tokens(tree, "VALUE")) < _FEWEST:  # an array of something else
+                is_pose = is_a_pose(tree, joints_follow)
+                if is_pose is None and len(tokens(tree, "VALUE")) < _FEWEST:  # an array of something else
                     continue
-                configuration = " ".join(_tokens(tree, "CONFIGURATION")) or words
+                configuration = " ".join(tokens(tree, "CONFIGURATION")) or words
                 framed: tuple[str | None, str | None] | None = None
                 if self.language.framed:
                     framed = frames["tool"], {"in_base": _IN_BASE, "in_frame": frames["frame"]}.get(within)
@@ -286,11 +129,11 @@ class LineProgram:
                     framed = None, self._frame_name(begin, frame)
                 position = _Position(
                     self.source.line(begin),
-                    tuple(_tokens(tree, "VALUE")),
+                    tuple(tokens(tree, "VALUE")),
                     is_pose,
                     configuration,
                     framed,
-                    tuple(_tokens(tree, "CONFIGURATION")),
+                    tuple(tokens(tree, "CONFIGURATION")),
                 )
                 self._named(begin, str(name), span(name)[0], position)
 
@@ -308,8 +151,8 @@ class LineProgram:
             self.positions[key] = position
 
     def _define(self, tree: Tree[Token]) -> None:
-        name, father = (self._key(str(word)) for word in _tokens(tree, "WORD"))
-        values = _tokens(tree, "VALUE")
+        name, father = (self._key(str(word)) for word in tokens(tree, "WORD"))
+        values = tokens(tree, "VALUE")
         pose = self._pose(values)
         if name in self.declared:
             self._problem(span(values[0])[0], f"{name} has a value more than once")
@@ -329,10 +172,10 @@ class LineProgram:
         place."""
         poses = list(tree.find_data("pose"))
         if not poses:
-            name = self._key(str(_tokens(tree, "WORD")[0]))
+            name = self._key(str(tokens(tree, "WORD")[0]))
             self.facts.has("--tool" if tree.data == "tool" else "--frame", name)
             return name
-        values = _tokens(poses[0], "VALUE")
+        values = tokens(poses[0], "VALUE")
         name = f"in line {self.source.line(begin)}"
         if name not in self.declared:
             self.declared[name] = self._pose(values)
@@ -352,7 +195,7 @@ class LineProgram:
             if tree.data == "main":
                 routine = ""
             if tree.data == "routine":
-                routine = self._key(str(_tokens(tree, "WORD")[0]))
+                routine = self._key(str(tokens(tree, "WORD")[0]))
                 if routine in self.settings:
                     self._problem(begin, f"{routine} is defined twice")
             here = self.settings.setdefault(routine, {"tool": set(), "frame": set()})
@@ -364,7 +207,7 @@ class LineProgram:
             before = dict(self.active)
             for part in (each for each in tree.iter_subtrees() if each.data in before):
                 self.active[part.data] = self._frame_name(begin, part)
-            words = [word for part in tree.find_data("reached_as") for word in _tokens(part, "CONFIGURATION")]
+            words = [word for part in tree.find_data("reached_as") for word in tokens(part, "CONFIGURATION")]
             for at in tree.find_data("at"):
                 self._motion(begin, written, at, " ".join(words), linear=tree.data == "linear")
             self.active = before
@@ -378,13 +221,13 @@ class LineProgram:
         elif tree.data == "routine":
             if not self.routine:
                 self.main = self.active, self.sure, self.steady
-            self.routine = self._key(str(_tokens(tree, "WORD")[0]))
+            self.routine = self._key(str(tokens(tree, "WORD")[0]))
             self.active = self._at_begin(self.routine)
             self.sure, self.first, self.steady = set(), True, True
         elif tree.data == "join":
             self._joined(self.settings.get(self.routine, {}))
         for call in (each for each in tree.iter_subtrees() if each.data == "call"):
-            self._call(begin, written, str(_tokens(call, "WORD")[0]))
+            self._call(begin, written, str(tokens(call, "WORD")[0]))
 
     def _at_begin(self, routine: str) -> dict[str, str | None]:
         """What is active where a routine begins: where another one sets it, it may be called behind that."""
@@ -410,7 +253,7 @@ class LineProgram:
 
     def _motion(self, begin: int, written: str, at: Tree[Token], reached_as: str, *, linear: bool) -> None:
         line = self.source.line(begin)
-        names = _tokens(at, "NAME")
+        names = tokens(at, "NAME")
         if names:
             key = self._key(str(names[0]))
             self.known.add(span(names[0])[0])
@@ -428,11 +271,11 @@ class LineProgram:
                 self.first = True
                 return
         else:
-            tokens = tuple(_tokens(at, "VALUE"))
-            name = self.source.key_at(span(tokens[0])[0], self.parsed.targets)
-            words = tuple(_tokens(at, "CONFIGURATION"))
+            values = tuple(tokens(at, "VALUE"))
+            name = self.source.key_at(span(values[0])[0], self.parsed.targets)
+            words = tuple(tokens(at, "CONFIGURATION"))
             is_pose = bool(list(at.find_data("pose")))
-            position = _Position(line, tokens, is_pose, " ".join(words), words=words)
+            position = _Position(line, values, is_pose, " ".join(words), words=words)
         if self.language.matching is not None:
             position = replace(position, configuration=reached_as)
         if self._enter(begin, written, name, position):
@@ -557,7 +400,7 @@ class LineProgram:
     def _rest(self) -> None:
         """Names of positions that are used otherwise, and positions that no motion uses."""
         for begin, _, tree in self.trees:
-            for name in _tokens(tree, "NAME"):
+            for name in tokens(tree, "NAME"):
                 key = self._key(str(name))
                 if key in self.positions and span(name)[0] not in self.known:
                     self.parsed.changed(self.source.line(begin), str(name))
@@ -572,116 +415,3 @@ class LineProgram:
                 self._problem(begin, f"{written} is not the target of a motion here (--leave {written}?)")
             else:
                 self._enter(begin, written, written, position)
-
-
-def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -> list[TaughtPoint]:
-    """All positions of a program, in its order: those that have a name, and those in motions ("line 12").
-
-    Joints are degrees as the controller counts them. BadInput for what looks like joints or a pose and is
-    not understood.
-    """
-    points, spans = [], set()
-    joints_follow: bool | None = None
-    per_degree = Pendant(robot).per_degree(language.unit)
-    for begin, _, tree in language.statements(text):
-        if tree is None:
-            continue
-        line = text.count("\n", 0, begin) + 1
-        if tree.data in _FOLLOW:
-            joints_follow = _FOLLOW[tree.data]
-        kinds = ("position", "entry", "at", "tool", "frame", "definition")
-        for part in (each for each in reversed([*tree.iter_subtrees()]) if each.data in kinds):
-            values = _tokens(part, "VALUE")
-            if not values:
-                continue
-            spans.add((span(values[0])[0], span(values[-1])[1]))
-            if part.data in ("tool", "frame", "definition"):
-                continue
-            names = _tokens(part, "NAME")
-            is_pose = _is_pose(part, joints_follow)
-            if is_pose is None and _POSTURE.fullmatch(str(names[0])):
-                is_pose = False
-            numbers = np.array([float(value) for value in values])
-            joints = None
-            if is_pose is False:
-                numbers[: robot.n] /= per_degree[: len(numbers)]
-                joints = tuple(numbers.tolist())
-            name = f"line {line}"
-            if names:
-                written = text[slice(*span(names[0]))]
-                name = written if capitals(written) == capitals(names[0]) else str(names[0])
-            points.append(TaughtPoint(name, joints, line))
-    for begin, end in language.literals(text):
-        if (begin, end) not in spans:
-            raise BadInput(
-                "a position of the program is not understood",
-                found=" ".join(text[begin:end].split())[:60],
-                remedy="save the program as text again, or import the positions as csv",
-                file=path,
-                line=text.count("\n", 0, begin) + 1,
-            )
-    return points
-
-
-def import_taught(
-    language: LineLanguage,
-    job: ImportJob,
-    *,
-    points: Sequence[str] | None,
-    vendor: str,
-    note: str,
-    named: Callable[[str, list[TaughtPoint]], list[TaughtPoint]] = lambda text, taught: taught,
-) -> Imported:
-    """Measurements at the positions of programs that were taught, or of a plan's program: what it recorded
-    (zb_m0, zb_m1, …), or its postures (zb_p0, …) where they were taught again with the beam on the target.
-
-    `named` gives the positions of a text these names, in a language whose positions have numbers. Postures
-    that are still as the plan has them are left out; BadInput for the program of another plan.
-    """
-
-    def parse(text: str, path: Path) -> list[TaughtPoint]:
-        with located(path):
-            for number, content in enumerate(text.split("\n"), start=1):
-                with located(path, number):
-                    require_same_plan(content, job)
-        taught = named(text, taught_points(language, text, job.robot, path))
-        ours = [(point, match) for point in taught if (match := _POSTURE.fullmatch(point.name))]
-        if points is not None or not ours:
-            return taught
-        recorded = "m" if any(match[1] in "mM" for _, match in ours) else "p"
-        numbers = {int(match[2]) for _, match in ours if match[1].lower() == recorded}
-        missing = set(range(0 if job.plan is None else len(job.plan.postures))) - numbers
-        if missing:  # a plan's program has all of them, whether they were recorded or not
-            raise BadInput(
-                "a posture of the plan is not in the file",
-                found=f"no zb_{recorded}{min(missing)}",
-                remedy="save or copy the whole file again; or name the positions to use (--points)",
-            )
-        measured = [
-            point._replace(number=int(match[2]))
-            for point, match in ours
-            if match[1].lower() == recorded and not _as_planned(language, job, point, int(match[2]))
-        ]
-        if not measured:
-            raise BadInput(
-                "no measurements found: every position is still as the plan has it",
-                file=path,
-                remedy="record the positions at the controller with the beam on the centre, save the program"
-                " there, and import the saved file",
-            )
-        return measured
-
-    return import_points(job, parse, names=points, vendor=vendor, note=note)
-
-
-def _as_planned(language: LineLanguage, job: ImportJob, point: TaughtPoint, number: int) -> bool:
-    """Whether a posture of the plan's program is still as the plan has it, to the program's digits."""
-    if job.plan is None or point.joints is None or not number < len(job.plan.postures):
-        return False
-    if len(point.joints) < job.robot.n:
-        return False
-    pendant = Pendant(job.robot)
-    planned = pendant.counted(job.plan.postures[number] * job.robot.display)
-    decimals = language.joint_decimals if language.saved_decimals is None else language.saved_decimals
-    digits = 10.0**-decimals / np.abs(pendant.per_degree(language.unit))
-    return bool((np.abs(np.array(point.joints[: job.robot.n]) - planned) <= digits).all())

@@ -1,4 +1,4 @@
-"""Events of a run: shown by the live view, printed as JSON lines (docs/files.md)."""
+"""Events of a run: shown by the live view, printed as JSON lines (docs/files-cell.md)."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ class ProcedureResult:
 
 @dataclass(eq=False)
 class Procedure:
-    """One session of a run: `told` is called with what happens, as events (docs/files.md)."""
+    """One session of a run: `told` is called with what happens, as events (docs/files-cell.md)."""
 
     plan: Plan
     rig: Rig

@@ -26,6 +26,7 @@ from .sensors_file import (
     read_calibration,
     read_sensors_file,
 )
+from .text_lines import InstrumentLines
 
 _BITS_A_BYTE = 10  # 8N1
 
@@ -156,3 +157,30 @@ def _camera(settings: CameraBeside) -> Camera:
         distortion=settings.distortion,
         mount=shift(*settings.mount.xyz_mm) @ roll_pitch_yaw(*np.radians(settings.mount.rpy_deg)),
     )
+
+
+def open_instrument(path: Path, plan: Plan) -> tuple[InstrumentLines, dict[str, str]]:
+    """The instrument of a plan, whose lines a sensors file states, and the file's SHA-256 for the header.
+
+    BadInput where the plan has several, its instrument reads nothing, or the file does not have it.
+    """
+    file = read_sensors_file(path)
+    name, kind = next(iter(plan.header.kinds.items()))
+    if kind.met or len(plan.header.kinds) > 1:
+        raise file.refuse(
+            ("instruments",),
+            "lines are read of a plan's only instrument, which reads something",
+            found=", ".join(f"a {each.name}" for each in plan.header.kinds.values()),
+            remedy="leave --sensors out",
+        )
+    if name not in file.instruments:
+        raise file.refuse(
+            ("instruments",),
+            "the plan's instrument is not in the sensors file",
+            found=name,
+            allowed=", ".join(file.instruments) or "none is stated",
+            remedy=did_you_mean(name, file.instruments) or "state its lines",
+        )
+    lengths = [key.endswith("_mm") for key, size in kind.columns.items() for _ in range(size)]
+    instrument = InstrumentLines(name, file.instruments[name], file.folder, lengths)
+    return instrument, {"sensors sha256": str(file.sha256)}

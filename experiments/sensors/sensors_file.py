@@ -1,5 +1,5 @@
-"""Files of real sensors (YAML): `zerobeam/sensors/1`, the PSDs at serial ports and a camera or none, and
-`zerobeam/psd-calibration/1`, what an amplifier's counts mean.
+"""Files of real sensors (YAML): `zerobeam/sensors/1`, the PSDs at serial ports and a camera or none, the
+instruments that send lines, and `zerobeam/psd-calibration/1`, what an amplifier's counts mean.
 
 Nothing that a reading depends on has a default.
 """
@@ -187,17 +187,67 @@ class CameraBeside(FileModel):
         return self
 
 
+_LINES_FROM = ("tcp", "serial", "file")
+
+
+class LineSource(FileModel):
+    """The lines of an instrument, and where they come from."""
+
+    tcp: Name | None = Field(default=None, description="HOST:PORT of a server that sends them")
+    serial: SerialPort | None = Field(default=None, description="the port where the instrument is plugged in")
+    file: Name | None = Field(default=None, description="a file that grows, relative to this file")
+    line: Name = Field(
+        description="the line of a reading: {} is a number, {*} is any text, a blank is any blanks"
+    )
+    unit: Literal["mm", "m", "in"] = Field(description="unit of its lengths")
+    wait_s: Positive = Field(description="how long a reading is waited for, seconds")
+    ask: Annotated[str, Field(min_length=1, max_length=80)] | None = Field(
+        default=None, description="what is sent for each reading; without it the instrument sends by itself"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        sources = [source for source in _LINES_FROM if getattr(self, source) is not None]
+        if len(sources) != 1:
+            raise refusal(
+                "where the lines of the instrument come from is not clear",
+                found=" and ".join(sources) or "none of them",
+                allowed=f"one of {', '.join(_LINES_FROM)}",
+            )
+        host, _, port = (self.tcp or "host:1").rpartition(":")
+        if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+            raise refusal(
+                "this is not the address of a server", key=("tcp",), found=self.tcp, allowed="HOST:PORT"
+            )
+        if self.ask is not None and self.file is not None:
+            raise refusal("a file cannot be asked", key=("ask",), found=self.ask, remedy="leave ask out")
+        return self
+
+
 class SensorsFile(SourcedModel):
     """The content of a sensors file."""
 
     schema_: Literal["zerobeam/sensors/1"] = Field(alias="schema", description="kind and version of the file")
     psds: dict[TargetName, PsdBeside] = Field(
-        description="by target: all targets of the plan, others may be there"
+        default={}, description="by target: all targets of the plan, others may be there"
     )
-    camera: CameraBeside | None = Field(description="the camera on the flange; null: there is none")
+    camera: CameraBeside | None = Field(
+        default=None, description="the camera on the flange; null: there is none; required with psds"
+    )
+    instruments: dict[Name, LineSource] = Field(
+        default={}, description="instruments of a run by hand that send lines, by their names in the plan"
+    )
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
+        if self.psds and "camera" not in self.model_fields_set:
+            raise refusal(
+                "whether there is a camera is not stated",
+                key=("camera",),
+                remedy="add camera: null, or the camera",
+            )
+        if not self.psds and not self.instruments:
+            raise refusal("there are no sensors in this file", allowed="psds with camera, or instruments")
         devices: dict[str, str] = {}
         for target, psd in self.psds.items():
             if psd.serial.device in devices:

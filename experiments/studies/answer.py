@@ -1,4 +1,4 @@
-"""The common fields of the answers of all studies, and the one writer of `study.json` (docs/files.md).
+"""Fields common to the answers of all studies, and the one writer of `study.json` (docs/files-studies.md).
 
 Units are those that people read (deg, mm, s). What a plan does not identify has no number, save in a
 control, which is wrong on purpose: the dataclasses refuse to be made otherwise.

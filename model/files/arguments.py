@@ -239,8 +239,15 @@ def stated_header(
     return header, arm
 
 
-def joint_positions(value: ArrayLike, argument: str, robot: Robot, unit: str) -> Matrix:
+def joint_positions(value: ArrayLike, argument: str, robot: Robot, unit: str | None) -> Matrix:
     """`value` (N, n) in `unit` as degrees, mm for prismatic joints; BadInput names the argument."""
+    if unit is None:
+        raise BadInput(
+            f"the unit of the {argument} is not stated",
+            allowed="unit='deg' or unit='rad'",
+            remedy="state the unit in which the positions were recorded",
+            argument="unit",
+        )
     if unit not in ("deg", "rad"):
         raise BadInput("there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit")
     positions = array(value, argument, columns=robot.n, meaning=f"{robot.name} has {robot.n} joints")

@@ -89,6 +89,7 @@ class Plan:
     ...     robot="irb1600",
     ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
     ...     postures=[[10, -20, 30, 5, 40, 0], [-15, -25, 35, 0, 35, 20]],
+    ...     unit="deg",
     ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
     ... )
     >>> plan
@@ -116,7 +117,7 @@ class Plan:
         instruments: Mapping[str, Mapping[str, Any]] | None = None,
         postures: ArrayLike,
         noise: Noise,
-        unit: Literal["deg", "rad"] = "deg",
+        unit: Literal["deg", "rad"] | None = None,
         targets: str | Sequence[str | None] | None = None,
         means: Sequence[Mapping[str, Any]] = (),
         target_priors: Mapping[str, Mapping[str, Any]] | None = None,
@@ -139,7 +140,7 @@ class Plan:
         noise
             Standard deviations of the readings.
         unit
-            Of the revolute joints in `postures`: "deg" or "rad".
+            Of the revolute joints in `postures`: "deg" or "rad". It is required: no unit is assumed.
         targets
             N names, the target of each posture, or one name for all. By default all are of one target: the
             only one in `target_priors`, or "psd" (of a probe "socket").

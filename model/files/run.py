@@ -94,7 +94,7 @@ class Run:
         instruments: Mapping[str, Mapping[str, Any]] | None = None,
         joints: ArrayLike,
         noise: Noise,
-        unit: Literal["deg", "rad"] = "deg",
+        unit: Literal["deg", "rad"] | None = None,
         targets: str | Sequence[str | None] | None = None,
         spots_mm: ArrayLike | None = None,
         measured: Mapping[str, Sequence[Any] | ArrayLike] | None = None,
@@ -118,7 +118,7 @@ class Run:
         noise
             Standard deviations of the readings.
         unit
-            Of the revolute joints in `joints`: "deg" or "rad".
+            Of the revolute joints in `joints`: "deg" or "rad". It is required: no unit is assumed.
         targets
             N names, the target of each measurement, or one name for all. By default all are of one target:
             the only one in `target_priors`, or "psd" (of a probe "socket").
@@ -153,6 +153,7 @@ class Run:
         ...     robot="irb1600",
         ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
         ...     joints=[[10, -20, 30, 5, 40, 0], [-15, -25, 35, 0, 35, 20]],
+        ...     unit="deg",
         ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
         ... )
         >>> run.joints.shape, run.target_names

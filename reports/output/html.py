@@ -156,8 +156,8 @@ _MOST_ROWS = 8  # with verdict and heads, text stays below fifteen lines
 _MOST_LINES = 3  # of a headline
 
 
-def card(page: Page, tables: Sequence[Table]) -> str:
-    """The heading, verdict and notes of a page with some tables, as HTML for another page."""
+def card(page: Page | None, tables: Sequence[Table]) -> str:
+    """The heading, verdict and notes of a page (or nothing) with some tables, as HTML for another page."""
     return template("card.html.j2").render(
         view=page, tables=tables, css=Markup(_coloured(template_text("card.css")))
     )
@@ -173,14 +173,18 @@ def text(page: Page, table: Table) -> str:
         for text in sentences
         for line in textwrap.wrap(text, _WIDTH, max_lines=_MOST_LINES, placeholder=" …")
     ]
+    lines = (*headline, *table_lines(table, _MOST_ROWS))
+    return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in lines)])
+
+
+def table_lines(table: Table, most: int | None = None) -> list[str]:
+    """A table as lines of text, of at most so many rows."""
     rows = [[cell.text for cell in row.cells] for row in table.rows]
-    if len(rows) > _MOST_ROWS:
-        rest = len(rows) - _MOST_ROWS + 1
-        rows = [*rows[: _MOST_ROWS - 1], [f"… {rest} more"]]
+    if most is not None and len(rows) > most:
+        rows = [*rows[: most - 1], [f"… {len(rows) - most + 1} more"]]
     cells = [[column.text for column in table.columns], *rows]
     widths = [max(len(row[k]) for row in cells if k < len(row)) for k in range(len(table.columns))]
-    lines = (
+    return [
         "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
         for row in cells
-    )
-    return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in (*headline, *lines))])
+    ]

@@ -61,15 +61,15 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
     content = BytesIO()  # HDF5 itself would end the process by a signal where the disk is full
     with h5netcdf.File(content, "w") as file:
         group = file.create_group("posterior")
-        about = _about(result, draws)
-        file.attrs.update(about)
-        group.attrs.update(about)
+        attributes = about(result, draws)
+        file.attrs.update(attributes)
+        group.attrs.update(attributes)
         group.dimensions = {"chain": ensembles * walkers, "draw": steps}
         for name, (along, values) in coordinates.items():
             group.create_variable(name, (along,), data=values)
         for name, unit, source, values in (*known, *prior):
             variable = group.create_variable(
-                _variable(name, set(group.variables)), ("chain", "draw"), data=values.astype(np.float32)
+                variable_name(name, set(group.variables)), ("chain", "draw"), data=values.astype(np.float32)
             )
             variable.attrs["units"] = "degree" if unit == "deg" else unit
             variable.attrs["long_name"] = shown(name)
@@ -83,7 +83,7 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
     Path(path).write_bytes(content.getbuffer())
 
 
-def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
+def about(result: Result, draws: Draws) -> dict[str, str | int | float]:
     """The attributes: what the draws are of, by what they were made, and whether they may be used."""
     inputs, summary = result.inputs, result.posterior
     attributes: dict[str, str | int | float | None] = {
@@ -110,7 +110,7 @@ def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
     return {key: value for key, value in attributes.items() if value is not None}
 
 
-def _variable(name: str, taken: set[str]) -> str:
+def variable_name(name: str, taken: set[str]) -> str:
     """A name that netCDF allows and that is not `taken`: letters, digits, `_`, `.`, `-`."""
     plain = re.sub(r"[^\w.\-]", "_", clipped(name, _NAME_WIDTH), flags=re.ASCII)
     if not re.match(r"[A-Za-z_]", plain):

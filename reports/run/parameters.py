@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status
+from ...model.errors import BadInput
 from ...model.likelihood.parameters import Group
 from ...words import numbers
 from ...words.geometry import (
@@ -221,6 +222,24 @@ def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
     return [
         LegendEntry(status, f"{listed(names)}:", sentence(text)) for (status, text), names in grouped.items()
     ]
+
+
+def draw_offsets(axes: Axes, result: Result) -> None:
+    """The estimates with their expanded uncertainties in a reader's own axes.
+
+    BadInput where the offsets have two units: one axis cannot have both.
+    """
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    units = list(dict.fromkeys(row.unit for row in offsets))
+    if len(units) > 1:
+        raise BadInput(
+            "the offsets have several units, and one axis cannot have them all",
+            found=", ".join(units),
+            allowed="the figure without `ax`, which has a panel for each unit",
+            argument="ax",
+        )
+    with style():
+        _estimates(axes, offsets, numbers.symbol(units[0]), result.coverage_factor)
 
 
 def offsets_picture(result: Result) -> Picture:

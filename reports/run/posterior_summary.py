@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...analysis.answer.result import Result
 from ...analysis.posterior.posterior import Draws
 from ...analysis.solution import ParameterResult
 from ...model.arrays import Matrix
+from ...model.errors import BadInput
 from ...words import numbers
 from ...words.findings import posterior_message
 from ...words.numbers import unit_of
@@ -100,20 +102,14 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
     None where there is nothing that may be drawn: no draws, a posterior that has not converged, or
     no offset that the data determine. Directions drawn from the prior are never shown.
     """
-    if draws is None or not draws.converged or not result.posterior.converged:
+    chosen, values = _chosen(result, draws)
+    if not chosen:
         return None
-    determined = [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
-    if not determined:
-        return None
-    widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
-    chosen = [row for row in determined if row in widest]
-    flat = draws.values.reshape(-1, draws.values.shape[-1])[
-        :, [draws.names.index(row.name) for row in chosen]
-    ]
     with style():
-        svg = to_svg(_corner(chosen, flat[:: max(1, len(flat) // _MOST_DRAWS)]), "posterior")
+        svg = to_svg(_corner(chosen, values), "posterior")
     names = ", ".join(label(row.name) for row in chosen)
-    omitted = len(determined) - len(chosen)
+    assert draws is not None
+    omitted = len(_determined(result, draws)) - len(chosen)
     more = f" {omitted} more are in posterior.nc." if omitted else ""
     return Picture(
         "posterior",
@@ -121,6 +117,52 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
         f"Corner plot of {names}.{more} The table beside it has the same means, spreads and quantiles.",
         svg,
     )
+
+
+def draw_posterior(axes: NDArray[np.object_], result: Result, draws: Draws | None) -> None:
+    """The same in a reader's own axes (m, m), one for each pair of the m offsets that the data determine.
+
+    Those above the diagonal are made invisible. BadInput for axes of another shape.
+    """
+    chosen, values = _chosen(result, draws)
+    if np.shape(axes) != (len(chosen), len(chosen)):
+        raise BadInput(
+            "these axes do not suit the posterior of the offsets",
+            found=f"an array of shape {np.shape(axes)}",
+            allowed=f"({len(chosen)}, {len(chosen)}): {', '.join(label(row.name) for row in chosen)}",
+            argument="ax",
+        )
+    with style():
+        for i, row in enumerate(chosen):
+            for j, other in enumerate(chosen):
+                if j > i:
+                    axes[i, j].set_visible(False)
+                    continue
+                _panel(axes[i, j], values[:, j], other, values[:, i], row)
+                axes[i, j].tick_params(labelbottom=i == len(chosen) - 1, labelleft=j == 0)
+                if i == len(chosen) - 1:
+                    axes[i, j].set_xlabel(_named(other), color=light("ink"))
+                if j == 0 and i:
+                    axes[i, j].set_ylabel(_named(row), color=light("ink"))
+
+
+def _determined(result: Result, draws: Draws | None) -> list[ParameterResult]:
+    """The offsets of which there are draws that may be shown."""
+    if draws is None or not draws.converged or not result.posterior.converged:
+        return []
+    return [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
+
+
+def _chosen(result: Result, draws: Draws | None) -> tuple[list[ParameterResult], Matrix]:
+    """The offsets of the figure, at most six, and their draws (n, m)."""
+    determined = _determined(result, draws)
+    if draws is None or not determined:
+        return [], np.zeros((0, 0))
+    widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
+    chosen = [row for row in determined if row in widest]
+    columns = [draws.names.index(row.name) for row in chosen]
+    flat = draws.values.reshape(-1, draws.values.shape[-1])[:, columns]
+    return chosen, flat[:: max(1, len(flat) // _MOST_DRAWS)]
 
 
 def _smooth(heights: Matrix) -> Matrix:
@@ -154,16 +196,8 @@ def _corner(chosen: list[ParameterResult], values: Matrix) -> Figure:
     for i, row in enumerate(chosen):
         for j, other in enumerate(chosen[: i + 1]):
             axes = figure.add_subplot(grid[i, j])
-            axes.grid(visible=False)
-            limits, ticks = _scale(values[:, j])
-            axes.set(xticks=ticks, xlim=limits)
+            _panel(axes, values[:, j], other, values[:, i], row)
             axes.tick_params(length=2, labelsize=7.5, labelbottom=i == count - 1, labelleft=j == 0)
-            if i == j:
-                _marginal(axes, values[:, i], row)
-            else:
-                limits, ticks = _scale(values[:, i])
-                axes.set(yticks=ticks, ylim=limits)
-                _pair(axes, values[:, j], values[:, i], other, row)
             if i == count - 1:
                 axes.tick_params(axis="x", labelrotation=40)
                 axes.set_xlabel(_named(other), color=light("ink"))
@@ -174,6 +208,19 @@ def _corner(chosen: list[ParameterResult], values: Matrix) -> Figure:
                 at = (count - i - 0.5 + (count - 1 - i) * _GAP) * height + _BOTTOM
                 axes.yaxis.set_label_coords(_NAME_AT / WIDTH, at / whole, figure.transFigure)
     return figure
+
+
+def _panel(axes: Axes, x: Matrix, across: ParameterResult, y: Matrix, up: ParameterResult) -> None:
+    """One panel: the marginal of a parameter, or a pair of two."""
+    axes.grid(visible=False)
+    limits, ticks = _scale(x)
+    axes.set(xticks=ticks, xlim=limits)
+    if across is up:
+        _marginal(axes, x, up)
+        return
+    limits, ticks = _scale(y)
+    axes.set(yticks=ticks, ylim=limits)
+    _pair(axes, x, y, across, up)
 
 
 def _scale(values: Matrix) -> tuple[tuple[float, float], list[float]]:

@@ -102,6 +102,23 @@ MOST_DRAWN, LARGEST_DRAWN = 1000, 100
 _FEW_TARGETS = 8
 
 
+def draw_residuals(axes: Axes, result: Result) -> None:
+    """The normalised residuals, as the lower panel of the figure has them, in a reader's own axes."""
+    order = _by_target(result)
+    drawn = drawn_of(order)
+    with style():
+        _sigmas(axes, drawn, len(order) <= FEW_SHOTS)
+        axes.set(ylim=(0, None), xlim=(-0.7, len(order) - 0.3), xlabel="measurement")
+        if len(order) <= FEW_SHOTS:
+            axes.set_xticks(range(len(order)), [str(shot.shot) for shot in order])
+
+
+def _by_target(result: Result) -> list[ShotResult]:
+    """The measurements in order of target, in the order of the run."""
+    targets = list(dict.fromkeys(shot.target for shot in result.shots))
+    return sorted(result.shots, key=lambda shot: targets.index(shot.target))
+
+
 def residuals_picture(result: Result) -> Picture:
     """Above the residuals in mm, dots with the leave-one-out residual as a ring; below in their own σ.
 
@@ -109,9 +126,8 @@ def residuals_picture(result: Result) -> Picture:
     dots shrink; of more than 1000 some are drawn. The line in the lower panel is the 95 % limit that the
     stated noise leads one to expect.
     """
-    shots = result.shots
-    targets = list(dict.fromkeys(shot.target for shot in shots))
-    order = sorted(shots, key=lambda shot: targets.index(shot.target))
+    order = _by_target(result)
+    targets = list(dict.fromkeys(shot.target for shot in order))
     few = len(order) <= FEW_SHOTS
     group = measured_at(targets, result.inputs.instruments).replace(" or ", "/")
     drawn = drawn_of(order)

@@ -46,7 +46,7 @@ _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
 @contextmanager
 def live_view(console: Console) -> Iterator[Listener]:
-    """Takes the events of a run (docs/files.md) and shows its progress; nothing remains on the screen.
+    """Takes the events of a run (docs/files-cell.md) and shows its progress; nothing remains on the screen.
 
     Nothing is written where `console` is no terminal on which a line can be drawn anew.
     """
@@ -225,15 +225,18 @@ _ANSWERS = {
 def led_view(console: Console) -> Listener:
     """Takes the events of a run by hand and prints them, line by line."""
     before: Mapping[str, float | None] = {}
+    joints = "type the joint values"
 
     def hear(event: RunEvent) -> None:
-        nonlocal before
+        nonlocal before, joints
         match event:
             case RunOpened():
+                if event.rig == "live":
+                    joints = "press Enter when the arm is at rest"
                 _say(console, _beginning(event))
             case PostureRequested():
                 console.print()
-                _say(console, _request(event), "bold")
+                _say(console, _request(event, joints), "bold")
                 _say(console, _joints(event.pendant))
             case ReadingRequested():
                 _say(console, _reading(event), "bold")
@@ -274,7 +277,8 @@ def _beginning(event: RunOpened) -> str:
     )
 
 
-def _request(event: PostureRequested) -> str:
+def _request(event: PostureRequested, joints: str) -> str:
+    """`joints` says what a person does for them."""
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
     which = _which(event.instrument, event.reflector)
@@ -283,7 +287,7 @@ def _request(event: PostureRequested) -> str:
     reads = f"; then {_reads(event.reads)}" if event.reads else ""
     return (
         f"Posture {of} (measurement {event.shot}{again}), {what}{which}: go there,"
-        f" {event.act}, and type the joint values{reads}{also}."
+        f" {event.act}, and {joints}{reads}{also}."
     )
 
 

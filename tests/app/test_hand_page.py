@@ -77,7 +77,7 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
         press(tab, "Record")
         wait(tab, f"{IN_HAND}.includes('this looks like metres')")
         press(tab, "They are metres")
-        wait(tab, f"{ASKED} === 'Posture 2 of 3: measurement 2, reflector R2'")
+        wait(tab, f"{ASKED} === 'Posture 2 of 3: measurement 1, reflector R2'")
 
         tab.on(lambda page: page.locator("#hand-line").fill(joints[1]))
         press(tab, "Record")
@@ -90,7 +90,7 @@ def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> N
             wait(tab, f"{IN_HAND}.includes('allowed are 3 numbers')")
         fill(tab, READING, " ".join(f"{value:.4f}".replace(".", ",") for value in points[1]))
         press(tab, "Record")
-        wait(tab, f"{ASKED}.startsWith('Posture 3 of 3: measurement 3')")
+        wait(tab, f"{ASKED}.startsWith('Posture 3 of 3: measurement 2')")
         press(tab, "Skip this posture")
         wait(tab, "!document.querySelector('.stop-bar') && document.querySelector('.now')")
         assert tab.console == []

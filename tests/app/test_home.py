@@ -149,6 +149,7 @@ def test_five_hundred_runs_are_read_once(
         (root / name).mkdir()
         (root / name / "run.jsonl").write_text(run)
     dated(root, [f"{name}/run.jsonl" for name in names])
+    monkeypatch.setattr(home, "_PATIENCE_S", 60.0)
     first = listed(client)
     assert len(first) == 501
     readers: dict[str, Any] = {kind: (kept, None) for kind, (kept, _) in home._READERS.items()}

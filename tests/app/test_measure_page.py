@@ -111,11 +111,11 @@ def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> Non
         assert tab.value("document.querySelector('[data-of=delta2] .u').textContent") == "not determined yet"
         assert tab.value("document.querySelectorAll('.watch circle').length") > 1
         shown = tab.value("document.querySelector('.residuals svg').getAttribute('aria-label')")
-        assert re.fullmatch(r"Normalised residuals: (measurement [12]: \d\.\d\d(, |\.$)){2}", shown)
+        assert re.fullmatch(r"Normalised residuals: (measurement [01]: \d\.\d\d(, |\.$)){2}", shown)
         wait(tab, "document.querySelector('.u-legend')?.textContent.includes('tolerance0.1°')")
         assert "J2 (δ2)not determined" in tab.value("document.querySelector('.u-legend').textContent")
         assert tab.value("document.querySelector('.run-lines').textContent").startswith(
-            "2 "
+            "1 "
         )  # as the sheet counts
         assert tab.console == []
     assert len(read_run(folder / "cell" / "two-run.jsonl").shots) == 2
@@ -199,13 +199,13 @@ def test_a_person_is_led_and_a_doubt_is_at_the_field(server: App, folder: Path) 
         wait(tab, "document.querySelectorAll('#hand-doubt button').length === 2")
         assert (tab.accessibility(), tab.overflow()) == ([], 0)
         touch(tab, "document.querySelectorAll('#hand-doubt button')[1]")  # it is posture 2
-        wait(tab, f"{ASKED}.includes('measurement 2')")
+        wait(tab, f"{ASKED}.includes('measurement 1')")
         press(tab, "Repeat the last")
-        wait(tab, f"{ASKED}.includes('measurement 3')")
-        paste(tab, rows[2])
         wait(tab, f"{ASKED}.includes('measurement 2')")
+        paste(tab, rows[2])
+        wait(tab, f"{ASKED}.includes('measurement 1')")
         tab.reload()
-        wait(tab, f"{LINE} && {ASKED}.includes('measurement 2')")
+        wait(tab, f"{LINE} && {ASKED}.includes('measurement 1')")
         press(tab, "Skip this posture")
         wait(tab, OVER)
         assert tab.value("document.querySelectorAll('img').length") == 0

@@ -14,13 +14,17 @@ from cells import LASER, good_plan, header, plan_of, varied_postures
 from chromium import LAPTOP, Tab, chromium
 from command_line import plan_file
 
+import zerobeam as zb
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.files.run import write_run
+from zerobeam.words.result_json import dumps, to_json
 
 pytestmark = pytest.mark.browser
 
 CHECKED = "document.querySelector('tr[data-of=delta2]') && !document.querySelector('.pending')"
 SAVED = "document.querySelector('.plan-bar output').textContent === 'Saved.'"
+MANY = 100
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +136,7 @@ def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chos
             wait(tab, f"!{dialog} && {SAVED}")
             assert path.read_bytes() == theirs
             assert content(path.with_name("other-mine.yaml"))["postures_deg"][0][0] == 10
-            assert tab.value("location.hash").endswith("/cell/other-mine.yaml")
+            wait(tab, "location.hash.endsWith('/cell/other-mine.yaml')")
             tab.value("location.hash = '#/job/cell/plan/cell/other.yaml'")
             wait(tab, f"document.querySelectorAll('.joint').length === 7 && {CHECKED}")
             assert tab.value(SAVED)
@@ -188,3 +192,45 @@ def test_a_save_that_meets_another_version_shows_both_and_takes_either(folder: P
         press(tab, "Take the file's")
         wait(tab, f"{CHECKED} && {SAVED}")
         assert "postures_deg" in tab.value("import('/page/core/editing.js').then((m) => m.plan.value)")
+
+
+@pytest.mark.long
+def test_a_hundred_postures_are_chosen_edited_and_drawn(folder: Path, address: str) -> None:
+    plan_file(folder / "cell" / "many.yaml", good_plan(MANY))
+    with plan(address, "many.yaml") as tab:
+        wait(tab, CHECKED, 120)
+        wait(tab, f"document.querySelectorAll('.strip li').length === {MANY}")
+        last = "document.querySelector('.strip li:last-child button')"
+        tab.on(lambda page: page.get_by_role("button", name="Previous posture").click())
+        wait(tab, f"document.querySelector('.scene-tools output').textContent === '{MANY} of {MANY}'")
+        wait(tab, f"{last}.getAttribute('aria-current') === 'true'")
+        box, strip = (
+            f"{last}.getBoundingClientRect()",
+            "document.querySelector('.strip').getBoundingClientRect()",
+        )
+        wait(tab, f"{box}.right <= {strip}.right")  # what is chosen is in sight
+        fill(tab, "J2, °", "0,5")
+        wait(
+            tab, f"{CHECKED} && document.querySelector('.strip li:last-child small').textContent !== ''", 120
+        )
+        assert (tab.overflow(), [text for text in tab.console if "WebGL" not in text]) == (0, [])
+
+
+@pytest.mark.long
+def test_a_hundred_measurements_are_left_out_one_by_one_in_the_result(folder: Path, address: str) -> None:
+    run = zb.simulate(good_plan(MANY), seed=1, offsets={"delta2": 0.3})
+    made = folder / "many"
+    made.mkdir()
+    write_run(made / "run.jsonl", run.header, run.shots)
+    found = zb.analyse(zb.read_run(made / "run.jsonl"), ess=100)
+    (made / "report").mkdir()
+    (made / "report" / "result.json").write_text(dumps(to_json(found.result)))
+    with chromium().opened(f"{address}#/job/many/result", LAPTOP) as tab:
+        wait(tab, "document.querySelector('.offsets')", 60)
+        wait(tab, f"document.querySelectorAll('.measurements tbody tr').length === {MANY}")
+        wait(tab, f"document.querySelector('.scene-tools output').textContent === 'all {MANY}'")
+        last = f"document.querySelector('.measurements [data-shot=\"{MANY - 1}\"] input')"
+        tab.value(f"{last}.scrollIntoView()")
+        tab.value(f"{last}.click()")
+        wait(tab, "document.querySelector('.without')?.textContent.includes('99')", 120)
+        assert (tab.overflow(), [text for text in tab.console if "WebGL" not in text]) == (0, [])

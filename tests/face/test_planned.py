@@ -25,7 +25,7 @@ def in_a_row(**changes) -> zb.Plan:
     """Joint 1 at rest: nothing says what joint 2 does."""
     postures = [[0, 10 * k, 20 - 5 * k, 0, 50 - 5 * k, 0] for k in range(5)]
     header = {**HEADER, "target_priors": {"psd": {"guess_mm": TARGET}}, **changes}
-    return zb.Plan.from_arrays(postures=postures, **header)
+    return zb.Plan.from_arrays(postures=postures, unit="deg", **header)
 
 
 def test_the_best_plan_is_checked(best: zb.OptimalPlan) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from zerobeam.experiments.makers.line_programs import LineLanguage
+from zerobeam.experiments.makers.line_language import LineLanguage
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.program_parts import JointTarget, ProgramFacts, Source
 from zerobeam.experiments.makers.recordings import ImportJob

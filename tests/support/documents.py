@@ -21,6 +21,8 @@ DOCS = ROOT / "docs"
 PAGES = {
     path.relative_to(ROOT).as_posix(): path for path in [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 }
+# The pages that state the keys of all files.
+FILE_PAGES = [name for name in PAGES if re.fullmatch(r"docs/files(-\w+)?\.md", name)]
 NOT_RUN = "# not run: "
 
 
@@ -87,6 +89,30 @@ def blocks(text: str) -> list[Block]:
 def prose(text: str) -> str:
     """A page without its fenced blocks."""
     return re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+
+
+# Lines that are no sentences: tables, headings, pictures, marks, indented commands.
+_NO_SENTENCE = re.compile(r"\s*(?:\||#+ |!\[|<!--)|    ")
+_ENDS = re.compile(r"(?<=[.!?])[)\"*]*\s+(?=[A-Z0-9*(\[`\"“$χδθΩ])")
+_ITEM = re.compile(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.) )")
+
+
+def words(text: str) -> int:
+    """How many words: what has a letter."""
+    return sum(any(letter.isalpha() for letter in word) for word in text.split())
+
+
+def sentences(text: str) -> list[str]:
+    """The sentences of a page outside blocks, tables, headings and equations. The text of a link counts and
+    its address does not; code is one word."""
+    text = re.sub(r"\$\$.*?\$\$", "", prose(text), flags=re.DOTALL)
+    text = re.sub(r"\]\([^)\s]*\)", "]", text)
+    text = re.sub(r"`[^`\n]+`", "`code`", text)
+    paragraphs = (
+        " ".join(line.strip() for line in part.splitlines() if not _NO_SENTENCE.match(line))
+        for part in _ITEM.split(text)
+    )
+    return [one for part in paragraphs for one in _ENDS.split(part) if words(one)]
 
 
 def prepare(text: str, folder: Path) -> list[Path]:

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from command_line import Answer, zerobeam
-from documents import blocks, read
+from documents import FILE_PAGES, blocks, read
 from export_runs import urdf_run
 from recorded_logs import HEADER as LOG_HEADER
 from recorded_logs import moves, table, ur
@@ -137,7 +137,7 @@ def whole_files(folder: Path, *, recorded: bool) -> Files:
     """Content of all files by name: those of the documentation, and what is made in `folder`. A run that can
     be gone on with is there if `recorded`."""
     text: dict[str, str] = {}
-    for page in ("docs/files.md", "docs/studies.md"):
+    for page in (*FILE_PAGES, "docs/studies.md"):
         text |= {block.title: block.text for block in blocks(read(page)) if block.title}
     for block in blocks(read("docs/sensors.md")):
         for schema, name in (("sensors/1", "sensors.yaml"), ("psd-calibration/1", "psd-a.yaml")):

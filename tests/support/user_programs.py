@@ -337,6 +337,7 @@ def judged(robot: Robot, offsets: Matrix = OFFSETS) -> Any:
         corrected=robot.with_offsets(np.radians(offsets)),
         posture_offsets=lambda joints: np.zeros(robot.n),
         head=["offsets of a test"],
+        warnings=[],
         versions={"zerobeam": "0"},
         sha256="0" * 64,
     )

@@ -17,7 +17,19 @@ from typing import Any
 import pytest
 import typer.main
 from command_line import zerobeam as command_line
-from documents import DOCS, PAGES, ROOT, blocks, prepare, prose, read, told_commands
+from documents import (
+    DOCS,
+    FILE_PAGES,
+    PAGES,
+    ROOT,
+    blocks,
+    prepare,
+    prose,
+    read,
+    sentences,
+    told_commands,
+    words,
+)
 from measured_arms import cube_run
 from scripts import load_script
 
@@ -28,16 +40,63 @@ from zerobeam.experiments.plans.make import MadePlan
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.experiments.studies.sweeps.study_file import built_in_studies
 
-FILES = "docs/files.md"
 COMMANDS: Any = typer.main.get_command(app)
 TEXTS = {name: read(name) for name in PAGES} | {
     name: (ROOT / name).read_text(encoding="utf-8") for name in ("CONTRIBUTING.md", "CHANGELOG.md")
 }
+FILES = "\n".join(TEXTS[name] for name in FILE_PAGES)
 
 
 def script(name: str) -> types.ModuleType:
     """One of the scripts in docs that make the site."""
     return load_script(DOCS, name)
+
+
+# --- how the pages read -----------------------------------------------------------------------------
+
+READ = [*PAGES, "CONTRIBUTING.md"]
+MOST_WORDS, LONG = 3000, 40
+
+
+def too_long(text: str) -> bool:
+    """Whether a page is two: its prose, without blocks and tables, has more than 3,000 words."""
+    return sum(map(words, sentences(text))) > MOST_WORDS
+
+
+def long_sentences(text: str) -> list[str]:
+    return [one for one in sentences(text) if words(one) > LONG]
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_page_has_at_most_3000_words(name: str) -> None:
+    assert not too_long(TEXTS[name])
+
+
+def test_the_pages_together_have_at_most_40000_words() -> None:
+    """Of prose: tables, which are for looking up, and blocks do not count."""
+    count = sum(words(one) for name in READ for one in sentences(TEXTS[name]))
+    assert 20_000 < count <= 40_000
+
+
+def test_at_most_one_sentence_of_a_hundred_has_more_than_40_words() -> None:
+    long = {name: long_sentences(TEXTS[name]) for name in READ}
+    count = sum(len(sentences(TEXTS[name])) for name in READ)
+    assert count > 2000
+    assert sum(map(len, long.values())) <= 0.01 * count, {name: all_ for name, all_ in long.items() if all_}
+
+
+def test_words_and_sentences_are_counted_as_a_reader_reads_them() -> None:
+    sentence = "One two, `code of many words` and [a link](https://example.org/a_b)."
+    assert sentences(sentence) == ["One two, `code` and [a link]."]
+    page = f"# A heading\n\n{sentence} Two\nlines.\n\n- An item\n- An\n  item: More.\n\n| a | table |\n"
+    page += "|---|---|\n\n```sh\nzerobeam demo\n```\n\n    zerobeam demo\n\n$$x = 1$$\n"
+    assert [words(one) for one in sentences(page)] == [6, 2, 2, 3]
+    assert long_sentences("Word " * 40 + ".") == []
+    assert len(long_sentences("Word " * 41 + "." + " Short.")) == 1
+    assert len(long_sentences("- " + "word\n  " * 41)) == 1
+    assert not too_long("Word word.\n\n" * 1500)
+    assert too_long("Word word.\n\n" * 1500 + "Word.")
+    assert not too_long("| word |\n" * 3001)
 
 
 # --- what the pages name ----------------------------------------------------------------------------
@@ -98,8 +157,8 @@ def allows(parameter: Any, value: str) -> bool:
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_command_of_a_block_is_one_of_the_command_line(name: str) -> None:
-    for words in told_commands(read(name)):
-        assert unknown_to_the_command_line(words) is None, words
+    for call in told_commands(read(name)):
+        assert unknown_to_the_command_line(call) is None, call
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -193,7 +252,7 @@ def keys(answer: Any) -> Iterator[str]:
 def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     """Real answers which together leave no key without content."""
     if kind == "check":
-        prepare(TEXTS[FILES], folder)
+        prepare(TEXTS["docs/files.md"], folder)
         return [command_line("check", folder / "x-pattern.yaml", "--json").json]
     good, x_pattern, _ = (case.path for case in demo_runs())
     header, *shots = (json.loads(line) for line in good.read_text(encoding="utf-8").splitlines())
@@ -227,8 +286,8 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)
 def test_every_key_of_a_file_is_documented(name: str) -> None:
-    page = {"compare": "docs/compare.md", "history": "docs/how-to/plant.md"}.get(name, FILES)
-    missing = set(properties(json_schema(name))) - words_in_code(TEXTS[page] + TEXTS[FILES])
+    page = {"compare": "docs/compare.md", "history": "docs/how-to/plant.md"}.get(name, "docs/files.md")
+    missing = set(properties(json_schema(name))) - words_in_code(TEXTS[page] + FILES)
     assert not missing
 
 
@@ -237,14 +296,14 @@ def test_every_key_of_an_answer_is_documented(kind: str, tmp_path: Path) -> None
     found = answers_of(kind, tmp_path)
     for key in found[0].keys() - {"notes"}:
         assert any(answer[key] for answer in found), f"{key} has no content to look into"
-    missing = set(keys(found)) - words_in_code(TEXTS[FILES])
+    missing = set(keys(found)) - words_in_code(FILES)
     assert not missing
 
 
 def test_every_key_of_a_proposal_is_documented() -> None:
     keys = set(MadePlan("x", None, None, None, None, None, None).as_json())
     assert len(keys) > 10
-    assert not keys - words_in_code(TEXTS[FILES])
+    assert not keys - words_in_code(FILES)
 
 
 # --- the site --------------------------------------------------------------------------------------
@@ -255,10 +314,8 @@ def test_every_page_is_in_the_navigation_of_the_site() -> None:
     listed = list(leaves(site["project"]["nav"]))
     assert len(listed) == len(set(listed))
     pages = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
-    assert set(listed) == pages | {
-        "reference/commands.md",
-        "notebooks/from_arrays_to_report.md",
-    }  # those are made
+    made = {f"notebooks/{path.stem}.md" for path in (DOCS / "notebooks").glob("*.py")}
+    assert set(listed) == pages | made | {"reference/commands.md"}
 
 
 def leaves(entry: Any) -> Iterator[str]:
@@ -368,7 +425,7 @@ def leads_nowhere(page: Path, link: str, made: set[Path]) -> bool:
 def test_links_lead_somewhere(name: str) -> None:
     made = {DOCS / "gallery" / page for page in script("gallery").PAGES}
     made.add(DOCS / "reference" / "commands.md")
-    made.add(DOCS / "notebooks" / "from_arrays_to_report.md")
+    made |= {path.with_suffix(".md") for path in (DOCS / "notebooks").glob("*.py")}
     for link in re.findall(r"\]\(([^)\s]+)\)", read(name)):
         assert not leads_nowhere(PAGES[name], link, made), link
         if name.startswith("docs/") and not link.startswith(("https://", "#")):

@@ -137,8 +137,8 @@ def test_the_public_face():
 
     assert sorted(zerobeam.__all__) == sorted({*zerobeam._HOME, "__version__"})
     assert " ".join(sorted(zerobeam._HOME)) == (
-        "Analysed BadInput Check CheckedPlan ComparedRuns Covariance Draws Figure FitFailed Laser "
-        "Noise OptimalPlan Plan Probe Result RigFault Robot Run SceneView Solution ZerobeamError "
+        "Analysed BadInput Check CheckedPlan ComparedRuns Contour Covariance Draws Figure FitFailed Laser "
+        "Noise OptimalPlan Plan Probe Profile Result RigFault Robot Run SceneView Solution ZerobeamError "
         "analyse check compare load_robot optimal_plan read_plan read_run simulate write_report"
     )
     for name, home in zerobeam._HOME.items():

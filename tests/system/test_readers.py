@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from documents import blocks, read
+from documents import FILE_PAGES, blocks, read
 from export_runs import ARM, TURNING
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -38,7 +38,7 @@ Reader = Callable[[Path], object]
 
 FILES = {
     block.title: block.text
-    for page in ("docs/files.md", "docs/studies.md")
+    for page in (*FILE_PAGES, "docs/studies.md")
     for block in blocks(read(page))
     if block.title
 }

@@ -1,4 +1,4 @@
-// What the events of a run say, one after another (docs/files.md). Measurements have the numbers of the file, of the sheet and of the report.
+// What the events of a run say, one after another (docs/files-cell.md). Measurements have the numbers of the file, of the sheet and of the report.
 
 /**
  * @typedef {{recorded: number, std: Record<string, number | null>, expanded: Record<string, number | null>}} CoursePoint

@@ -22,7 +22,7 @@ def _drl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[P
 def _read_drl(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Doosan: the pendant's log of a plan's program, or joint positions (posj) of a DRL program."""
     from ..joint_text import import_program_log, is_program_log
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .drl_language import DRL
 
     if points is None and is_program_log(job):

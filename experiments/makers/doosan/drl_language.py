@@ -19,7 +19,7 @@ from ....model.files.plan import Plan
 from ....model.kinematics.branches import Branches
 from ....model.kinematics.orientation import from_zyz, orientation
 from ....model.kinematics.robot import Robot
-from ..line_programs import LineLanguage
+from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import LOG, ProgramMotion, decimal, head_lines, listed, made_for, steps_of
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_abc, orientation
-from ..line_programs import LineLanguage
+from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import (
     LOG,

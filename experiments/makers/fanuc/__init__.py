@@ -83,4 +83,5 @@ MAKER = Maker(
         ),
     ),
     correct=(ProgramFiles("TP", ".ls (FANUC)", (".ls",), _tp),),
+    live="fanuc://HOST",
 )

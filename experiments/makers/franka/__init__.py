@@ -20,7 +20,7 @@ def _joint_list(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Pa
 
 def _read_joint_list(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Franka: joints in radians, a line each (zb_m0 = [...]), as a program of libfranka recorded them."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .joint_list import JOINT_LIST
 
     note = "Franka joints, radians, joint 1 first"

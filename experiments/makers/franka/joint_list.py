@@ -10,7 +10,7 @@ import math
 
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_rpy
-from ..line_programs import LineLanguage
+from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, steps_of
 

@@ -332,4 +332,5 @@ MAKER = Maker(
         Reader("robodk", _read_robodk, "Log of a plan's program."),
     ),
     logs=(KnownLog("robodk", "MonitorJoints", _monitor_joints),),
+    live="ros://HOST",
 )

@@ -21,7 +21,7 @@ def _as_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Pa
 
 def _read_as(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Kawasaki: joint displacement values (#name) of a saved file, taught or recorded by a plan's program."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .as_language import AS
 
     return import_taught(

@@ -14,7 +14,7 @@ from pathlib import Path
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_zyz, orientation
-from ..line_programs import SIX_WITH_BLANKS, LineLanguage
+from ..line_language import SIX_WITH_BLANKS, LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
 
@@ -28,7 +28,6 @@ AS = LineLanguage(
     numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).zyz],
     form="X,Y,Z,O,A,T",
     joint_decimals=4,
-    base_frames=frozenset(),
     pose_decimals=(4,) * 6,
     literal=re.compile(f"{SIX_WITH_BLANKS.pattern}|" + r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
 )

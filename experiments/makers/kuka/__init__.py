@@ -79,4 +79,5 @@ MAKER = Maker(
             "KRL", ".src or .dat (KRL, both together)", (".src", ".dat"), _krl, paired=(".src", ".dat")
         ),
     ),
+    live="kuka://HOST",
 )

@@ -21,7 +21,7 @@ def _melfa_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping
 
 def _read_melfa(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Mitsubishi: joint variables (J…) of a program saved as text, taught at the postures."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .melfa_basic import MELFA_BASIC
 
     return import_taught(

@@ -16,7 +16,7 @@ from lark import Token, Tree
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_rpy, orientation
-from ..line_programs import SIX_WITH_COMMAS, LineLanguage
+from ..line_language import SIX_WITH_COMMAS, LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
 

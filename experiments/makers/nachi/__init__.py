@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Nachi: joint positions (MOVEX … M1J) of a program that was taught; they are named by their lines."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .slim import SLIM
 
     return import_taught(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 from ....model.kinematics.orientation import from_abc, orientation
-from ..line_programs import LineLanguage
+from ..line_language import LineLanguage
 
 SLIM = LineLanguage(
     name="SLIM",

@@ -23,7 +23,7 @@ def _val3_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[
 
 def _read_val3(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Stäubli: joint variables (jointRx) of a data file, taught or recorded by a plan's program."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .val3 import VAL3
 
     return import_taught(

@@ -17,10 +17,10 @@ from lark import Token, Tree
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch
 from ....model.kinematics.orientation import from_xyz, orientation
-from ..line_programs import LineLanguage, Statement, capitals
+from ..line_language import LineLanguage, Statement, capitals
 from ..maker import blanked
 from ..program_parts import NUMBER, understood
-from .val3_files import Element, code_of, documents
+from .val3_files import XmlElement, code_of, documents
 
 _REMARK = r"//[^\n]*"
 _JOINTS = tuple(f"j{i}" for i in range(1, 7))
@@ -44,7 +44,7 @@ def _key(name: str) -> str:
     return f"{word}[{number}]" if number else word
 
 
-def _numbers(value: Element, keys: Sequence[str]) -> list[Token] | None:
+def _numbers(value: XmlElement, keys: Sequence[str]) -> list[Token] | None:
     """Those of a Value that are stated; None where one is no number, or there are others."""
     if any(re.fullmatch(r"j\d+|r?[xyz]", key) and key not in keys for key in value.attributes):
         return None
@@ -80,7 +80,7 @@ class _Application:
             elif root.tag != "Database":
                 yield root.start, root.end, None
 
-    def _name(self, data: Element, value: Element, kind: str) -> Token | None:
+    def _name(self, data: XmlElement, value: XmlElement, kind: str) -> Token | None:
         key, size = value.of("key"), data.of("size")
         right = key.isdecimal() and size.isdecimal() and int(key) < int(size) and value.tag == "Value"
         name, start = data.attributes.get("name", ("", 0))
@@ -88,7 +88,7 @@ class _Application:
             return None
         return Token(kind, _key(f"{name}[{key}]"), start_pos=start)
 
-    def _position(self, data: Element, value: Element) -> Tree[Token] | None:
+    def _position(self, data: XmlElement, value: XmlElement) -> Tree[Token] | None:
         name, joints = self._name(data, value, "NAME"), data.of("type") == "jointRx"
         numbers = _numbers(value, _KINDS[data.of("type")])
         if name is None or numbers is None:
@@ -134,7 +134,7 @@ class _Application:
         for value, *_ in left:
             yield value.start, value.end, None
 
-    def _program(self, program: Element) -> Iterator[Statement]:
+    def _program(self, program: XmlElement) -> Iterator[Statement]:
         name, start = program.attributes.get("name", ("", program.start))
         yield program.start, program.end, _tree("routine", Token("WORD", name.lower(), start_pos=start))
         for local in (*program.all("Local"), *program.all("Parameter")):

@@ -15,7 +15,7 @@ _CDATA = re.compile(r"\s*<!\[CDATA\[(.*?)\]\]>\s*", re.DOTALL)
 
 
 @dataclass
-class Element:
+class XmlElement:
     """`attributes` as (value, its start in the text); `start` and `end` of the first tag, `close` that of the
     last one's begin."""
 
@@ -23,14 +23,14 @@ class Element:
     start: int
     end: int
     attributes: dict[str, tuple[str, int]]
-    children: list[Element] = field(default_factory=list)
+    children: list[XmlElement] = field(default_factory=list)
     close: int = 0
 
     def of(self, attribute: str) -> str:
         """The value of an attribute, "" without it."""
         return self.attributes.get(attribute, ("", 0))[0]
 
-    def all(self, tag: str) -> Iterator[Element]:
+    def all(self, tag: str) -> Iterator[XmlElement]:
         """Elements of this name in it, at any depth."""
         for child in self.children:
             if child.tag == tag:
@@ -38,7 +38,7 @@ class Element:
             yield from child.all(tag)
 
 
-def documents(text: str) -> list[Element]:
+def documents(text: str) -> list[XmlElement]:
     """The root of each document of a text, which has them one after the other, each with its declaration.
 
     BadInput where one is not well-formed, or has a document type: entities grow without bound.
@@ -50,9 +50,9 @@ def documents(text: str) -> list[Element]:
     return [_document(text, start, end) for start, end in zip(starts, ends, strict=True)]
 
 
-def _document(text: str, start: int, end: int) -> Element:
+def _document(text: str, start: int, end: int) -> XmlElement:
     first_line = text.count("\n", 0, start)
-    parser, open_elements, root = expat.ParserCreate("us-ascii"), [], Element("", start, start, {})
+    parser, open_elements, root = expat.ParserCreate("us-ascii"), [], XmlElement("", start, start, {})
     open_elements.append(root)
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
@@ -73,7 +73,7 @@ def _document(text: str, start: int, end: int) -> Element:
                 line=first_line + parser.CurrentLineNumber,
             )
         placed = {name: (value, at + offset) for name, (value, offset) in spans.items()}
-        element = Element(tag, at, match.end(), placed)
+        element = XmlElement(tag, at, match.end(), placed)
         open_elements[-1].children.append(element)
         open_elements.append(element)
 
@@ -102,7 +102,7 @@ def _document(text: str, start: int, end: int) -> Element:
     return root.children[0]
 
 
-def code_of(text: str, code: Element) -> tuple[int, int] | None:
+def code_of(text: str, code: XmlElement) -> tuple[int, int] | None:
     """Begin and end of the program in a Code element; None where it is not one block of plain text."""
     inner = text[code.end : code.close] if code.close > code.end else ""
     match = _CDATA.fullmatch(inner)

@@ -21,7 +21,7 @@ def _tmscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapp
 
 def _read_tmscript(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Techman: joints in TMscript, as a person wrote them into a plan's program."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .tmscript_language import TMSCRIPT
 
     note = "Techman joint angles, degrees, joint 1 first"

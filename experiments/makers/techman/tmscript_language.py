@@ -12,7 +12,7 @@ import re
 
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_rpy, orientation
-from ..line_programs import LineLanguage
+from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, head_lines, listed, made_for, percents, steps_of
 from ..program_parts import NUMBER

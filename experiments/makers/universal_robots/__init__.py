@@ -130,4 +130,5 @@ MAKER = Maker(
     read=(Reader("universal-robots", _read, "Logs of a plan's program, or RTDE recordings (.csv)."),),
     logs=(KnownLog("ur", "RTDE recording", _rtde),),
     correct=(ProgramFiles("URScript", ".script (URScript)", (".script", ".urscript"), _urscript),),
+    live="ur://HOST",
 )

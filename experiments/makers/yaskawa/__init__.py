@@ -53,7 +53,7 @@ def _inform_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mappin
 
 def _read_inform(job: "ImportJob", points: PointNames = None) -> "Imported":
     """Yaskawa: positions in pulses of a saved job, taught, or modified in a plan's program."""
-    from ..line_programs import import_taught
+    from ..taught_positions import import_taught
     from .inform import INFORM, named_positions
 
     return import_taught(
@@ -80,4 +80,5 @@ MAKER = Maker(
     program=(PlanProgram("inform", "inform (Yaskawa)", _inform_program, ("speed", "tool")),),
     read=(Reader("inform", _read_inform, "Saved jobs (.JBI)."),),
     correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _inform),),
+    live="yaskawa://HOST",
 )

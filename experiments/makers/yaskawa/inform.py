@@ -22,7 +22,7 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_rpy, orientation
 from ....model.kinematics.pendant import Pendant
-from ..line_programs import LineLanguage
+from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, head_lines, made_for, percents, steps_of
 from ..program_parts import NUMBER
@@ -48,7 +48,6 @@ INFORM = LineLanguage(
     joint_decimals=0,
     pose_decimals=(3, 3, 3, 4, 4, 4),
     literal=re.compile(rf"(?<==){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}"),
-    base_frames=frozenset(),
     framed=True,
     shared=re.compile(r"P\d+", re.IGNORECASE),
     turns=_within_half_a_turn,

@@ -37,6 +37,9 @@ from ...procedure.order import Order
 from ...procedure.rig import RefusalReason, RefusedPosture
 from ...procedure.session import ProcedureResult, arm_sent, recorded_event, state_of
 from ...procedure.steering import Belief
+from ...sensors.text_lines import InstrumentLines, ReadingRefused
+from ..live.at_rest import JointsAtRest
+from ..live.interface import JointsRefused
 from .doubts import Doubt, Judge
 from .instrument_readings import InstrumentReadings, Reading
 from .lines import Lines
@@ -49,6 +52,9 @@ HELP = (
 _MOST = 200  # characters of a comment
 _ANSWERS = ("yes", "rad", "as")
 _METRES = "metres"
+_READ_NOT_TYPED = (
+    "the joints are read from the controller: press Enter when the arm is at rest; 'help' has the words"
+)
 _WORDS = ("skip", "redo", "comment", "show", "pause", "quit", "help", "?")
 
 
@@ -75,7 +81,8 @@ class _Skipped(_Decided):
 @dataclass(eq=False)
 class Manual:
     """One session. `lines` says what the person or robot writes, `pendant` and `units` what its numbers
-    are."""
+    are. With `arm` the joints are read from its controller where an empty line confirms them; with
+    `instrument` its readings are not typed."""
 
     plan: Plan
     journal: RunJournal
@@ -85,6 +92,8 @@ class Manual:
     pendant: Pendant
     units: PendantUnit
     scene: bool = False  # whether to tell where the arm is to be
+    arm: JointsAtRest | None = None
+    instrument: InstrumentLines | None = None
     _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
     _again: int | None = field(default=None, init=False)
     _comment: str | None = field(default=None, init=False)
@@ -155,16 +164,19 @@ class Manual:
         if others:
             self._give_up([number], f"its posture is recorded without it: redo {others[0]} repeats both")
             raise _Decided
-        number, joints, texts = self._posture(together[0])
-        shots = []
-        for each in self._together(number):
-            try:
-                shots.append(self._completed(each, joints, texts))
-            except _Skipped:
-                continue
-        if not shots:
-            raise _Decided
-        return shots
+        number = together[0]
+        while True:
+            number, joints, texts = self._posture(number)
+            shots = []
+            for each in self._together(number):
+                try:
+                    shots.append(self._completed(each, joints, texts))
+                except _Skipped:
+                    continue
+            if not shots:
+                raise _Decided
+            if not self._moved(number, joints):
+                return shots
 
     def _posture(self, number: int) -> tuple[int, Matrix, list[str]]:
         """The measurement whose joints (n,) are typed, `number` or another that is named, and the readings
@@ -194,6 +206,8 @@ class Manual:
             elif word in (*_ANSWERS, *_WORDS):
                 parts = ""
                 self._command(word, rest, self._together(number))
+            elif self.arm is not None:
+                joints = self._taken(number, self.arm, text)
             elif text:
                 if parts and not self._goes_on(parts, text):  # what is missing is said
                     self._read(number, parts)
@@ -214,15 +228,43 @@ class Manual:
     def _reads_any(self, number: int) -> bool:
         return any(self._readings.reads(each) for each in self._together(number))
 
+    def _moved(self, number: int, joints: Matrix) -> bool:
+        """Whether the arm has moved since its joints (n,) were read, which is said. Of joints that were typed
+        nobody knows it."""
+        if self.arm is None or not self._reads_any(number):
+            return False
+        try:
+            if not self.arm.moved_from(joints):
+                return False
+            raise JointsRefused("moving", "the arm has moved since its joints were read")
+        except JointsRefused as refused:
+            self._say(number, refused.kind, refused.why)
+            return True
+
     def _completed(self, number: int, joints: Matrix, texts: list[str]) -> Shot:
         """The measurement with what the instrument reads at `joints` (n,): the first of `texts`, which is
-        taken off, or what is typed then."""
-        reads = self._readings.reads(number)
-        if not reads:
+        taken off, or what it sends, or what is typed then."""
+        if not self._readings.reads(number):
             return self._shot(number, joints, {})
+        return self._shot(number, joints, self._reading(number, joints, texts))
+
+    def _sent(self, number: int) -> str:
+        """What the instrument sends; empty where it sends nothing that can be used, which is said."""
+        if self.instrument is None:
+            return ""
+        try:
+            return self.instrument.read()
+        except ReadingRefused as refused:
+            self._say(number, "instrument", str(refused))
+            return ""
+
+    def _reading(self, number: int, joints: Matrix, texts: list[str]) -> Reading:
+        """The readings of an instrument: the first of `texts`; a person may type what it does not send."""
+        reads = self._readings.reads(number)
         held: Reading | None = None
         text = texts.pop(0) if texts else ""
         while True:
+            text = text or self._sent(number)
             if not text:
                 self.listener(ReadingRequested(number, reads, *self._names(number)))
                 line = self.lines.following()
@@ -232,11 +274,12 @@ class Manual:
             word, _, rest = text.partition(" ")
             word, reading, text = word.lower(), text, ""
             if held is not None and word in ("yes", _METRES):
-                values = held if word == "yes" else self._readings.of_metres(held)
-                return self._shot(number, joints, values)
+                return held if word == "yes" else self._readings.of_metres(held)
             if word in (*_ANSWERS, _METRES, *_WORDS):
                 self._command(word, rest.strip(), (number,))
                 continue
+            if self.instrument is not None and not reading:
+                continue  # it is read again
             try:
                 typed = self._readings.typed(number, reading)
             except BadInput as error:
@@ -244,9 +287,20 @@ class Manual:
                 continue
             sentence = self._readings.doubt(number, joints, typed)
             if sentence is None:
-                return self._shot(number, joints, typed)
+                return typed
             held = typed if self.lines.confirms else None
             self._say(number, _METRES, sentence, ("yes", _METRES) if self.lines.confirms else ())
+
+    def _taken(self, number: int, arm: JointsAtRest, text: str) -> Matrix | None:
+        """(n,) the joints where the arm is at rest, None where they are not taken, which is said."""
+        if text:
+            self._say(number, "unreadable", _READ_NOT_TYPED)
+            return None
+        try:
+            return arm.take()
+        except JointsRefused as refused:
+            self._say(number, refused.kind, refused.why)
+            return None
 
     def _goes_on(self, parts: str, text: str) -> bool:
         """Whether a line has more joints of those that were begun: with names, or a number alone."""

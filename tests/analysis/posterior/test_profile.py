@@ -5,9 +5,12 @@ from plain_posterior import PlainPosterior
 from scipy import optimize
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.posterior import intervals
+from zerobeam.analysis.posterior import profiles
 from zerobeam.analysis.posterior.intervals import profile_intervals
+from zerobeam.analysis.posterior.profiles import ProfileContour, ProfileCurve
+from zerobeam.analysis.solution import judge
 from zerobeam.experiments.plans.patterns import pattern
+from zerobeam.model.errors import BadInput
 
 HALF = 1.959963984540054
 
@@ -124,7 +127,7 @@ def test_it_is_asymmetric_where_the_ridge_is_bent(weak):
 
 def test_an_end_that_is_not_found_is_nan(weak, monkeypatch):
     problem, fit, which = weak
-    monkeypatch.setattr(intervals, "_ROUNDS", 1)
+    monkeypatch.setattr(profiles, "_ROUNDS", 1)
     ends = profile_intervals(problem, fit, which, HALF)
     assert np.isnan(ends).any()
 
@@ -139,3 +142,109 @@ def test_held_parameters_and_targets_are_refused(weak):
 def test_nothing_asked_nothing_told(weak):
     problem, fit, _ = weak
     assert profile_intervals(problem, fit, np.array([], dtype=int), HALF).shape == (0, 2)
+
+
+# ── curves and contours ───────────────────────────────────────────────────────────────────────
+
+
+def test_a_curve_is_that_of_brute_force(weak):
+    """Where the ridge is bent, and with it away from the normal."""
+    problem, fit, _ = weak
+    curve = ProfileCurve.of(judge(fit), "delta4", size=5)
+    plain = PlainProfile(problem, fit, problem.parameters.index("delta4") - 1)
+    brute = [plain.root(value / plain.scale) for value in np.radians(curve.values)]
+    np.testing.assert_allclose(curve.distance, brute, atol=2e-3)
+    np.testing.assert_allclose(curve.normal, (curve.values - curve.estimate) / curve.u, atol=1e-9)
+    assert np.abs(curve.distance - curve.normal).max() > 0.02
+
+
+def test_the_interval_of_a_curve_ends_where_the_profile_interval_does(weak):
+    problem, fit, _ = weak
+    i = problem.parameters.index("delta4")
+    curve = ProfileCurve.of(judge(fit), "delta4")
+    low, high = np.degrees(profile_intervals(problem, fit, np.array([i]), HALF)[0])
+    np.testing.assert_allclose(curve.interval(0.95), (low, high), atol=0.01 * (high - low))
+    narrow = curve.interval(0.5)
+    assert low < narrow[0] < curve.estimate < narrow[1] < high
+    assert ProfileCurve.of(judge(fit), "delta4", width=1.0).interval(0.95) is None
+    with pytest.raises(BadInput, match="between 0 and 1"):
+        curve.interval(95)
+
+
+def test_with_an_estimated_noise_the_distance_is_students():
+    """Of a nearly linear fit the profile is Student's, and has no deviation from it."""
+    _, problem = simulated_problem(good_plan(12, noise={"scale": "estimated"}), TABLE_2, seed=4)
+    solution = judge(fit_likelihood(problem, starts=0))
+    curve = ProfileCurve.of(solution, "delta3")
+    assert np.isfinite(curve.dof)
+    assert curve.deviation < 0.02
+    row = solution["delta3"]
+    np.testing.assert_allclose(curve.interval(0.95), row.interval(0.95), atol=0.02 * row.u)
+
+
+def test_tolerances_do_not_scale_with_an_estimated_noise():
+    """Some offsets of a typical arm are as uncertain as the noise, some as the tolerances. None deviates."""
+    plan = good_plan(28, geometry=None, noise={"scale": "estimated"})
+    _, problem = simulated_problem(plan, TABLE_2, seed=4)
+    solution = judge(fit_likelihood(problem, starts=0))
+    dofs = {row.name: row.dof for row in solution.offsets if not row.held}
+    for name in (min(dofs, key=dofs.get), max(dofs, key=dofs.get)):
+        curve = ProfileCurve.of(solution, name, size=7)
+        assert curve.dof == dofs[name]
+        assert curve.deviation < 0.15
+    assert max(dofs.values()) > 5 * min(dofs.values())
+
+
+def test_a_contour_reaches_to_the_quantile_of_two_parameters(weak):
+    """At a point of its boundary the log-posterior has dropped by half the quantile of chi-squared: by brute
+    force over all other parameters. The ellipse is the one of the covariance."""
+    problem, fit, _ = weak
+    solution = judge(fit)
+    contour = ProfileContour.of(solution, "delta4", "delta5", level=0.68, size=8)
+    wanted_drop = float(-2 * np.log(0.32))
+    plain = PlainProfile(problem, fit, 0)
+    both = np.array([problem.parameters.index(name) - 1 for name in contour.names])
+    rest = np.setdiff1d(np.arange(len(fit.z)), both)
+    scale = problem.parameters.prior_std[problem.parameters.free][both]
+    for point in contour.points[[0, 3]]:
+        z = fit.z.copy()
+        z[both] = np.radians(point) / scale
+
+        def full(values, z=z):
+            point = z.copy()
+            point[rest] = values
+            return point
+
+        best = optimize.least_squares(
+            lambda values: plain.plain.residuals(full(values)).real,
+            fit.z[rest],
+            jac=lambda values: plain.plain.residual_jacobian(full(values))[:, rest],
+            x_scale=fit.std[rest],
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-12,
+        )
+        assert 2 * (best.cost - plain.best) == pytest.approx(wanted_drop, rel=5e-3)
+    covariance = solution.covariance.select(contour.names).matrix
+    off = contour.ellipse - contour.estimates
+    np.testing.assert_allclose((off @ np.linalg.inv(covariance) * off).sum(axis=1), wanted_drop, rtol=1e-6)
+    np.testing.assert_array_equal(contour.points[0], contour.points[-1])
+
+
+@pytest.mark.parametrize("name", ["delta1", "psd.x", "delta9"])
+def test_what_has_no_profile_is_refused(weak, name):
+    _, fit, _ = weak
+    with pytest.raises(BadInput, match=name):
+        ProfileCurve.of(judge(fit), name)
+    with pytest.raises(BadInput, match=name):
+        ProfileContour.of(judge(fit), "delta4", name)
+
+
+def test_what_the_data_do_not_determine_has_no_profile():
+    position = np.array([900.0, 0.0, 0.0])
+    made_header = header(target=position)
+    _, fit, _ = fitted(plan_of(made_header, pattern(made_header, irb1600(), position, "x", 7)), seed=3)
+    solution = judge(fit)
+    assert solution["delta2"].status == "unidentifiable"
+    with pytest.raises(BadInput, match="do not determine"):
+        ProfileCurve.of(solution, "delta2")

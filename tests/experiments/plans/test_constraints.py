@@ -260,6 +260,7 @@ def test_arrays_state_constraints_too(refused: Any) -> None:
             robot="irb1600",
             tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
             postures=[[0, 10, 20 - k, 0, 50 - 5 * k, k] for k in range(5)],
+            unit="deg",
             noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
             target_priors={"psd": {"guess_mm": TARGET}},
             constraints=stated,

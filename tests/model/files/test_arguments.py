@@ -19,6 +19,7 @@ ARGUMENTS = {
     "robot": "irb1600",
     "tool": zb.Laser(**LASER),
     "joints": POSTURES,
+    "unit": "deg",
     "noise": zb.Noise(joint_deg=0.01, spot_mm=0.05),
 }
 SCARA = """\
@@ -121,6 +122,7 @@ def test_what_is_wrong_only_for_the_analysis_names_the_run():
         ({"noise": None}, "noise", "zerobeam.Noise(…)"),
         ({"noise": zb.Noise(joint_deg=[0.1] * 5, spot_mm=0.1)}, "noise", "5 values"),
         ({"unit": "grad"}, "unit", "'deg' or 'rad'"),
+        ({"unit": None}, "unit", "unit='deg' or unit='rad'"),
         ({"joints": POSTURES[0]}, "joints", "(6,)"),
         ({"joints": POSTURES[:, :5]}, "joints", "(N, 6): irb1600 has 6 joints"),
         ({"joints": POSTURES[:0]}, "joints", "no measurements"),
@@ -201,6 +203,7 @@ def test_its_hash_is_that_of_the_file(tmp_path):
         ({"postures": POSTURES[:0]}, "postures", "no postures"),
         ({"postures": POSTURES + 400}, "postures", "outside its limits"),
         ({"unit": "grad"}, "unit", "no such unit"),
+        ({"unit": None}, "unit", "not stated"),
         ({"targets": ["a"]}, "targets", "not as many rows as in postures"),
         ({"targets": ["a", " ", "b"]}, "targets", "cannot be a name"),
         ({"target_priors": {"a": {}, "b": {}}}, "targets", "several targets"),

@@ -133,6 +133,7 @@ def test_the_same_run_from_arrays(run):
         robot="irb1600",
         instruments=INSTRUMENTS,
         joints=[row["joints_deg"] for row in ROWS],
+        unit="deg",
         noise=zb.Noise(joint_deg=0.01, spot_mm=0.1),
         targets=targets,
         target_priors=TARGETS,
@@ -147,6 +148,7 @@ def test_arrays_of_one_instrument_need_no_names():
         robot="irb1600",
         instruments={"left": {"kind": "beacon"}},
         joints=[J0, J1],
+        unit="deg",
         noise=zb.Noise(joint_deg=0.01),
         measured={"measured_mm": np.arange(6.0).reshape(2, 3)},
     )
@@ -170,6 +172,7 @@ def test_arrays_that_do_not_fit_are_refused(measured, argument, words, refused):
         robot="irb1600",
         instruments={"left": {"kind": "beacon"}},
         joints=[J0, J1],
+        unit="deg",
         noise=zb.Noise(joint_deg=0.01),
         measured=measured,
     )
@@ -300,6 +303,7 @@ def test_a_plan_says_what_each_posture_is_measured_with(tmp_path):
         robot="irb1600",
         instruments={key: INSTRUMENTS[key] for key in ("left", "eye")},
         postures=[J0, J0, J1],
+        unit="deg",
         noise=zb.Noise(joint_deg=0.01),
         targets=plan.targets,
         means=[

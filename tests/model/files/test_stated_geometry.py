@@ -92,6 +92,7 @@ def from_arrays(key, postures=POSTURES):
         robot="irb1600",
         tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
         joints=postures,
+        unit="deg",
         noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
         geometry=stated(key),
     )

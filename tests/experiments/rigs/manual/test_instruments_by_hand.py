@@ -69,6 +69,7 @@ def planned(kind: str, postures: Any = POSTURES) -> Plan:
         robot="irb1600",
         instruments={"it": {"kind": kind} | entry},
         postures=postures,
+        unit="deg",
         noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
         targets=target,
         target_priors=targets or None,
@@ -178,7 +179,8 @@ SHARED = 3  # postures at which both read, after as many of each alone
 def mixed(rows: Sequence[tuple[Sequence[float], dict[str, Any]]]) -> Plan:
     means = [{key: value for key, value in how.items() if key != "target"} for _, how in rows]
     targets = [how.get("target") for _, how in rows]
-    return zb.Plan.from_arrays(postures=[row for row, _ in rows], means=means, targets=targets, **MIX)
+    postures = [row for row, _ in rows]
+    return zb.Plan.from_arrays(postures=postures, unit="deg", means=means, targets=targets, **MIX)
 
 
 @pytest.fixture(scope="module")

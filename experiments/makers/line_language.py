@@ -1,0 +1,173 @@
+"""Programs of which a statement is a line: positions, motions to them, tools, frames, what moves no arm.
+
+A maker's grammar derives a line, by its rule `statement`, to one tree:
+
+- `position`: a NAME and its `joints` or `pose`; `entry`: a NAME and `values`, which are joints or a pose by
+  the last line `joints_follow` or `poses_follow`, and refused behind `nothing_follows`. Of a pose a
+  CONFIGURATION is what tells the branches of the arm apart, in the language's own words; `configuration` is a
+  line that states it for entries below.
+- `motion`, `linear`: each `at` in it is a NAME, `joints` or a `pose`, and the arm goes there by joints or in
+  a straight line (or an arc, if the language takes the orientation of every pose in it). With `only_joints`
+  or `only_pose` in it a NAME must be such a position; that says it of `numbers`, a position whose declaration
+  does not. A `tool` or `frame` in a motion is of this motion alone, as is a CONFIGURATION in `reached_as`.
+- `tool`, `frame`: a WORD or a `pose`, from here on. `in_base`, `in_frame`: framed positions below are in the
+  base frame, or in the frame that was set. In a position a `frame` is its own. `definition`: a tool or frame
+  by a WORD, its `pose` in another one, the second WORD, defined before.
+- `call`: a WORD, the routine. `routine`: a WORD, its begin.
+- `join`: it is reached from elsewhere too, or leads there. `plain`: it moves no arm, and changes no position.
+
+Numbers of joints and poses are VALUE. A NAME anywhere else is of what the program changes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from string import ascii_lowercase, ascii_uppercase
+
+from lark import Token, Tree
+
+from ...model.arrays import Matrix
+from ...model.kinematics.branches import Branch
+from ...model.kinematics.robot import PendantUnit, Robot
+from .maker import blanked
+from .program_parts import (
+    NUMBER,
+    Language,
+    Parsed,
+    Source,
+    understood,
+)
+
+_CAPITALS = str.maketrans(ascii_lowercase, ascii_uppercase)
+Statement = tuple[int, int, Tree[Token] | None]  # begin, end and derivation
+FOLLOW = {"joints_follow": True, "poses_follow": False, "nothing_follows": None}
+SIX_WITH_COMMAS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:\s*,\s*{NUMBER}){{5,}}(?![\w.])")
+SIX_WITH_BLANKS = re.compile(rf"(?<![\w.])(?<![-+]){NUMBER}(?:[ \t]+{NUMBER}){{5,}}(?![\w.])")
+
+
+def capitals(text: str) -> str:
+    """The text in capitals, of the same length whatever its letters."""
+    return text.translate(_CAPITALS)
+
+
+@dataclass(frozen=True)
+class LineLanguage:
+    """A language of such programs.
+
+    `grammar` is the file of its grammar; `remark` a pattern of its comments, `head` one of the lines behind
+    which the remarks of a correction are put, each behind `comment`. Joints are in `unit`; a pose (4, 4) is
+    that of the numbers of `form`, and back. Numbers are written to so many decimals. `literal` has all that
+    looks like joints or a pose. Of `framed` positions tool and frame are those of the lines above them, else
+    those of the motion. `flange_tools` and `base_frames` are the names of tools and frames that are none. An
+    `indented` language has its blocks by indentation; behind a line that `opens` a block there is a brace.
+    `matching` says of a configuration which joints (n,), degrees, have it, None where that is not known;
+    without it the words are compared with each other.
+    Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
+    `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
+    without it they are not interpreted. `saved_decimals` are those that a controller saves, where they are
+    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree.
+    """
+
+    name: str
+    grammar: str
+    remark: str
+    head: str
+    comment: str
+    pose: Callable[[Sequence[float]], Matrix]
+    numbers: Callable[[Matrix], Sequence[float]]
+    form: str
+    unit: PendantUnit = "deg"
+    joint_decimals: int = 6
+    pose_decimals: Sequence[int] = (4, 4, 4, 6, 6, 6)
+    literal: re.Pattern[str] = SIX_WITH_COMMAS
+    flange_tools: frozenset[str] = frozenset()
+    base_frames: frozenset[str] = frozenset()
+    framed: bool = False
+    case_sensitive: bool = False
+    shared: re.Pattern[str] | None = None
+    turns: Callable[[Matrix], bool] | None = None
+    remark_width: int | None = None
+    indented: bool = False
+    opens: re.Pattern[str] | None = None
+    matching: Callable[[Robot, str], Callable[[Matrix], bool] | None] | None = None
+    comment_end: str = ""
+    read: Callable[[str], Iterator[Statement]] | None = None
+    positions: Callable[[str], list[tuple[int, int]]] | None = None
+    words: Callable[[Branch, Matrix], str] | None = None
+    saved_decimals: int | None = None
+    derives: Callable[[Tree[Token]], bool] | None = None
+
+    def for_correction(self) -> Language:
+        """What `zerobeam export program` needs of it."""
+        return Language(
+            self.name,
+            lambda source: _parsed(self, source),
+            self.head,
+            self.comment,
+            self.pose,
+            self.form,
+            self.literals,
+            self.case_sensitive,
+            remark_width=self.remark_width,
+            by_joint2=True,
+            remark_end=self.comment_end,
+        )
+
+    def literals(self, text: str) -> list[tuple[int, int]]:
+        """The spans of all that looks like joints or a pose."""
+        if self.positions is not None:
+            return self.positions(text)
+        return [match.span() for match in self.literal.finditer(blanked(text, self.remark))]
+
+    def statements(self, text: str) -> Iterator[Statement]:
+        """Each line that is not blank."""
+        if self.read is not None:
+            yield from self.read(text)
+            return
+        code = blanked(text, self.remark, strings=False)
+        if not self.case_sensitive:  # the grammar is in capitals
+            code = capitals(code)
+        depth, routine, behind_head = 0, False, False  # in a routine; the line before is its head
+        opened = False  # the line before opens a block
+        for line in re.finditer(r"[^\r\n]+", code):
+            if line[0].strip():
+                tree = understood(self.grammar, "statement", code, *line.span())
+                inner = None if tree is None else tree.children[0]
+                if not isinstance(inner, Tree) or (self.derives is not None and not self.derives(inner)):
+                    inner = None
+                indent = len(line[0]) - len(line[0].lstrip())
+                if self.indented and indent != depth:
+                    main = routine and not indent
+                    if main or not behind_head:
+                        yield line.start(), line.start(), Tree("main" if main else "join", [])
+                    depth, routine = indent, routine and not main
+                behind_head = inner is not None and inner.data == "routine"
+                if self.opens is not None:
+                    if opened and not line[0].lstrip().startswith("{"):
+                        inner = None
+                    opened = bool(self.opens.search(line[0])) and not line[0].rstrip().endswith("{")
+                if (
+                    self.indented and behind_head and indent
+                ):  # a routine in a block: when it is there is not known
+                    inner, behind_head = None, False
+                routine |= behind_head
+                yield line.start(), line.end(), inner
+
+
+def _parsed(language: LineLanguage, source: Source) -> Parsed:
+    from .line_programs import LineProgram
+
+    return LineProgram(language, source).read()
+
+
+def tokens(tree: Tree[Token], kind: str) -> list[Token]:
+    return [token for token in tree.scan_values(lambda token: isinstance(token, Token)) if token.type == kind]
+
+
+def is_a_pose(tree: Tree[Token], joints_follow: bool | None) -> bool | None:
+    """Whether a position is a pose; None where nothing in its line or above says it."""
+    if tree.data == "entry":
+        return not joints_follow
+    return None if list(tree.find_data("numbers")) else bool(list(tree.find_data("pose")))

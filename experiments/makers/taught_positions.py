@@ -1,0 +1,136 @@
+"""Positions of programs in a language of lines, taught or recorded, as measurements."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...model.errors import BadInput, located
+from ...model.kinematics.pendant import Pendant
+from ...model.kinematics.robot import Robot
+from .joint_text import require_same_plan
+from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, tokens
+from .program_parts import (
+    span,
+)
+from .recordings import Imported, ImportJob, TaughtPoint, import_points
+
+_POSTURE = re.compile(
+    r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
+)  # of a plan's program: planned, measured, via
+
+
+def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -> list[TaughtPoint]:
+    """All positions of a program, in its order: those that have a name, and those in motions ("line 12").
+
+    Joints are degrees as the controller counts them. BadInput for what looks like joints or a pose and is
+    not understood.
+    """
+    points, spans = [], set()
+    joints_follow: bool | None = None
+    per_degree = Pendant(robot).per_degree(language.unit)
+    for begin, _, tree in language.statements(text):
+        if tree is None:
+            continue
+        line = text.count("\n", 0, begin) + 1
+        if tree.data in FOLLOW:
+            joints_follow = FOLLOW[tree.data]
+        kinds = ("position", "entry", "at", "tool", "frame", "definition")
+        for part in (each for each in reversed([*tree.iter_subtrees()]) if each.data in kinds):
+            values = tokens(part, "VALUE")
+            if not values:
+                continue
+            spans.add((span(values[0])[0], span(values[-1])[1]))
+            if part.data in ("tool", "frame", "definition"):
+                continue
+            names = tokens(part, "NAME")
+            is_pose = is_a_pose(part, joints_follow)
+            if is_pose is None and _POSTURE.fullmatch(str(names[0])):
+                is_pose = False
+            numbers = np.array([float(value) for value in values])
+            joints = None
+            if is_pose is False:
+                numbers[: robot.n] /= per_degree[: len(numbers)]
+                joints = tuple(numbers.tolist())
+            name = f"line {line}"
+            if names:
+                written = text[slice(*span(names[0]))]
+                name = written if capitals(written) == capitals(names[0]) else str(names[0])
+            points.append(TaughtPoint(name, joints, line))
+    for begin, end in language.literals(text):
+        if (begin, end) not in spans:
+            raise BadInput(
+                "a position of the program is not understood",
+                found=" ".join(text[begin:end].split())[:60],
+                remedy="save the program as text again, or import the positions as csv",
+                file=path,
+                line=text.count("\n", 0, begin) + 1,
+            )
+    return points
+
+
+def import_taught(
+    language: LineLanguage,
+    job: ImportJob,
+    *,
+    points: Sequence[str] | None,
+    vendor: str,
+    note: str,
+    named: Callable[[str, list[TaughtPoint]], list[TaughtPoint]] = lambda text, taught: taught,
+) -> Imported:
+    """Measurements at the positions of programs that were taught, or of a plan's program: what it recorded
+    (zb_m0, zb_m1, …), or its postures (zb_p0, …) where they were taught again with the beam on the target.
+
+    `named` gives the positions of a text these names, in a language whose positions have numbers. Postures
+    that are still as the plan has them are left out; BadInput for the program of another plan.
+    """
+
+    def parse(text: str, path: Path) -> list[TaughtPoint]:
+        with located(path):
+            for number, content in enumerate(text.split("\n"), start=1):
+                with located(path, number):
+                    require_same_plan(content, job)
+        taught = named(text, taught_points(language, text, job.robot, path))
+        ours = [(point, match) for point in taught if (match := _POSTURE.fullmatch(point.name))]
+        if points is not None or not ours:
+            return taught
+        recorded = "m" if any(match[1] in "mM" for _, match in ours) else "p"
+        numbers = {int(match[2]) for _, match in ours if match[1].lower() == recorded}
+        missing = set(range(0 if job.plan is None else len(job.plan.postures))) - numbers
+        if missing:  # a plan's program has all of them, whether they were recorded or not
+            raise BadInput(
+                "a posture of the plan is not in the file",
+                found=f"no zb_{recorded}{min(missing)}",
+                remedy="save or copy the whole file again; or name the positions to use (--points)",
+            )
+        measured = [
+            point._replace(number=int(match[2]))
+            for point, match in ours
+            if match[1].lower() == recorded and not _as_planned(language, job, point, int(match[2]))
+        ]
+        if not measured:
+            raise BadInput(
+                "no measurements found: every position is still as the plan has it",
+                file=path,
+                remedy="record the positions at the controller with the beam on the centre, save the program"
+                " there, and import the saved file",
+            )
+        return measured
+
+    return import_points(job, parse, names=points, vendor=vendor, note=note)
+
+
+def _as_planned(language: LineLanguage, job: ImportJob, point: TaughtPoint, number: int) -> bool:
+    """Whether a posture of the plan's program is still as the plan has it, to the program's digits."""
+    if job.plan is None or point.joints is None or not number < len(job.plan.postures):
+        return False
+    if len(point.joints) < job.robot.n:
+        return False
+    pendant = Pendant(job.robot)
+    planned = pendant.counted(job.plan.postures[number] * job.robot.display)
+    decimals = language.joint_decimals if language.saved_decimals is None else language.saved_decimals
+    digits = 10.0**-decimals / np.abs(pendant.per_degree(language.unit))
+    return bool((np.abs(np.array(point.joints[: job.robot.n]) - planned) <= digits).all())

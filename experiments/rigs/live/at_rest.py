@@ -1,0 +1,128 @@
+"""Joints that may be recorded: read twice, of an arm at rest, by a controller that is alive.
+
+The arm is at rest where two readings at least `PAUSE_S` apart agree in every joint within `STILL`, or within
+two counts of a coarser encoder. The second one must be newer by the controller's own clock.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from ....interruption import obey
+from ....model.arrays import Matrix
+from ....model.errors import RigFault
+from ....model.kinematics.pendant import Pendant
+from .interface import JointReading, JointsRefused, LinkFault, LiveJoints, OtherArm
+
+PAUSE_S = 0.25
+STILL = 0.002  # deg (mm): below the 0.005 to 0.02 deg that are usual for a joint's noise
+_COUNTS = 2
+_ATTEMPTS = 3
+_LAGS = 0.5  # share of the time that passed by which the controller's clock advances at least
+_FARTHEST = 1e5  # deg (mm): a torn number is beyond it
+
+T = TypeVar("T")
+
+
+class JointsAtRest:
+    """The joints of one arm over `connect`, which is called anew after a fault.
+
+    RigFault, also from the constructor, where the controller is not that of the plan's arm.
+    """
+
+    def __init__(self, connect: Callable[[], LiveJoints], pendant: Pendant) -> None:
+        self._connect, self._pendant = connect, pendant
+        self._live: LiveJoints | None = None
+        self.identity: str | None = None
+        self._attempted(self._connection)
+
+    def take(self) -> Matrix:
+        """(n,) deg (mm), joint 3 from link 2; JointsRefused where they may not be recorded."""
+        return self._attempted(self._at_rest)
+
+    def moved_from(self, joints: Matrix) -> bool:
+        """Whether the arm is elsewhere than at `joints` (n,) deg (mm) now; JointsRefused as `take`."""
+        apart = np.abs(self.take() - joints)
+        return bool((apart > _tolerance(self._connection())).any())
+
+    def close(self) -> None:
+        if self._live is not None:
+            self._live.close()
+            self._live = None
+
+    def _attempted(self, call: Callable[[], T]) -> T:
+        refused = JointsRefused("connection", "")
+        for _ in range(_ATTEMPTS):
+            obey()
+            try:
+                return call()
+            except LinkFault as fault:
+                refused = JointsRefused("connection", f"{fault}: look at the connection, and try again")
+            except JointsRefused as error:
+                if error.kind == "moving":
+                    raise
+                refused = error
+            except OtherArm as error:
+                self.close()
+                raise RigFault(f"{error}; nothing of it is recorded") from None
+            self.close()
+        raise refused
+
+    def _connection(self) -> LiveJoints:
+        if self._live is None:
+            live = self._connect()
+            if self.identity not in (None, live.identity):
+                live.close()
+                raise OtherArm(f"the controller was {self.identity} and is {live.identity} now")
+            self._live, self.identity = live, live.identity
+        return self._live
+
+    def _at_rest(self) -> Matrix:
+        live = self._connection()
+        first, began = self._read(live), time.monotonic()
+        time.sleep(PAUSE_S)
+        passed = time.monotonic() - began
+        second = self._read(live)
+        advanced = second.stamp - first.stamp
+        if advanced <= 0 or (live.ticks is not None and advanced < _LAGS * passed * live.ticks):
+            raise JointsRefused(
+                "stale",
+                f"the joints are stale: the controller's clock advanced by {_clock(advanced, live)} in"
+                f" {passed:.2f} s",
+            )
+        apart = np.abs(second.joints - first.joints)
+        tolerance = _tolerance(live)
+        if (apart > tolerance).any():
+            joint = int(np.argmax(apart / tolerance))
+            unit = self._pendant.robot.joints[joint].unit
+            raise JointsRefused(
+                "moving",
+                f"the arm moves: joint {joint + 1} by {apart[joint]:.3g} {unit} in {passed:.2f} s",
+            )
+        joints = second.joints
+        return joints if live.between_links else self._pendant.between_links(joints)
+
+    def _read(self, live: LiveJoints) -> JointReading:
+        reading, n = live.read(), self._pendant.robot.n
+        if reading.joints.shape != (n,):
+            raise OtherArm(
+                f"the controller has {reading.joints.size} joints, and {self._pendant.robot.name} has {n}"
+            )
+        if (
+            not np.isfinite([*reading.joints, reading.stamp]).all()
+            or np.abs(reading.joints).max() > _FARTHEST
+        ):
+            raise LinkFault("the controller sends what are no joints")
+        return reading
+
+
+def _tolerance(live: LiveJoints) -> Matrix:
+    return np.asarray(np.maximum(STILL, _COUNTS * np.asarray(live.resolution)))
+
+
+def _clock(advanced: float, live: LiveJoints) -> str:
+    return f"{advanced:.3g}" if live.ticks is None else f"{advanced / live.ticks:.3g} s"
