@@ -156,19 +156,24 @@ def _plan_command() -> Command:
         plan: PlanFile,
         file: Annotated[
             Path,
-            typer.Option("-o", "--out", help="File to write; krl writes a .dat too.", show_default=False),
+            typer.Option(
+                "-o", "--out", help="File to write; krl and val3 write others beside it.", show_default=False
+            ),
         ],
         speed: Annotated[float, typer.Option(help="Speed of the fastest joint, degrees a second.")] = 10.0,
         zone: Annotated[
             float,
             typer.Option(
-                help="Rounding of intermediate postures: mm (rapid, urscript, robodk), percent (krl, fanuc)."
+                help="Rounding of intermediate postures: mm (rapid, urscript, robodk, as, val3), percent"
+                " (krl, fanuc)."
             ),
         ] = 0.0,
         tool: Annotated[
             str | None,
             typer.Option(
-                help="Tool of the controller: a name (rapid), a number (krl, fanuc).", show_default=False
+                help="Tool of the controller: a name (rapid, drl, as, tmscript), a number (krl, fanuc,"
+                " inform).",
+                show_default=False,
             ),
         ] = None,
         j3: Annotated[

@@ -258,7 +258,7 @@ def _plan_verify(
     if as_json:
         print_json(plan_json(made))
     else:
-        print_verification(out, made.plan)
+        print_verification(out, made.plan, made.vendor)
         say(f"Plan: {file}")
     raise typer.Exit(0 if made.plan.enough else 1)
 

@@ -11,6 +11,8 @@ from ..model.errors import BadInput
 from .console import EXIT_STATUS, out, print_json, print_picture
 from .options import J3Origin, Json
 
+PoseAngles = Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"]
+
 
 def robot(
     name: Annotated[
@@ -49,7 +51,7 @@ def robot(
         ),
     ] = None,
     angles: Annotated[
-        Literal["quaternion", "abc", "wpr", "rotation-vector", "xyz", "zyz"] | None,
+        PoseAngles | None,
         typer.Option(help="Form of the angles of --pose, if not the maker's.", show_default=False),
     ] = None,
     base: Annotated[
@@ -61,7 +63,23 @@ def robot(
     ] = None,
     as_json: Json = False,
     file: Annotated[
-        Path | None, typer.Option("-o", "--out", help="New: robot file to write (.yaml).", show_default=False)
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            help="Robot file to write (.yaml): new, or a copy of ROBOT to be edited.",
+            show_default=False,
+        ),
+    ] = None,
+    pulses: Annotated[
+        str | None,
+        typer.Option(
+            "--pulses-per-deg",
+            help="With -o, of a pendant that shows pulses: how many for a degree of each joint, negative"
+            " where they fall: P1,P2,….",
+            metavar="PULSES",
+            show_default=False,
+        ),
     ] = None,
     vendor: Annotated[
         str | None, typer.Option(help="New: who makes the arm, as in robot files.", show_default=False)
@@ -100,8 +118,9 @@ def robot(
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
-    its file from rows or a data sheet, asking for what no option states."""
+    its file from rows or a data sheet, asking for what no option states; with -o copy the file of another."""
     from ..experiments.arm_shown import arm_json, typed_arm
+    from ..experiments.new_robot import copy_robot, typed_vendor
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.terminal.arm import print_arm, print_robots
@@ -118,12 +137,23 @@ def robot(
         )
     if name == "new":
         if file is None or vendor is None:
-            raise BadInput("a new robot has a file and a maker", allowed="-o FILE.yaml and --vendor MAKER")
-        read = _write_new(file, vendor, row or [], convention, below, sheet, ranges or [])
+            raise BadInput(
+                "a new robot has a file and a maker",
+                allowed="-o FILE.yaml and --vendor MAKER",
+                remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
+            )
+        read = _write_new(
+            file, typed_vendor(vendor), row or [], convention, below, sheet, ranges or [], angles
+        )
         joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)
         if picture is None:
             picture = file.with_suffix(".html")
+    elif file is not None:
+        copy_robot(name, file, pulses)
+        name = str(file)
+    elif pulses is not None:
+        raise BadInput("--pulses-per-deg is written into a robot file", remedy="name the file: -o mine.yaml")
     if (base is None) != (tip is None):
         raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
@@ -149,11 +179,14 @@ def _write_new(
     below: float,
     sheet: str | None,
     ranges: list[str],
+    angles: PoseAngles | None,
 ) -> tuple[list[str], list[str]]:
     """The robot file of options, or of questions where these state neither rows nor a sheet; then the joint
     values and poses of two postures, if a person states them."""
+    from ..experiments.arm_shown import typed_arm
     from ..experiments.new_robot import (
         RobotEntries,
+        answer_to,
         asked_entries,
         content_of,
         typed_lengths,
@@ -172,13 +205,22 @@ def _write_new(
         return str(typer.prompt(question, err=True))
 
     write_robot(file, content_of(asked_entries(file.stem, vendor, ask)))
+
+    def typed_joints(text: str) -> str:
+        if text != "none":
+            typed_arm(str(file), [text], units=None, j3=None)
+        return text
+
+    def typed_pose(text: str) -> str:
+        typed_arm(str(file), joints[-1:], units=None, j3=None, poses=[text], angles=angles)
+        return text
+
     joints, poses = [], []
     for number in (1, 2):
-        text = str(
-            typer.prompt(f"Joint values at posture {number} (none: no check)", default="none", err=True)
-        )
+        question = f"Joint values at posture {number} (none: no check)"
+        text = answer_to(lambda put: str(typer.prompt(put, default="none", err=True)), question, typed_joints)
         if text == "none":
             break
         joints.append(text)
-        poses.append(ask("The pose that the pendant shows there"))
+        poses.append(answer_to(ask, "The pose that the pendant shows there", typed_pose))
     return joints, poses

@@ -6,12 +6,14 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar, get_args
+from unicodedata import normalize
 
 from ..model.errors import BadInput
-from ..model.files.robot_file import RobotFile, stated_rows
+from ..model.files.robot_file import RobotFile, StatedJoint, Vendor, built_in_robots, stated_rows
 from ..model.files.whole_file import flow, refuse_existing, write_whole, yaml_text
-from ..model.parsing.reading import shown
+from ..model.parsing.confinement import BUILT_IN
+from ..model.parsing.reading import did_you_mean, read_yaml, shown
 from ..model.parsing.validation import validate
 
 # Lengths as data sheets of arms with six axes draw them, with the arm's own words for each.
@@ -34,6 +36,9 @@ LIKE: Mapping[str, str] = {
     "staubli": "tx2_60",
     "yaskawa": "gp7",
 }
+_VENDORS: tuple[str, ...] = get_args(Vendor)
+_ATTEMPTS = 5  # at an answer
+_Value = TypeVar("_Value")
 _ROW = ("a_mm", "alpha_deg", "d_mm", "theta_deg", "lower_deg", "upper_deg", "speed_deg_s")
 
 
@@ -52,6 +57,20 @@ class RobotEntries:
     lengths: Mapping[str, float] | None = None
     ranges: Sequence[str] = ()
     below_base: float = 0.0
+
+
+def typed_vendor(text: str) -> str:
+    """A maker as robot files have it, from a name in any case: Stäubli is staubli. BadInput for no maker."""
+    plain = normalize("NFKD", text).encode("ascii", "ignore").decode()
+    vendor = "-".join(plain.lower().split())
+    if vendor not in _VENDORS:
+        raise BadInput(
+            "there is no such maker",
+            found=shown(text),
+            allowed=", ".join(_VENDORS),
+            remedy=did_you_mean(vendor, _VENDORS),
+        )
+    return vendor
 
 
 def typed_lengths(text: str) -> dict[str, float]:
@@ -81,7 +100,7 @@ def content_of(entries: RobotEntries) -> dict[str, object]:
             allowed="--row once for each joint, or --sheet and --range",
         )
     if entries.lengths is None:
-        rows = [dict(zip(_ROW, _numbers(row, range(6, 8), "row"), strict=False)) for row in entries.rows]
+        rows = [_typed_row(row) for row in entries.rows]
         content: dict[str, object] = {
             "schema": "zerobeam/robot/1",
             "name": entries.name,
@@ -150,26 +169,29 @@ def _of_sheet(entries: RobotEntries, lengths: Mapping[str, float]) -> dict[str, 
     }
 
 
+def _typed_row(text: str) -> dict[str, float]:
+    return dict(zip(_ROW, _numbers(text, range(6, 8), "row"), strict=False))
+
+
 def _signed(length: float, like: float) -> float:
     return -length if like < 0 and length else length
 
 
-def _numbers(text: str, counts: range, what: str) -> list[float]:
+def _numbers(text: str, counts: range, what: str, allowed: str | None = None) -> list[float]:
     parts = [part for part in re.split(r"[,;\s]+", text.strip()) if part]
     try:
         values = [float(part) for part in parts]
     except ValueError:
         values = []
     if len(values) not in counts:
-        needs = " ".join(_ROW if what == "row" else _ROW[4:]) if what in ("row", "range") else "a number"
-        raise BadInput(
-            f"the {what} is not understood", found=shown(text), allowed=f"{needs} (speed optional)"
-        )
+        if allowed is None and what in ("row", "range"):
+            allowed = f"{' '.join(_ROW if what == 'row' else _ROW[4:])} (speed optional)"
+        raise BadInput(f"the {what} is not understood", found=shown(text), allowed=allowed or "a number")
     return values
 
 
-def write_robot(path: Path, content: Mapping[str, object]) -> None:
-    """The robot file; never over another one."""
+def write_robot(path: Path, content: Mapping[str, object], head: str = "") -> None:
+    """The robot file, below the remarks of its `head`; never over another one."""
     refuse_existing(path, or_else="choose another name, or remove it first")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise BadInput("a robot file has another name", found=path.name, allowed="a name that ends in .yaml")
@@ -177,24 +199,94 @@ def write_robot(path: Path, content: Mapping[str, object]) -> None:
         key: [flow(row) for row in value] if key == "joints" and isinstance(value, list) else value
         for key, value in content.items()
     }
-    write_whole(path, yaml_text({key: flow(v) if isinstance(v, dict) else v for key, v in in_lines.items()}))
+    text = yaml_text({key: flow(v) if isinstance(v, dict) else v for key, v in in_lines.items()})
+    write_whole(path, head + text)
+
+
+def copy_robot(name: str, path: Path, pulses: str | None) -> None:
+    """A robot file of one's own of a built-in robot or another file, with `pulses` for a degree of each joint
+    (P1,P2,…) where the pendant shows pulses. BadInput where these do not fit the robot."""
+    if name not in built_in_robots() and not name.lower().endswith((".yaml", ".yml")):
+        raise BadInput(
+            "only a robot file can be copied",
+            found=name,
+            allowed="a built-in name (--list) or a file (.yaml)",
+        )
+    source = BUILT_IN / f"{name}.yaml" if name in built_in_robots() else Path(name)
+    document = read_yaml(source)
+    validate(RobotFile, document.data, file=source, line=document.line)
+    content = dict(document.data)
+    if pulses is not None:
+        rows = content["joints"]
+        assert isinstance(rows, list)
+        values = _numbers(pulses, range(len(rows), len(rows) + 1), "pulses", f"{len(rows)} numbers")
+        pendant = content.get("pendant") or {}
+        assert isinstance(pendant, dict)
+        content["pendant"] = {**pendant, "unit": "pulse", "pulses_per_deg": values}
+        validate(RobotFile, content, file=None, line=lambda _: None)
+    text = source.read_text(encoding="utf-8")
+    write_robot(path, content, "".join(re.findall(r"\A(?:#[^\n]*\n)*", text)))
 
 
 def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEntries:
     """The entries of a person, line by line: lengths of the data sheet where the maker's zeros are known,
-    else rows. `ask` puts a question and gives the answer."""
+    else rows. `ask` puts a question and gives the answer; one that is not understood is asked for again."""
     if vendor in LIKE:
-        lengths = " ".join(f"{key}={ask(f'{key} ({words}), mm')}" for key, words in LENGTHS.items())
-        ranges = [ask(f"Joint {i}: lower upper [speed], degrees") for i in range(1, 7)]
-        return RobotEntries(name, vendor, lengths=typed_lengths(lengths), ranges=ranges)
-    count = int(_numbers(ask("Number of joints"), range(1, 2), "number")[0])
+        values = {
+            key: answer_to(ask, f"{key} ({words}), mm", lambda text: _numbers(text, range(1, 2), "length")[0])
+            for key, words in LENGTHS.items()
+        }
+        ranges = [
+            answer_to(ask, f"Joint {i}: lower upper [speed], degrees", _checked_range) for i in range(1, 7)
+        ]
+        return RobotEntries(name, vendor, lengths=values, ranges=ranges)
+    count = int(answer_to(ask, "Number of joints", lambda text: _numbers(text, range(1, 2), "number")[0]))
     rows = [
-        ask(f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees") for i in range(1, count + 1)
+        answer_to(ask, f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees", _checked_row)
+        for i in range(1, count + 1)
     ]
-    convention = ask("Convention of the rows: standard or modified")
-    if convention not in ("standard", "modified"):
-        raise BadInput("there is no such convention", found=shown(convention), allowed="standard, modified")
-    below = _numbers(ask("How far the mounting face is below the base frame, mm"), range(1, 2), "number")[0]
-    return RobotEntries(
-        name, vendor, rows, "standard" if convention == "standard" else "modified", below_base=below
+    convention = answer_to(ask, "Convention of the rows: standard or modified", _typed_convention)
+    below = answer_to(
+        ask,
+        "How far the mounting face is below the base frame, mm",
+        lambda text: _numbers(text, range(1, 2), "number")[0],
     )
+    return RobotEntries(name, vendor, rows, convention, below_base=below)
+
+
+def answer_to(ask: Callable[[str], str], question: str, read: Callable[[str], _Value]) -> _Value:
+    """The answer as it is read; the question again, behind the reason, where it cannot be read.
+
+    BadInput of the last answer where none of several can be."""
+    put = question
+    for attempt in range(_ATTEMPTS):
+        try:
+            return read(ask(put))
+        except BadInput as error:
+            if attempt == _ATTEMPTS - 1:
+                raise
+            typed = "" if error.found is None else f" ({error.found})"
+            allowed = "" if error.allowed is None else f"; allowed: {error.allowed}"
+            put = f"{error.what}{typed}{allowed}\n{question}"
+    raise AssertionError
+
+
+def _checked_row(text: str) -> str:
+    validate(StatedJoint, _typed_row(text), file=None, line=lambda _: None)
+    return text
+
+
+def _checked_range(text: str) -> str:
+    lower, upper, *_ = _numbers(text, range(2, 4), "range")
+    if not lower < upper:
+        raise BadInput("the lower limit is not below the upper one", found=shown(text))
+    return text
+
+
+def _typed_convention(text: str) -> Literal["standard", "modified"]:
+    convention = text.strip().lower()
+    if convention == "standard":
+        return "standard"
+    if convention == "modified":
+        return "modified"
+    raise BadInput("there is no such convention", found=shown(text), allowed="standard, modified")

@@ -30,6 +30,7 @@ from ..model.files.whole_file import refuse_existing
 from ..model.instruments.kind import POINT, Instrument
 from ..model.likelihood.problem import Problem, by_posture
 from .makers.calibration import converged_solution, require_validated
+from .makers.maker import vendor_of
 
 _RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
 _DECIMALS = 6  # of degrees and mm in the plan
@@ -37,11 +38,12 @@ _DECIMALS = 6  # of degrees and mm in the plan
 
 @dataclass(frozen=True, eq=False)
 class PlannedVerification:
-    """A written plan, and the run that it verifies."""
+    """A written plan, the run that it verifies, and the vendor of the robot."""
 
     plan: VerificationPlan
     run: str
     sha256: str
+    vendor: str | None
 
 
 def write_verification(
@@ -64,7 +66,7 @@ def write_verification(
         solution, entered = _determined(run)
         plan = choose(solution, entered, _tolerances(run.header, tolerance), shots)
     _write(run, solution, plan, entered, file, force)
-    return PlannedVerification(plan, path.name, run.sha256)
+    return PlannedVerification(plan, path.name, run.sha256, vendor_of(run.robot))
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,12 @@ def acceptance_reason(answer: AcceptanceResult) -> str:
     )
 
 
+_TOO_FEW = (
+    ": here it cannot pass. Record more postures of the run (--shots N); where all of them are in the plan,"
+    " calibrate again with more measurements (zerobeam plan optimal --shots N)."
+)
+
+
 def noticed_sentence(offsets: Sequence[EnteredOffset]) -> str:
     """What the probabilities of the table are, and what a pass needs."""
     lacking = any(offset.power < POWER for offset in offsets)
@@ -65,7 +71,7 @@ def noticed_sentence(offsets: Sequence[EnteredOffset]) -> str:
         "Probability of noticing an error. A correct calibration fails with a probability of"
         f" {FALSE_ALARM:.0%}. To pass, the test needs {POWER:.0%} against an error of the tolerance in each"
         " offset"
-        f"{': here it can only fail. Record more postures.' if lacking else '.'}"
+        f"{'.' if not lacking else _TOO_FEW}"
     )
 
 

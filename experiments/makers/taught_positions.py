@@ -106,11 +106,19 @@ def import_taught(
                 found=f"no zb_{recorded}{min(missing)}",
                 remedy="save or copy the whole file again; or name the positions to use (--points)",
             )
-        return [
+        measured = [
             point._replace(number=int(match[2]))
             for point, match in ours
             if match[1].lower() == recorded and not _as_planned(language, job, point, int(match[2]))
         ]
+        if not measured:
+            raise BadInput(
+                "no measurements found: every position is still as the plan has it",
+                file=path,
+                remedy="record the positions at the controller with the beam on the centre, save the program"
+                " there, and import the saved file",
+            )
+        return measured
 
     return import_points(job, parse, names=points, vendor=vendor, note=note)
 

@@ -69,6 +69,13 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
             remedy="state vendor: … in the robot file",
             file=path,
         )
+    if path.is_dir():
+        raise BadInput(
+            "this is a folder, and a program is named by one of its files",
+            found=path.name,
+            remedy="name a file of it, and a file in another folder by -o: both have the same ending",
+            file=path,
+        )
     raise BadInput(
         "the file ending is of no language that is read here",
         found=path.name,

@@ -140,7 +140,8 @@ class Pendant:
                 raise BadInput(
                     "the pulses for a degree are not stated",
                     found=f"{self.robot.name}, and values in pulses",
-                    remedy="state pendant: {unit: pulse, pulses_per_deg: […]} in the robot file",
+                    remedy="make a robot file that states them, and name it in header and plan"
+                    " (robot: mine.yaml): zerobeam robot ROBOT -o mine.yaml --pulses-per-deg P1,P2,…",
                 )
             return np.array(pulses)
         return np.ones(self.robot.n) if unit == "deg" else 1.0 / self.robot.display

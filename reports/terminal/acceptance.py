@@ -14,6 +14,7 @@ from ...words.acceptance import (
     mistake_sentence,
     noticed_sentence,
 )
+from ...words.controllers import taken_by
 from ...words.wording import counted, listed
 from ..style.console import rich_table
 from ..verification.verification_page import noticed_table
@@ -29,13 +30,21 @@ _STEPS = (
 )
 
 
-def print_verification(console: Console, plan: VerificationPlan) -> None:
-    """What the planned test would notice."""
+_NOTHING_ENTERED = (
+    "Caution: no published way is known by which this controller takes offsets. This plan and zerobeam verify"
+    " are for a robot into which the values were entered; with corrected programs or a corrected model the"
+    " arm moves otherwise. To test the calibration there, measure a second run with the same header: zerobeam"
+    " analyse RUN --hold-out NEW.jsonl."
+)
+
+
+def print_verification(console: Console, plan: VerificationPlan, vendor: str | None) -> None:
+    """What the planned test would notice, and what to do at a controller of this vendor."""
     count = counted(len(plan.rows), "posture")
     console.print(Text(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."))
     console.print(rich_table(noticed_table(plan.offsets)))
     console.print(Text(noticed_sentence(plan.offsets)))
-    console.print(Text(_STEPS))
+    console.print(Text(_STEPS if taken_by(vendor) == "offsets" else _NOTHING_ENTERED))
 
 
 def print_acceptance(console: Console, verified: Verified) -> None:

@@ -9,6 +9,7 @@ import pytest
 from command_line import zerobeam
 from scipy.spatial.transform import Rotation
 
+from zerobeam.experiments.new_robot import typed_vendor
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 
 
@@ -182,7 +183,14 @@ def test_a_new_robot_by_questions_is_written_drawn_and_checked(
     lengths = ["450", "155", "0", "641", "200", "640", "100"]  # the upper arm is 27 mm too long
     options = with_poses("gp12")
     joints_and_poses = options[1::2]
-    answers = [*lengths, *["-170 170 200"] * 6, *joints_and_poses]
+    answers = [
+        *lengths,
+        *["-170 170 200"] * 6,
+        "1 2 3",
+        joints_and_poses[0],
+        "1, 2, 3",
+        *joints_and_poses[1:],
+    ]
     monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
     answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
     assert answer.status == 1, answer.err
@@ -193,3 +201,53 @@ def test_a_new_robot_by_questions_is_written_drawn_and_checked(
     again = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
     assert "exists already" in again.refused()
     assert "a maker" in zerobeam("robot", "new").refused()
+    assert "mine.yaml --vendor doosan" in zerobeam("robot", "new").refused()
+
+
+M1013 = [
+    *("0 -90 152.5 0 -360 360", "620 0 34.5 -90 -360 360", "0 90 0 90 -160 160", "0 -90 559 0 -360 360"),
+    *("0 90 0 0 -360 360", "0 0 121 0 -360 360"),
+]
+
+
+def test_an_answer_that_is_not_understood_is_asked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "mine.yaml"
+    answers = ["six", "6", M1013[0], "620 0 34,5 -90 O 360", "620 0 34.5 -90 360 -360", *M1013[1:]]
+    answers += ["modern", "Standard", "here", "0", ""]
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
+    answer = zerobeam("robot", "new", "-o", path, "--vendor", "Doosan")
+    assert answer.status == 0, answer.err
+    for reason in ("the number is not", "the row is not", "not below upper_deg", "no such convention"):
+        assert answer.err.count(reason) >= 1, answer.err
+    made = load_robot(path)
+    assert made.vendor == "doosan"
+    np.testing.assert_allclose(made.fk(np.full(6, 25.0)), load_robot("m1013").fk(np.full(6, 25.0)), atol=1e-9)
+
+
+def test_a_maker_that_there_is_not_is_refused_before_any_question(tmp_path: Path) -> None:
+    refusal = zerobeam("robot", "new", "-o", tmp_path / "mine.yaml", "--vendor", "Dosan").refused()
+    assert "did you mean 'doosan'?" in refusal
+    assert typed_vendor("St\u00e4ubli") == "staubli"
+    assert typed_vendor("Universal Robots") == "universal-robots"
+
+
+def test_a_copy_of_a_built_in_robot_with_the_pulses_of_the_machine(tmp_path: Path) -> None:
+    path, pulses = tmp_path / "mine.yaml", "1341.4,-1365.3,1205,1001.25,-980.5,455.1"
+    answer = zerobeam("robot", "gp7", "-o", path, "--pulses-per-deg", pulses, "--joints", "0 0 0 0 0 45510")
+    assert answer.status == 0, answer.err
+    assert "in pulses" in answer.out
+    copy, built_in = load_robot(path), load_robot("gp7")
+    assert copy.conventions.pulses_per_deg == (1341.4, -1365.3, 1205.0, 1001.25, -980.5, 455.1)
+    assert copy.conventions.names == built_in.conventions.names
+    np.testing.assert_array_equal(copy.fk(np.full(6, 10.0)), built_in.fk(np.full(6, 10.0)))
+    assert path.read_text(encoding="utf-8").startswith("# Yaskawa Motoman GP7")
+    assert "exists already" in zerobeam("robot", "gp7", "-o", path).refused()
+    other = tmp_path / "other.yaml"
+    assert zerobeam("robot", path, "-o", other).status == 0
+    assert load_robot(other).conventions == copy.conventions
+    few = zerobeam("robot", "gp7", "-o", tmp_path / "few.yaml", "--pulses-per-deg", "1,2,3").refused()
+    assert "allowed: 6 numbers" in few
+    assert "-o mine.yaml" in zerobeam("robot", "gp7", "--pulses-per-deg", pulses).refused()
+    assert "only a robot file" in zerobeam("robot", "arm.urdf", "-o", tmp_path / "few.yaml").refused()

@@ -75,6 +75,24 @@ def test_what_determines_too_little_has_no_acceptance_test(tmp_path):
     assert not (tmp_path / "verify.yaml").exists()
 
 
+@pytest.mark.parametrize(("vendor", "words"), [("doosan", "takes offsets. This plan"), ("abb", "Enter the")])
+def test_a_plan_for_a_controller_that_takes_no_offsets_says_so(
+    vendor: str, words: str, tmp_path: Path
+) -> None:
+    robot = zerobeam("robot", "irb1600", "-o", tmp_path / "mine.yaml")
+    assert robot.status == 0
+    file = tmp_path / "mine.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("vendor: abb", f"vendor: {vendor}"), encoding="utf-8")
+    run = tmp_path / "run.jsonl"
+    recorded = GOOD.read_text(encoding="utf-8")
+    assert '"robot":"irb1600"' in recorded
+    run.write_text(recorded.replace('"robot":"irb1600"', '"robot":"mine.yaml"'), encoding="utf-8")
+    answer = zerobeam("plan", "verify", run, "-o", tmp_path / "verify.yaml")
+    assert answer.status == 0, answer.err
+    assert words in " ".join(answer.out.split())
+
+
 def test_a_run_of_another_plan_is_refused(tmp_path):
     assert "not recorded with the plan" in zerobeam("verify", GOOD, GOOD).refused()
     asked = ["plan", "verify", GOOD, "-o", tmp_path / "verify.yaml"]

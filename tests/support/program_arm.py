@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from zerobeam.model.files.plan import Plan, read_plan, write_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.provenance import true_values
 
 TRUTH = {"delta2": -0.9, "delta3": 0.6, "delta4": 0.4, "delta5": -0.7, "delta6": 0.5}
 _SAMPLES = 50
@@ -37,13 +39,27 @@ def plan_for(folder: Path, robot: str, target: tuple[float, float, float], count
 class PendantArm:
     """The arm of a plan with true offsets. Joints are degrees (mm), lists, as controllers have them."""
 
-    def __init__(self, plan: Plan, offsets: dict[str, float] = TRUTH, seed: int = 0) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        offsets: dict[str, float] = TRUTH,
+        seed: int = 0,
+        known: Mapping[str, float] | None = None,
+    ) -> None:
+        """`known` are the true values by name of an arm that was measured before, in place of `offsets`."""
         self.plan, self._display = plan, plan.robot.display
-        cell: dict[str, Any] = {"camera": None, "arm": {"offsets_deg": offsets}}
-        self._rig = SimulatedRig(plan, CellFile.model_validate(cell), seed)
+        cell: dict[str, Any] = {"camera": None}
+        if known is None:
+            cell["arm"] = {"offsets_deg": offsets}
+        self._rig = SimulatedRig(plan, CellFile.model_validate(cell), seed, arm=known)
         self._begun: int | None = None
         self._last: Shot | None = None
         self.moves: list[list[float]] = []
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """The true offsets, links and tool by name, deg and mm."""
+        return true_values(self._rig.provenance())
 
     def move(self, joints: Any) -> None:
         """Go there, as a program commands it."""

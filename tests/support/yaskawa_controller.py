@@ -41,7 +41,7 @@ def carried_out(program: Path, arm: PendantArm) -> Path:
     """The job after it has run, with the position of each pause modified where the arm was then."""
     text = program.read_text().replace("\r\n", "\n")
     head, body = text.split("//INST\n")
-    assert head.startswith("/JOB\n//NAME ZB_PLAN\n//POS\n///NPOS ")
+    assert head.startswith(f"/JOB\n//NAME {program.stem.upper()}\n//POS\n///NPOS ")
     assert "///POSTYPE PULSE\n///PULSE\nC00000=" in head
     positions = {name: [int(value) for value in row.split(",")] for name, row in MODIFIABLE.findall(head)}
     assert int(re.search(r"NPOS (\d+),0,0,0,0,0\n", head)[1]) == len(positions)

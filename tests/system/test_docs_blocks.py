@@ -1,7 +1,7 @@
 """Every block of the documentation is run, or read as the file that it is, and prints what the page says.
 
 In the short form posteriors are drawn shorter, plans are chosen from fewer postures where a page does not say
-how many, only the README's report is written, six pages are left out; the long tests run all as it stands.
+how many, only the README's report is written, ten pages are left out; the long tests run all as it stands.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import builtins
 import contextlib
 import io
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,8 +18,9 @@ from pathlib import Path
 
 import pytest
 from command_line import zerobeam
-from documents import NOT_RUN, PAGES, Block, blocks, joined, prepare, read, told_commands
+from documents import NOT_RUN, PAGES, Block, blocks, joined, prepare, prose, read, told_commands
 from ruamel.yaml import YAML
+from whole_ways import WAYS, StandIn
 
 from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
@@ -32,7 +34,7 @@ from zerobeam.model.files.robot_file import load_robot, read_robot
 from zerobeam.model.files.run import read_run
 
 # Read by the command or the header that names them.
-BY_OTHERS = (".csv", ".ls", ".dat", ".log", ".urdf", ".py")
+BY_OTHERS = (".csv", ".ls", ".dat", ".log", ".urdf", ".py", ".drl")
 LANGUAGES = {"sh", "console", "bat", "python", "yaml", "json", "csv", "xml", "text", "text output"}
 # What a block of commands may begin with that is no zerobeam: installing, and what make knows.
 NOT_OURS = ("make", "python3 -m venv", "source .venv/", ".venv/", ".venv\\", "py -3", "pip install")
@@ -53,7 +55,7 @@ SLOW = {
         "how-to/cluster",
         "how-to/instruments",
     )
-}
+} | set(WAYS)
 # A page whose recordings are not ours to ship: where the reader puts what of the shared data.
 RECORDED = {"docs/tutorial.md": {"panda.urdf": "mukca/urdf/panda.urdf", "panda_2": "mukca/panda_2"}}
 # Untitled examples that another block of their page reads.
@@ -124,8 +126,16 @@ def working_in(folder: Path) -> Iterator[None]:
         sys.modules.pop(path.stem, None)
 
 
-def carry_out(text: str, folder: Path, *, short: bool = False, written: bool = True) -> int:
-    """Run the blocks of a page in their order; how many commands and programs there were."""
+def carry_out(
+    text: str,
+    folder: Path,
+    *,
+    short: bool = False,
+    written: bool = True,
+    after: Callable[[list[str]], None] = lambda words: None,
+) -> int:
+    """Run the blocks of a page in their order; how many commands and programs there were. `after` takes the
+    words of each command that has run."""
     count, printed, names = 0, "", {"__name__": "__main__"}
     with working_in(folder):
         for block in blocks(text):
@@ -135,6 +145,7 @@ def carry_out(text: str, folder: Path, *, short: bool = False, written: bool = T
                 assert answer.status == block.status, (command.text, answer)
                 if command.printed is not None:
                     require_printed(command.printed, answer.out, command.text)
+                after(command.words[1:])
                 count += 1
             if block.language == "python" and block.title is None and not block.not_run:
                 with contextlib.redirect_stdout(io.StringIO()) as caught:
@@ -176,7 +187,28 @@ def test_an_instrument_of_the_page_of_instruments(place: Callable[[str], Path]) 
 @pytest.mark.long
 @pytest.mark.parametrize("name", RUN)
 def test_they_run_as_they_stand(name: str, place: Callable[[str], Path]) -> None:
-    assert carry_out(read(name), place(name)) >= 1
+    folder = place(name)
+    stand_in = StandIn(name, folder)
+    assert carry_out(read(name), folder, after=stand_in.after) >= 1
+    assert stand_in.programs == (2 if name in WAYS else 0)
+
+
+@pytest.mark.long
+def test_a_page_with_a_controller_that_nothing_was_entered_into_fails(place: Callable[[str], Path]) -> None:
+    name = "docs/how-to/fanuc.md"
+    folder = place(name)
+    stand_in = StandIn(name, folder, enters=False)
+    with pytest.raises(AssertionError, match=r"zerobeam verify run\.jsonl after\.jsonl"):
+        carry_out(read(name), folder, after=stand_in.after)
+    assert stand_in.programs == 2
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_a_page_of_a_whole_way_is_short(name: str) -> None:
+    text = prose(read(name))
+    assert len(text.split()) <= 600
+    assert "Nobody has tried this on a real controller" in text
+    assert all(len(part.split()) <= 25 for part in re.split(r"(?<=[.:!?*])\s+|\n\n|\n\d\. ", text))
 
 
 def test_a_command_that_fails_is_noticed(tmp_path: Path) -> None:
@@ -244,6 +276,10 @@ def test_every_file_of_a_page_is_valid(name: str, place: Callable[[str], Path]) 
     if not any(block.title or block.language in ("yaml", "json") for block in blocks(read(name))):
         pytest.skip("the page states no file")
     folder = place(name)
+    with working_in(folder):
+        for command in (command for block in blocks(read(name)) for command in block.commands):
+            if command.words[1] == "robot" and "-o" in command.words:  # a robot file that a header names
+                assert zerobeam(*command.words[1:]).status == 0
     for block in blocks(read(name)):
         if block.title is not None:
             require_valid(folder / block.title)

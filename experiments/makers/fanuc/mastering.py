@@ -29,6 +29,10 @@ _ON_THE_PENDANT = [
     "The pendant counts J3 from the ground: at the same place it will read more by the offset of joint 3",
     "less that of joint 2, since the new zero of J2 is in it.",
 ]
+_WITHOUT_COUNTS = [
+    "This sheet states no counts: zerobeam export fanuc computes the new ones where --master-counts and",
+    "--pulses-per-degree state the present ones and the pulses.",
+]
 _SAFETY = [
     "DCS (Dual Check Safety) holds a copy of the mastering: after the change it reports a difference and",
     "stops the robot until the new data are applied (MENU, SYSTEM, DCS, APPLY, code number; then off and",
@@ -92,6 +96,7 @@ def fanuc_text(
             "signs against the manual of your controller.",
             *_RELIED_ON[encoder],
             *(_ON_THE_PENDANT if pendant.ground else ["The pendant counts J3 from link 2."]),
+            *(_WITHOUT_COUNTS if counts is None else ()),
             "Write the new counts, calibrate (MENU, SYSTEM, Master/Cal), turn the controller off and on.",
             *_SAFETY,
         ],

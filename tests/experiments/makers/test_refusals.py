@@ -228,6 +228,8 @@ def test_a_program_is_corrected_once_only_and_for_its_own_robot(tmp_path: Path) 
         corrected_program(other, judged(other), path, tmp_path / "out.mod")
     with pytest.raises(BadInput, match="of no language that is read here"):
         corrected_program(robot, judged(robot), path.with_suffix(".txt"), tmp_path / "out.txt")
+    with pytest.raises(BadInput, match="this is a folder"):
+        corrected_program(robot, judged(robot), tmp_path, tmp_path / "out.mod")
 
 
 def test_what_is_not_corrected_is_said(tmp_path: Path) -> None:

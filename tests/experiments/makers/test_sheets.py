@@ -91,6 +91,8 @@ def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, encoder, 
     found, values = offsets
     robot = replace(run.robot, conventions=replace(run.robot.conventions, encoder3=encoder))
     text = fanuc_text(robot, found, FanucCounts(COUNTS, PULSES), pendant)
+    assert "--master-counts" in fanuc_text(robot, found, None, pendant)
+    assert "--master-counts" not in text
     assert ("from the ground: at the same place" in text) == (pendant == "ground")
     assert "DCS (Dual Check Safety)" in text
     rows = re.findall(r"^J(\d) +\S+ +(-?\d+) +\(now (-?\d+)\)$", text, flags=re.MULTILINE)

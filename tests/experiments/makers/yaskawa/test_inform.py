@@ -207,3 +207,11 @@ def test_position_variables_that_are_left_stay_as_they_are(tmp_path: Path) -> No
     left = ProgramOptions(tools=["3=10,-5,120,0,30,20"], frames=["2=300,-100,50,0,0,15"], leave=["P00001"])
     text = text.replace("C00001=", "C00002=").replace("MOVJ P00001", "MOVL C00002 V=10.0\nMOVJ P00001")
     assert f"\n{variable}\n" in corrected(tmp_path, text, left)
+
+
+def test_a_program_whose_positions_nobody_modified_is_no_recording(tmp_path: Path) -> None:
+    plan = plan_for(tmp_path, controller.robot_file(tmp_path), controller.TARGET, count=3)
+    job = tmp_path / "zb_plan.jbi"
+    write_program("inform", plan, ProgramMotion(), job)
+    with pytest.raises(BadInput, match="every position is still as the plan has it"):
+        READER.read(ImportJob.begin([job], plan, tmp_path / "run.jsonl"))
