@@ -486,7 +486,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
         [
             "run.jsonl, line 1:",
             "no robot of this name",
-            "allowed: gen3_lite, gp7, iiwa14, irb120,",
+            "allowed: crb15000, crx10ia, gen3_lite,",
             "did you mean 'irb1600'?",
         ],
     ),

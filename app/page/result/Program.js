@@ -23,7 +23,7 @@ const risks = signal(/** @type {string[]} */ ([]));
 export function Program({ run }) {
   const program = useSignal(""), out = useSignal("");
   const { made, onSubmit } = useWritten();
-  useEffect(() => { attempt(async () => { if (!endings.value.length) endings.value = (await get("languages")).flatMap((/** @type {{endings: string[]}} */ language) => language.endings); }); }, []);
+  useEffect(() => { attempt(async () => { if (!endings.value.length) endings.value = (await get("/api/languages")).flatMap((/** @type {{endings: string[]}} */ language) => language.endings); }); }, []);
   const proposed = program.value && freeName(program.value.replace(/(\.\w+)$/, "-corrected$1"));
   const send = (/** @type {FileList | null} */ list) => attempt(async () => {
     for (const file of list ?? []) program.value = (await upload(freeName(`${inside(route.value.name)}${file.name}`), file)).file;
