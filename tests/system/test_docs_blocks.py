@@ -167,7 +167,7 @@ RUN = [name for name in PAGES if runs(name)]
 
 def test_most_pages_have_something_to_run() -> None:
     assert {"README.md", "docs/files.md", "docs/tutorial.md"} <= set(RUN)
-    led = {"docs/how-to/by-hand.md", "docs/how-to/app.md", "docs/how-to/live.md"}  # led by a person; until Ctrl-C
+    led = {f"docs/how-to/{name}.md" for name in ("by-hand", "app", "live")}  # led by a person; until Ctrl-C
     led |= {"docs/how-to/own-instrument.md"}  # a package of its own: test_own_instrument.py
     assert {name for name in PAGES if name.startswith("docs/how-to/")} - led <= set(RUN)
 
