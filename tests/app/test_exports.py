@@ -53,3 +53,11 @@ def test_what_is_no_new_folder_is_refused_with_its_key(client: TestClient, root:
     assert answer.status_code == 400
     assert answer.json()["error"]["key"] == ["name"]
     assert sorted(root.parent.rglob("*")) == before
+
+
+def test_the_languages_of_programs_are_those_of_the_makers(client: TestClient) -> None:
+    rows = client.get("/api/languages").json()
+    assert {row["name"]: row["endings"] for row in rows} == {
+        files.name: list(files.endings) for maker in makers() for files in maker.correct
+    }
+    assert {"RAPID", "KRL", "TP", "URScript", "INFORM", "VAL3"} <= {row["name"] for row in rows}
