@@ -41,6 +41,7 @@ def planned(arm: Robot, count: int) -> Plan:
     middle, half = (arm.lower + arm.upper) / 2, np.minimum((arm.upper - arm.lower) / 3, 1.5)
     postures = middle + half * rng.uniform(-1, 1, (count, arm.n))
     return zb.Plan.from_arrays(
+        unit="deg",
         robot=arm,
         geometry="exact",
         tool={"kind": "probe", "calibrated": True, "point_mm": [0, 0, 100]},
