@@ -34,9 +34,6 @@ from ...model.kinematics.robot import PendantUnit, Robot
 from .maker import blanked
 from .program_parts import (
     NUMBER,
-    Language,
-    Parsed,
-    Source,
     understood,
 )
 
@@ -99,22 +96,6 @@ class LineLanguage:
     saved_decimals: int | None = None
     derives: Callable[[Tree[Token]], bool] | None = None
 
-    def for_correction(self) -> Language:
-        """What `zerobeam export program` needs of it."""
-        return Language(
-            self.name,
-            lambda source: _parsed(self, source),
-            self.head,
-            self.comment,
-            self.pose,
-            self.form,
-            self.literals,
-            self.case_sensitive,
-            remark_width=self.remark_width,
-            by_joint2=True,
-            remark_end=self.comment_end,
-        )
-
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""
         if self.positions is not None:
@@ -154,12 +135,6 @@ class LineLanguage:
                     inner, behind_head = None, False
                 routine |= behind_head
                 yield line.start(), line.end(), inner
-
-
-def _parsed(language: LineLanguage, source: Source) -> Parsed:
-    from .line_programs import LineProgram
-
-    return LineProgram(language, source).read()
 
 
 def tokens(tree: Tree[Token], kind: str) -> list[Token]:

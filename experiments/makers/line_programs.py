@@ -16,6 +16,7 @@ from .program_parts import (
     NULL,
     Edit,
     JointTarget,
+    Language,
     LiteralSpan,
     Motion,
     Parsed,
@@ -415,3 +416,20 @@ class LineProgram:
                 self._problem(begin, f"{written} is not the target of a motion here (--leave {written}?)")
             else:
                 self._enter(begin, written, written, position)
+
+
+def for_correction(language: LineLanguage) -> Language:
+    """What `zerobeam export program` needs of a language."""
+    return Language(
+        language.name,
+        lambda source: LineProgram(language, source).read(),
+        language.head,
+        language.comment,
+        language.pose,
+        language.form,
+        language.literals,
+        language.case_sensitive,
+        remark_width=language.remark_width,
+        by_joint2=True,
+        remark_end=language.comment_end,
+    )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from zerobeam.experiments.makers.line_language import LineLanguage
+from zerobeam.experiments.makers.line_programs import for_correction
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.program_parts import JointTarget, ProgramFacts, Source
 from zerobeam.experiments.makers.recordings import ImportJob
@@ -80,7 +81,7 @@ def recorded(text: str, position: str) -> str:
 
 def positions_of(language: LineLanguage, robot: Robot) -> Callable[[str], dict[str, Any]]:
     """A reader of programs, as far as the arm need not be solved: joints and poses of targets by name."""
-    whole = language.for_correction()
+    whole = for_correction(language)
 
     def read(text: str) -> dict[str, Any]:
         parsed = whole.targets(Source(text, robot, ProgramFacts()))

@@ -32,9 +32,10 @@ def _read_drl(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _drl() -> "Language":
+    from ..line_programs import for_correction
     from .drl_language import DRL
 
-    return DRL.for_correction()
+    return for_correction(DRL)
 
 
 MAKER = Maker(

@@ -61,9 +61,10 @@ def _read_log(job: "ImportJob") -> "Imported":
 
 
 def _spel() -> "Language":
+    from ..line_programs import for_correction
     from .spel import SPEL
 
-    return SPEL.for_correction()
+    return for_correction(SPEL)
 
 
 MAKER = Maker(

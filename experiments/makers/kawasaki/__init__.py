@@ -34,9 +34,10 @@ def _read_as(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _as() -> "Language":
+    from ..line_programs import for_correction
     from .as_language import AS
 
-    return AS.for_correction()
+    return for_correction(AS)
 
 
 MAKER = Maker(

@@ -34,9 +34,10 @@ def _read_melfa(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _melfa() -> "Language":
+    from ..line_programs import for_correction
     from .melfa_basic import MELFA_BASIC
 
-    return MELFA_BASIC.for_correction()
+    return for_correction(MELFA_BASIC)
 
 
 MAKER = Maker(

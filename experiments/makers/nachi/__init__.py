@@ -24,9 +24,10 @@ def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _slim() -> "Language":
+    from ..line_programs import for_correction
     from .slim import SLIM
 
-    return SLIM.for_correction()
+    return for_correction(SLIM)
 
 
 MAKER = Maker(

@@ -36,9 +36,10 @@ def _read_val3(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _val3() -> "Language":
+    from ..line_programs import for_correction
     from .val3 import VAL3
 
-    return VAL3.for_correction()
+    return for_correction(VAL3)
 
 
 MAKER = Maker(

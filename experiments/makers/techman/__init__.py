@@ -29,9 +29,10 @@ def _read_tmscript(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _tmscript() -> "Language":
+    from ..line_programs import for_correction
     from .tmscript_language import TMSCRIPT
 
-    return TMSCRIPT.for_correction()
+    return for_correction(TMSCRIPT)
 
 
 MAKER = Maker(

@@ -67,9 +67,10 @@ def _read_inform(job: "ImportJob", points: PointNames = None) -> "Imported":
 
 
 def _inform() -> "Language":
+    from ..line_programs import for_correction
     from .inform import INFORM
 
-    return INFORM.for_correction()
+    return for_correction(INFORM)
 
 
 MAKER = Maker(

@@ -14,6 +14,7 @@ from program_arm import plan_for
 from user_programs import OFFSETS, corrected_for, read, varied
 
 from zerobeam.experiments.makers.doosan.drl_language import DRL
+from zerobeam.experiments.makers.line_programs import for_correction
 from zerobeam.experiments.makers.program_parts import ProgramFacts, Source
 from zerobeam.experiments.makers.user_programs import ProgramOptions
 from zerobeam.model.errors import BadInput
@@ -108,7 +109,7 @@ def test_what_is_not_understood_is_named(lines: str, told: str) -> None:
     facts = ProgramFacts(
         {"grip": from_zyz((0, 0, 100, 0, 0, 0)), "other": np.eye(4)}, {"DR_WORLD": np.eye(4)}
     )
-    parsed = DRL.for_correction().targets(Source(JOB.format(lines), ROBOT, facts))
+    parsed = for_correction(DRL).targets(Source(JOB.format(lines), ROBOT, facts))
     sentences = [f"line {line}: {sentence}" for line, sentence in parsed.problems]
     assert any(told.replace("{P}", P)[:60] in sentence for sentence in sentences), sentences
 

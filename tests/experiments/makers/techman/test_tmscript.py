@@ -13,6 +13,7 @@ from damaged_reading import survives_damage
 from program_arm import plan_for
 from user_programs import OFFSETS, corrected_for, read, varied
 
+from zerobeam.experiments.makers.line_programs import for_correction
 from zerobeam.experiments.makers.program_parts import ProgramFacts, Source
 from zerobeam.experiments.makers.techman.tmscript_language import TMSCRIPT
 from zerobeam.experiments.makers.user_programs import ProgramOptions
@@ -94,7 +95,7 @@ def test_what_is_understood_is_corrected(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_not_understood_is_named(lines: str, told: str) -> None:
-    parsed = TMSCRIPT.for_correction().targets(Source(JOB.format(lines), ROBOT, ProgramFacts()))
+    parsed = for_correction(TMSCRIPT).targets(Source(JOB.format(lines), ROBOT, ProgramFacts()))
     sentences = [f"line {line}: {sentence}" for line, sentence in parsed.problems]
     assert any(told in sentence for sentence in sentences), sentences
 
