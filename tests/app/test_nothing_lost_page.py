@@ -32,6 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     chromium()
     made = tmp_path_factory.mktemp("kept") / "dir"
     (made / "cell").mkdir(parents=True)
+    plan_file(made / "cell" / "kept.yaml", good_plan(7))  # a calibration is there while it has a plan
     return made
 
 

@@ -122,9 +122,14 @@ def test_analyse_prints_for_people_without_json() -> None:
 
 
 def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not(tmp_path: Path) -> None:
+    """A process each: within one, arrays that lie otherwise in memory are added up to another last bit."""
     (run := tmp_path / "run.jsonl").write_text(run_text(), encoding="utf-8")
+    command = [sys.executable, "-c", "from zerobeam.cli import main; main()", "analyse", str(run), "--json"]
     first, again, other = (
-        zerobeam("analyse", run, "--json", "--seed", seed, *FEW).json for seed in (1, 1, 2)
+        json.loads(
+            subprocess.run([*command, "--seed", seed, *map(str, FEW)], capture_output=True, text=True).stdout
+        )
+        for seed in ("1", "1", "2")
     )
     for answer in (first, again, other):
         answer["posterior"].pop("seconds")
@@ -586,7 +591,9 @@ def test_a_torn_last_line_is_told_and_the_rest_used(tmp_path: Path) -> None:
     assert any("line 9, the last, is torn" in note for note in told.json["notes"])
     (tmp_path / "whole.jsonl").write_text(run_text(), encoding="utf-8")
     whole = zerobeam("analyse", tmp_path / "whole.jsonl", "--json", *FEW).json
-    assert told.json["parameters"] == whole["parameters"]
+    for with_it, without in zip(told.json["parameters"], whole["parameters"], strict=True):
+        assert with_it["status"] == without["status"]
+        assert with_it["estimate"] == pytest.approx(without["estimate"], rel=1e-9)
     assert "is torn" in zerobeam("analyse", file, *FEW).out
 
 
