@@ -1,4 +1,4 @@
-"""Kawasaki: AS programs, a sheet for the encoders' zero."""
+"""Kawasaki: AS programs."""
 
 from collections.abc import Mapping
 from pathlib import Path
