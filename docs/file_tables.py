@@ -2,7 +2,8 @@
 
 `python docs/file_tables.py` writes them between their marks: `<!-- keys NAME PART … -->` begins the table of
 a schema (`zerobeam schema NAME`), `<!-- end -->` ends it. With parts it has the keys below these alone, with
-`-PART` none below that one. `tests/experiments/test_schema.py` holds the page and the models equal.
+`-PART` none below that one, with `.` those of the file itself alone. `tests/experiments/test_schema.py` holds
+the page and the models equal.
 """
 
 from __future__ import annotations
@@ -17,7 +18,14 @@ from zerobeam.experiments.schema import FILE_SCHEMAS, json_schema
 
 PAGES = [
     Path(__file__).parent / name
-    for name in ("files.md", "files-cell.md", "files-studies.md", "compare.md", "how-to/plant.md")
+    for name in (
+        "files.md",
+        "files-cell.md",
+        "files-results.md",
+        "files-studies.md",
+        "compare.md",
+        "how-to/plant.md",
+    )
 ]
 _MARK = re.compile(r"(<!-- keys (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -32,15 +40,24 @@ class Row(NamedTuple):
 
 def rows(name: str, *parts: str) -> Iterator[Row]:
     """The keys of a schema in the order of the models: those below `parts` alone, if there are any, and none
-    below those that begin with a minus."""
+    below those that begin with a minus; `.` stands for the keys of the file itself. A key of several models
+    has the meanings of all."""
     schema = json_schema(name)
     chosen = [part for part in parts if not part.startswith("-")]
     without = [f"{part[1:]}." for part in parts if part.startswith("-")]
+    kept: dict[str, Row] = {}
     for row in _below(schema, schema, ""):
-        if chosen and not any(row.key.startswith(f"{part}.") for part in chosen):
+        if chosen == ["."]:
+            if "." in row.key:
+                continue
+        elif chosen and not any(row.key.startswith(f"{part}.") for part in chosen):
             continue
-        if not any(row.key.startswith(part) for part in without):
-            yield row
+        if any(row.key.startswith(part) for part in without):
+            continue
+        other = kept.setdefault(row.key, row)
+        if row.meaning not in other.meaning:
+            kept[row.key] = other._replace(meaning=f"{other.meaning}; {row.meaning}")
+    yield from kept.values()
 
 
 def _below(part: dict[str, Any], whole: dict[str, Any], above: str) -> Iterator[Row]:
@@ -48,12 +65,15 @@ def _below(part: dict[str, Any], whole: dict[str, Any], above: str) -> Iterator[
     for name, content in part.get("properties", {}).items():
         inner = list(_objects(content, whole))
         default = "" if inner else _in_words(content.get("default"))
-        words = [word for word in _words(content, whole) if word not in content.get("description", "")]
-        allowed = f" ({', '.join(f'`{word}`' for word in words)})" if words and not inner else ""
+        words = [f"`{word}`" for word in _words(content, whole)]
+        listed = all(word.strip("`") in content.get("description", "") for word in words)
+        allowed = "" if listed or inner else f" ({', '.join(words)})"
         meaning = f"{content.get('description', '')}{allowed}".strip().replace("|", "\\|")
         yield Row(f"{above}{name}", "required" if name in required else default, meaning)
         for joint, model in inner:
-            yield from _below(model, whole, f"{above}{name}.{joint}")
+            # Where none of the keys below has a meaning, that of the key above names them.
+            if any(content.get("description") for content in model["properties"].values()):
+                yield from _below(model, whole, f"{above}{name}.{joint}")
 
 
 def _objects(content: dict[str, Any], whole: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

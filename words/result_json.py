@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..analysis.answer import document
+from ..analysis.answer import document, document_part, misfit_document
 from ..analysis.answer.result import RESULT_SCHEMA, Result
 from ..analysis.diagnostics.hold_out import HoldOut, PlacementResult
 from ..analysis.diagnostics.predicted_run import PredictedRun
@@ -48,16 +48,16 @@ from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
-_CRITERIA: dict[type, type[document.DocumentPart]] = {
-    LackOfFit: document.LackOfFitDocument,
-    ImplausibleNoise: document.ImplausibleNoiseDocument,
-    NominalContradicted: document.NominalContradictedDocument,
-    BeyondPrior: document.BeyondPriorDocument,
-    TightPrior: document.TightPriorDocument,
-    PlacementsDisagree: document.PlacementsDisagreeDocument,
-    Displacement: document.MovedTargetDocument,
-    RecordingStep: document.StepDocument,
-    RunChange: document.ChangeDocument,
+_CRITERIA: dict[type, type[document_part.DocumentPart]] = {
+    LackOfFit: misfit_document.LackOfFitDocument,
+    ImplausibleNoise: misfit_document.ImplausibleNoiseDocument,
+    NominalContradicted: misfit_document.NominalContradictedDocument,
+    BeyondPrior: misfit_document.BeyondPriorDocument,
+    TightPrior: misfit_document.TightPriorDocument,
+    PlacementsDisagree: misfit_document.PlacementsDisagreeDocument,
+    Displacement: misfit_document.MovedTargetDocument,
+    RecordingStep: misfit_document.StepDocument,
+    RunChange: misfit_document.ChangeDocument,
 }
 
 
@@ -225,14 +225,14 @@ def _fits(result: Result) -> document.FitsDocument:
     )
 
 
-def _misfit(misfit: Misfit | None) -> document.MisfitDocument | None:
+def _misfit(misfit: Misfit | None) -> misfit_document.MisfitDocument | None:
     if misfit is None:
         return None
     rows = []
     for one in misfit.criteria:
         at = one.at._asdict() if isinstance(one, Displacement | RunChange) else {}
         rows.append(_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one), **at))
-    return document.MisfitDocument.model_construct(criteria=tuple(rows))
+    return misfit_document.MisfitDocument.model_construct(criteria=tuple(rows))
 
 
 def _placements(result: PlacementResult) -> document.PlacementsDocument:

@@ -1,6 +1,5 @@
 import importlib
 import json
-import sys
 from pathlib import Path
 
 import pytest
@@ -74,13 +73,29 @@ def test_a_schema_that_is_not_there(refused):
     assert "did you mean 'plan'?" in refused(json_schema, "plans").remedy
 
 
-def test_the_tables_of_the_page_are_those_of_the_models():
+@pytest.fixture
+def tables(monkeypatch):
+    """The script that makes the tables of the pages."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs"))
+    return importlib.import_module("file_tables")
+
+
+@pytest.mark.parametrize("name", ["result", "check"])
+def test_every_key_of_an_answer_has_a_meaning_or_is_named_in_that_of_the_key_above(name, tables):
+    listed = {row.key: row.meaning for row in tables.rows(name, "-misfit")}
+    assert len(listed) > 20
+    assert not [key for key, meaning in listed.items() if not meaning]
+    schema = json_schema(name)
+    for part in schema["$defs"].values():
+        keys = part["properties"]
+        if "kind" in keys and "sentence" in keys:  # the criteria of a misfit, in a table of their own
+            continue
+        described = [key for key, content in keys.items() if content.get("description")]
+        assert described in ([], list(keys)), part["title"]
+
+
+def test_the_tables_of_the_page_are_those_of_the_models(tables):
     """`python docs/file_tables.py` writes them."""
-    sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
-    try:
-        tables = importlib.import_module("file_tables")
-    finally:
-        del sys.path[0]
     for path in tables.PAGES:
         page = path.read_text(encoding="utf-8")
         assert page.count("<!-- keys ") == page.count("<!-- end -->") > 0
