@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -120,11 +121,20 @@ def table(name: str, *parts: str) -> str:
     """The table of a schema, as Markdown; what zerobeam writes has no defaults."""
     if name not in FILE_SCHEMAS:
         lines = ["| key | meaning |", "|---|---|"]
-        lines += [f"| `{row.key}` | {row.meaning} |" for row in rows(name, *parts)]
+        lines += [f"| {keys} | {meaning} |" for keys, meaning in _by_meaning(rows(name, *parts))]
     else:
         lines = ["| key | default | meaning |", "|---|---|---|"]
         lines += [f"| `{row.key}` | {row.default} | {row.meaning} |" for row in rows(name, *parts)]
     return "\n".join(lines) + "\n"
+
+
+def _by_meaning(rows: Iterable[Row]) -> Iterator[tuple[str, str]]:
+    """Keys and their meaning; those of one object that follow each other without a meaning are one row."""
+    for (_, meaning, _), group in groupby(
+        rows, lambda row: (row.key.rpartition(".")[0], row.meaning, row.meaning and row.key)
+    ):
+        first, *others = [row.key for row in group]
+        yield ", ".join(f"`{key}`" for key in (first, *(key.rpartition(".")[2] for key in others))), meaning
 
 
 def written(page: str) -> str:

@@ -16,7 +16,7 @@ from ..model.files.shot import Shot
 from ..model.parsing.reading import did_you_mean
 from ..words.comparison_json import ComparisonDocument
 from .batch import BatchDocument
-from .history.documents import HistoryDocument
+from .history.documents import ArmDocument, DriftDocument, FleetDocument, HistoryDocument
 from .rigs.simulated.cell_file import CellFile
 from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
@@ -42,6 +42,9 @@ _ANSWERS: dict[str, type[BaseModel]] = {
     "compare": ComparisonDocument,
     "batch": BatchDocument,
     "history": HistoryDocument,
+    "history-arm": ArmDocument,
+    "history-fleet": FleetDocument,
+    "drift": DriftDocument,
 }
 SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 

@@ -94,8 +94,8 @@ class HistoryDocument(JsonDocument):
 class RateRow(JsonDocument):
     """How fast an offset walks, per root year."""
 
-    median: float
-    interval95: Ends
+    median: float = Field(description="of the posterior")
+    interval95: Ends = Field(description="95 % interval")
 
     @classmethod
     def of(cls, rate: Rate | None) -> RateRow | None:
@@ -108,10 +108,14 @@ class DriftingOffset(JsonDocument):
 
     name: str
     unit: str
-    estimate: float | None = Field(description="null where no result determines it since the last mastering")
-    std: float | None
-    interval95: Ends | None
-    rate: RateRow | None = Field(description="drift rate; null where the results do not determine it")
+    estimate: float | None = Field(
+        description="null where no result determines it since the last `mastering`, as the two below"
+    )
+    std: float | None = Field(description="standard uncertainty")
+    interval95: Ends | None = Field(description="95 % interval")
+    rate: RateRow | None = Field(
+        description="drift rate per root year; null where the results do not determine it"
+    )
 
 
 class DriftChange(JsonDocument):
@@ -122,8 +126,8 @@ class DriftChange(JsonDocument):
     after: Moment = Field(description="time of the result before the change")
     before: Moment = Field(description="time of the result after the change")
     p_value: float | None = Field(default=None, description="of a jump, adjusted", exclude_if=is_none)
-    size: float
-    interval95: Ends
+    size: float = Field(description="of the change")
+    interval95: Ends = Field(description="95 % interval of the size")
     least_jump: float | None = Field(
         default=None,
         description="of what may be drift: the size from which such a change would be a jump",
@@ -158,7 +162,7 @@ class LeftOutRow(JsonDocument):
 class DueRow(JsonDocument):
     """When the next calibration is due."""
 
-    tolerance_mm: float
+    tolerance_mm: float = Field(description="of the TCP error, millimetres")
     date: str | None = Field(description="null where there is none")
     reason: str | None = Field(description="null where there is nothing to say")
 
@@ -173,17 +177,22 @@ class DueRow(JsonDocument):
 class ArmDriftRow(JsonDocument):
     """The drift of an arm."""
 
-    serial: str
-    model: str
+    serial: str = Field(description="of the arm")
+    model: str = Field(description="name of the robot")
     used: list[str] = Field(description="SHA-256 of the runs that count")
-    left_out: list[LeftOutRow]
-    offsets: list[DriftingOffset] = Field(description="empty with fewer than two results")
-    jumps: list[DriftChange]
-    undecided: list[DriftChange]
-    effective_rates: float | None = Field(
-        description="effective number of rates that the integrals are of; below 30 they are coarse"
+    left_out: list[LeftOutRow] = Field(description="runs that do not count: `sha256` and `reason`")
+    offsets: list[DriftingOffset] = Field(description="at the last result; empty with fewer than two results")
+    jumps: list[DriftChange] = Field(description="significant changes from one result to the next")
+    undecided: list[DriftChange] = Field(
+        description="changes that may be a jump or drift: the same keys, `least_jump` instead of `p_value`"
     )
-    due: DueRow
+    effective_rates: float | None = Field(
+        description=(
+            "effective number of rates that the integrals are of; below 30 they are coarse; null with fewer "
+            "than two results"
+        )
+    )
+    due: DueRow = Field(description="the next calibration")
 
     @classmethod
     def of(cls, arm: ArmDrift) -> ArmDriftRow:
@@ -237,7 +246,7 @@ class ModelRow(JsonDocument):
     probability: float | None = Field(
         description="that the median arm drifts farther in a year; null where not determined"
     )
-    drifts: bool
+    drifts: bool = Field(description="whether it does, by that probability")
     biased: list[str] = Field(
         description="instruments that may be biased in this offset and measured arms of the model"
     )
@@ -305,16 +314,19 @@ class FleetDriftRow(JsonDocument):
     alarm: float = Field(
         description="stated probability of any false alarm, of `models` and of `biases` each"
     )
-    models: list[ModelRow]
-    arms: list[ArmWalksRow]
+    models: list[ModelRow] = Field(description="each offset of each model")
+    arms: list[ArmWalksRow] = Field(description="each arm with its model")
     biases: list[Bias] = Field(
-        description="of `instrument` less the mean of `against`; p-values adjusted for the number of tests"
+        description=(
+            "of instruments: `offset`, `unit`, `instrument`, `against` (the mean of these), `estimate`, "
+            "`std`, `interval95`, `p_value` (adjusted), `alarm`"
+        )
     )
     comparable: list[ComparableInstruments] = Field(
-        description="by offset: groups of instruments; nothing is determined between two groups"
+        description="a list of `offset` and `groups` of instruments: nothing is determined between two groups"
     )
     unstated: int = Field(description="results that state no instrument")
-    suspects: list[InstrumentJumpRow]
+    suspects: list[InstrumentJumpRow] = Field(description="jumps at a change of instrument, one biased")
     too_few: int = Field(description="arms with fewer than two results that count")
 
     @classmethod
@@ -332,7 +344,7 @@ class DriftDocument(JsonDocument):
     """`history drift`: an arm, or all arms and what they say together."""
 
     schema_: Literal["zerobeam/drift/1"] = Field(default=DRIFT_SCHEMA, alias="schema")
-    arms: list[ArmDriftRow]
+    arms: list[ArmDriftRow] = Field(description="each arm by itself")
     fleet: FleetDriftRow | None = Field(default=None, description="of all arms", exclude_if=is_none)
 
     @classmethod
@@ -349,12 +361,12 @@ class ArmDocument(JsonDocument):
     serial: str
     model: str
     as_of: str | None = Field(description="day for which the state is stated")
-    headline: str
-    state: str
+    headline: str = Field(description="the next calibration, in a sentence")
+    state: str = Field(description="`overdue`, … as above")
     undetermined: list[str] = Field(description="offsets that no result determines")
-    drift: ArmDriftRow
-    results: list[HistoryResult]
-    events: list[HistoryEvent]
+    drift: ArmDriftRow = Field(description="as in `arms` of `drift --json`")
+    results: list[HistoryResult] = Field(description="as of `show --json`")
+    events: list[HistoryEvent] = Field(description="as of `show --json`")
 
 
 class ClearestJump(JsonDocument):
@@ -388,7 +400,13 @@ class FleetDocument(JsonDocument):
 
     schema_: Literal["zerobeam/history-fleet/1"] = Field(default=FLEET_SCHEMA, alias="schema")
     as_of: str | None = Field(description="day for which the states are stated")
-    tolerance_mm: float
+    tolerance_mm: float = Field(description="of the TCP error, millimetres")
     states: dict[str, int] = Field(description="how many arms are in each")
-    drift: FleetDriftRow
-    arms: list[FleetArm]
+    drift: FleetDriftRow = Field(description="`fleet` of `drift --json`")
+    arms: list[FleetArm] = Field(
+        description=(
+            "a list of `serial`, `model`, `state`, `results`, `counted`, `last`, `verdict`, `jumps`, "
+            "`undecided` (numbers), `clearest_jump` (`offset`, `before`, `p_value`, `events`), `due` and "
+            "`page`"
+        )
+    )

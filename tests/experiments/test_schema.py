@@ -46,9 +46,20 @@ def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
         *("run-header", "run-shot", "plan", "header", "tolerances", "robot", "obstacles", "cell"),
         *("sensors", "psd-calibration", "study-file", "result", "check", "compare", "batch"),
-        "history",
+        *("history", "history-arm", "history-fleet", "drift"),
     ) == SCHEMA_NAMES
-    for name in ("run", "plan", "robot", "result", "check", "compare", "batch", "history"):
+    for name in (
+        "run",
+        "plan",
+        "robot",
+        "result",
+        "check",
+        "compare",
+        "batch",
+        "history",
+        "history-arm",
+        "drift",
+    ):
         content = json_schema("run-header" if name == "run" else name)
         assert content["properties"]["schema"]["const"] == f"zerobeam/{name}/1"
         assert "schema" in content["required"]
