@@ -22,14 +22,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..model.arrays import NORMAL_95, Matrix
+from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from .covariance import Covariance, Rows, frame
 from .displacement import Displacement, displacement
-from .estimation.effective_dof import effective_dof, noise_dof, student_half_width
+from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
@@ -329,14 +329,6 @@ class Solution:
         return float(1 / np.sqrt(self.fit.weight))
 
     @property
-    def quantile(self) -> float:
-        """Half width of a 95 % interval in stds, of what has no variance but the noise's: Student's t where
-        the noise scale is estimated."""
-        if self.problem.noise.estimated and self.dof:
-            return float(scipy.special.stdtrit(noise_dof(self.fit), 0.975))
-        return NORMAL_95
-
-    @property
     def coverage_factor(self) -> float:
         """k of every expanded uncertainty U = k u (about 95 %): 2, or Student's factor where noise is
         estimated from so few degrees of freedom that it is larger (JCGM 100, 6.3.3 and G.3)."""
@@ -347,10 +339,10 @@ class Solution:
     def quantiles(self) -> Matrix:
         """(p,) half widths of the 95 % intervals in stds: Student's t by the effective degrees of freedom
         where the noise is estimated; nan where held."""
-        return np.where(np.isnan(self._dof), np.nan, student_half_width(self._dof))
+        return np.where(np.isnan(self.effective_dof), np.nan, student_half_width(self.effective_dof))
 
     @cached_property
-    def _dof(self) -> Matrix:
+    def effective_dof(self) -> Matrix:
         """(p,) effective degrees of freedom of the stds; nan where held."""
         result = np.full(len(self.problem.parameters), np.nan)
         result[self.problem.parameters.free] = effective_dof(self.fit)
@@ -459,7 +451,7 @@ class Solution:
             cause=cause if self.converged or item.held else Unconverged(),
             tolerance_share=by_tolerances,
             tolerated=item.tolerated,
-            dof=float(self._dof[i]) if determined else math.inf,
+            dof=float(self.effective_dof[i]) if determined else math.inf,
         )
 
     @property

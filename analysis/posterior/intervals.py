@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.arrays import NORMAL_95, Index, Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution
 from ..status import Status, require_no_more_than
 from .posterior import PosteriorSummary
-from .profiles import Ridge
+from .profiles import Ridge, root_of_drop
 
 
-def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_width: float) -> Matrix:
+def profile_intervals(
+    problem: Problem,
+    fit: LikelihoodFit,
+    which: Index,
+    half_width: Matrix | float,
+    dof: Matrix | float = math.inf,
+) -> Matrix:
     """(len(which), 2) lower and upper ends, in internal units, of parameters `which` (by their index).
 
     How far each may go while all others do their best to keep the fit (`profiles`).
 
-    The ends are where twice the drop of the log-posterior, all others at their best, is `half_width`
-    squared (1.96 for 95 %). NaN where no end was found. Offsets, tool and noise only: a target's
-    coordinate is no coordinate of the fit. Raises ValueError for another.
+    The ends are at the distance `half_width` (n,) from the mode, in standard uncertainties of `dof` (n,)
+    degrees of freedom: where twice the drop of the log-posterior, all others at their best, is its square
+    (1.96 for 95 %), of an estimated noise that of Student's. For a linear fit they are those by the
+    curvature. NaN where no end was found. Offsets, tool and noise only: a target's coordinate is no
+    coordinate of the fit. Raises ValueError for another.
     """
     parameters = problem.parameters
     if (parameters.group("target") | ~parameters.free)[which].any():
@@ -30,11 +39,16 @@ def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_w
     column = np.repeat(parameters.among_free[which], 2)
     sign = np.tile([-1.0, 1.0], len(which))
     fixed = np.arange(len(fit.z)) == column[:, None]
-    ridge = Ridge(fit, fixed, fixed * sign[:, None])
-    variance = ridge.covariance[column, column]
+    ridge = Ridge(fit, fixed, np.zeros(fixed.shape))
+    step = sign * np.sqrt(ridge.covariance[column, column])
+    ridge.direction[:] = fixed * step[:, None]
     # How all move with the one, by the curvature.
-    along = (ridge.covariance[:, column] / variance).T * sign[:, None]
-    ends = ridge.mode[column] + sign * ridge.farthest(half_width * np.sqrt(variance), along, half_width)
+    along = (ridge.covariance[:, column] / step).T
+    half = np.repeat(np.broadcast_to(half_width, which.shape), 2)
+    width = root_of_drop(
+        half, ridge.curvature(along, np.arange(len(column))), np.repeat(np.broadcast_to(dof, which.shape), 2)
+    )
+    ends = ridge.mode[column] + step * ridge.farthest(half, along, width)
     prior = np.repeat(which, 2)
     return np.asarray((ends * parameters.prior_std[prior] + parameters.prior_mean[prior]).reshape(-1, 2))
 
@@ -72,7 +86,8 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
     # With noise factors the fit is at their marginal mode: there is no profile that starts from it.
     ends = np.full((len(which), 2), np.nan)
     if not problem.noise.separate:
-        ends = profile_intervals(problem, solution.fit, which, _profile_width(solution))
+        halves, dof = solution.quantiles[which], solution.effective_dof[which]
+        ends = profile_intervals(problem, solution.fit, which, halves, dof)
     draws = {row.name: (row.q2_5, row.q97_5) for row in posterior.parameters or ()}
     result = []
     for i, (low, high) in zip(which, ends, strict=True):
@@ -90,13 +105,3 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
                 )
             )
     return tuple(result)
-
-
-def _profile_width(solution: Solution) -> float:
-    """The root of twice the drop at the ends of a 95 % profile interval: with an estimated scale the one that
-    gives Student's interval for a linear fit, whose log-density is -M log(1 + t^2 / dof) / 2."""
-    problem, dof = solution.problem, solution.dof
-    if problem.noise.estimated and dof:
-        numbers = float(problem.weights @ problem.sizes)
-        return float(np.sqrt(numbers * np.log1p(solution.quantile**2 / dof)))
-    return NORMAL_95

@@ -104,9 +104,11 @@ def _distance(root: Matrix, curvature: Matrix | float, dof: float) -> Matrix:
     return np.asarray(np.sqrt(drop if math.isinf(dof) else dof * np.expm1(drop / dof)))
 
 
-def _root(distance: float, curvature: Matrix, dof: float) -> Matrix:
-    """The way back."""
-    drop = distance**2 if math.isinf(dof) else dof * math.log1p(distance**2 / dof)
+def root_of_drop(distance: Matrix | float, curvature: Matrix, dof: Matrix | float) -> Matrix:
+    """(n,) the way back: the root of twice the drop at a distance, by the curvature at the mode."""
+    squared, dof = np.square(distance), np.asarray(dof, dtype=float)
+    with np.errstate(invalid="ignore"):
+        drop = np.where(np.isinf(dof), squared, dof * np.log1p(squared / dof))
     return np.asarray(np.sqrt(curvature * drop))
 
 
@@ -261,7 +263,7 @@ class ProfileContour:
         along = unit @ np.linalg.solve(block, ridge.covariance[both])
         dof = min(row.dof for row in rows)
         radius = _radius(level, dof)
-        width = _root(radius, ridge.curvature(along, np.arange(size)), dof)
+        width = root_of_drop(radius, ridge.curvature(along, np.arange(size)), dof)
         way = ridge.farthest(np.full(size, radius), along, width)
         prior = np.array([[item.prior_mean * item.display, item.prior_std * item.display] for item in items])
 

@@ -20,7 +20,7 @@ from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, ho
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.placements import placements
-from zerobeam.analysis.posterior.intervals import _profile_width
+from zerobeam.analysis.posterior.intervals import profile_intervals
 from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
@@ -110,9 +110,13 @@ def test_a_split_of_kuka_14_agrees(kuka: Solution) -> None:
 
 @pytest.mark.long
 def test_a_profile_counts_measurements_by_their_effective_number(kuka: Solution) -> None:
-    """The root of the drop at its ends is Student's quantile, but for what the fit takes up."""
+    """Its ends are those by the curvature, to a tenth: of so many measurements the fit is nearly linear."""
     assert kuka.problem.weights.max() < 0.7
-    assert 1.0 < _profile_width(kuka) / kuka.quantile < 1.15
+    which = np.array([i for i in kuka.known if kuka.parameters[i].group == "offset"], dtype=int)
+    ends = profile_intervals(kuka.problem, kuka.fit, which, kuka.quantiles[which], kuka.effective_dof[which])
+    linear = np.radians([kuka.parameters[i].interval95 for i in which])
+    assert len(which) >= 5
+    np.testing.assert_allclose(np.diff(ends), np.diff(linear), rtol=0.1)
 
 
 def test_a_split_of_panda_1_disagrees_with_nominal_geometry(run: Runs) -> None:

@@ -24,6 +24,7 @@ from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior import intervals
 from zerobeam.analysis.posterior.intervals import profile_intervals
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
+from zerobeam.analysis.solution import solve
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.likelihood.kernel import compiled_at_once
 from zerobeam.model.likelihood.problem import Problem
@@ -101,8 +102,8 @@ def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
     real = intervals.profile_intervals
     for off, names in ((0.2, ["delta2"]), (0.05, [])):
 
-        def moved(problem, fit, which, half, off=off):
-            ends = real(problem, fit, which, half)
+        def moved(problem, fit, which, half, dof, off=off):
+            ends = real(problem, fit, which, half, dof)
             ends[0] += off * np.diff(ends[0])
             return ends
 
@@ -111,10 +112,28 @@ def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
         assert [row.name for row in result.intervals if row.differ] == names
 
 
+def test_with_an_estimated_noise_the_profile_is_that_of_each_offsets_own_degrees_of_freedom():
+    """A nearly linear fit with tolerances, which do not scale with the noise: its ends are those by the
+    curvature. Six degrees of freedom would make them wrong."""
+    noise = {"joint_deg": 0.01, "spot_mm": 0.05, "scale": "estimated"}
+    _, run = simulated(good_plan(30, noise=noise, geometry=None), TABLE_2, seed=2)
+    solution = solve(Problem.from_run(run))
+    which = np.array([i for i in solution.known if solution.parameters[i].group == "offset"], dtype=int)
+    assert len(which) == 5
+    linear = np.diff(np.array([solution.parameters[i].interval95 for i in which]))[:, 0]
+
+    def widths(dof):
+        ends = profile_intervals(solution.problem, solution.fit, which, solution.quantiles[which], dof)
+        return np.degrees(np.diff(ends)[:, 0])
+
+    np.testing.assert_allclose(widths(solution.effective_dof[which]), linear, rtol=0.005)
+    assert np.all(np.abs(widths(6.0) / linear - 1) > 0.03)
+
+
 def test_an_end_that_was_not_found_is_said(monkeypatch):
     _, run = simulated(good_plan(12), TABLE_2, seed=2)
     monkeypatch.setattr(
-        intervals, "profile_intervals", lambda problem, fit, which, half: np.full((len(which), 2), np.nan)
+        intervals, "profile_intervals", lambda problem, fit, which, *_: np.full((len(which), 2), np.nan)
     )
     result = analyse(run, ess=400).result
     assert [row.name for row in result.intervals] == [f"delta{i}" for i in range(2, 7)]
