@@ -20,6 +20,10 @@ robot: irb1600
 tool: {kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}
 noise: {joint_deg: 0.01, spot_mm: 0.05}
 """
+MOVED = f"""\
+{CELL}faults:
+  - {{kind: psd-bump, shot: 10, shift_mm: [3, 0, 0]}}
+"""
 TRACKER = """\
 robot: irb1600
 instruments:
@@ -39,14 +43,21 @@ COMMANDS = (
         f"run plan.yaml --cell cell.yaml --seed {seed} --json -o {name}.jsonl"
         for seed, name in enumerate(RUNS, start=1)
     ),
+    "run plan.yaml --cell moved.yaml --seed 4 --json -o moved.jsonl",
+    "report moved.jsonl -o misfit",
     f"compare {' '.join(f'{name}.jsonl' for name in RUNS)} --json -o compare",
     "study instruments --json -o instruments",
     "study table2 --json -o table2",
     "study patterns --runs 20 --json -o patterns",
 )
+REPORTS = ("good", "x-pattern", "misfit", "uncalibrated")
 # What the page of the gallery may link to; the report of a demo has its folder's name.
 PAGES = (
-    *(f"{name}/report.{kind}" for name in ("good", "x-pattern", "uncalibrated") for kind in ("html", "pdf")),
+    *(f"{name}/report.{kind}" for name in REPORTS for kind in ("html", "pdf")),
+    *(f"{name}/figures/{'misses' if name == 'misfit' else 'offsets'}.svg" for name in REPORTS),
+    "instruments/figures/instruments.svg",
+    "compare/figures/runs.svg",
+    "table2/figures/scatter.svg",
     "plan.html",
     "tracker.html",
     "instruments/study.html",
@@ -60,6 +71,7 @@ def make(folder: Path) -> None:
     """Make all of it in an empty folder; RuntimeError where a command fails or a page is missing."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "cell.yaml").write_text(CELL, encoding="utf-8")
+    (folder / "moved.yaml").write_text(MOVED, encoding="utf-8")
     (folder / "header.yaml").write_text(HEADER, encoding="utf-8")
     (folder / "tracker.yaml").write_text(TRACKER, encoding="utf-8")
     for command in COMMANDS:
