@@ -30,7 +30,7 @@ def check_sentences(check: PendantCheck) -> list[str]:
     if not check.suspects:
         return ["The file disagrees with the pendant.", *_without_suspect(check)]
     lines = [change_sentence(change) for change in check.suspects]
-    few = "" if len(check.deviations) > 1 else " One pose tells little: add one at another posture."
+    few = "" if len(check.deviations) > 1 else " One pose determines little: add one at another posture."
     if len(lines) == 1:
         return [f"The file disagrees with the pendant. If one entry is wrong, it is this:{few}", *lines]
     if check.same_arm:

@@ -57,7 +57,7 @@ class ParameterDocument(DocumentPart):
     data_std: Number = Field(
         None,
         description=(
-            "standard uncertainty without prior; null if held, infinite, or left open by other local optima"
+            "standard uncertainty without prior; null if held, infinite, or undetermined between local optima"
         ),
     )
     interval95: Interval | None = Field(

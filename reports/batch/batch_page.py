@@ -156,10 +156,10 @@ def _misfits(done: Batch) -> list[Section]:
 
 def _outliers(done: Batch) -> list[Block]:
     explanation = (
-        "An identified offset is odd if it is an outlier among those of the runs of the same robot model"
-        " (generalised extreme Studentised deviate test, for normal offsets). The chance of any false alarm"
-        f" is {OUTLIER_ALARM:.0%} over all models and offsets; those with fewer than {FEWEST_VALUES} values"
-        " are not tested."
+        "Outliers are identified offsets far from those of the other runs of the same robot model"
+        " (generalised extreme Studentised deviate test, for normal offsets). The probability of any false"
+        f" alarm is {OUTLIER_ALARM:.0%} over all models and offsets. Those with fewer than {FEWEST_VALUES}"
+        " values are not tested."
     )
     if not done.outliers:
         return [Paragraph(f"None. {explanation}")]

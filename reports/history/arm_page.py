@@ -258,7 +258,7 @@ def _why(history: ArmHistory) -> str:
         last = day(history.results[-1].measured_at)
         return f"The last result, of {last}, is a misfit and does not count. "
     if arm.drift is None:
-        return f"{'One result counts' if arm.used else 'No result counts'}: two are needed to know a drift. "
+        return f"{'One result counts' if arm.used else 'No result counts'}: a drift needs two. "
     if arm.undecided:
         largest = max(arm.undecided, key=lambda one: abs(one.change.size) / one.change.least_jump)
         return f"{change_sentence(largest)}: {UNDECIDED}. "
@@ -274,7 +274,7 @@ def _notes(history: ArmHistory) -> Iterator[str]:
         if lost := [label(name) for name, is_known in known_now if not is_known]:
             yield f"Not determined since the last mastering: {listed(lost)}"
         if drift.effective < FEW_RATES:
-            yield "Few walk rates explain these results: intervals and p-values are approximate"
+            yield "Few drift rates explain these results: intervals and p-values are approximate"
     mentioned = history.state.clearest if history.state.state in ("jump", "jump without event") else None
     others = [
         f"{label(one.change.offset)}, {day(one.after)} to {day(one.before)}"
@@ -395,7 +395,7 @@ def _left_out(history: ArmHistory) -> Table:
 def _about(history: ArmHistory) -> Iterator[tuple[str, str]]:
     yield (
         "Offsets",
-        f"a random walk each, of unknown rate (prior median {MEDIAN:g} per root year), with rare jumps",
+        f"a random walk each, of unknown drift rate (prior median {MEDIAN:g} per root year), with rare jumps",
     )
     yield "Jumps", f"probability of any false alarm of an arm at most {ALARM:.0%}"
     yield "Due date", DUE_MEANS

@@ -27,7 +27,7 @@ def drift_blocks(arm: ArmDrift) -> Iterator[Block]:
         yield from jumps_blocks(arm)
         yield offsets_block(arm)
         if arm.drift.effective < FEW_RATES:
-            yield Paragraph("Few walk rates explain these results: intervals and p-values are approximate.")
+            yield Paragraph("Few drift rates explain these results: intervals and p-values are approximate.")
     yield Paragraph(f"{due_sentence(arm)} {counted(len(arm.used), 'result')} counted.")
     for left in arm.left_out:
         yield Paragraph(f"Not counted: the result of {day(left.result.measured_at)}. {left.reason}.")
@@ -72,9 +72,9 @@ def offsets_block(arm: ArmDrift) -> Block:
         row_of(label(offset.name), _now(offset), *_rate(offset.rate, offset.unit))
         for offset in offsets_now(arm)
     ]
-    heads = ("offset", "at the last result", "walk", "95 % interval")
+    heads = ("offset", "at the last result", "drift rate", "95 % interval")
     columns = [(head, "left" if head == "offset" else "right") for head in heads]
-    return table_of("Offsets by all results, and their random walk per root year", columns, rows)
+    return table_of("Offsets by all results, and their drift rate per root year", columns, rows)
 
 
 def _rate(rate: RateRow | None, unit: str) -> tuple[str | Cell, str]:
@@ -174,12 +174,12 @@ def fleet_blocks(fleet: FleetDrift) -> Iterator[Block]:
 
 
 def _models(fleet: FleetDrift) -> Block:
-    heads = ("model", "offset", "arms", "walk", "95 % interval", "u of a result", "walk > u in a year")
+    heads = ("model", "offset", "arms", "drift rate", "95 % interval", "u of a result", "drift > u in a year")
     columns = [(head, "left" if head in ("model", "offset") else "right") for head in heads]
     columns.append(("says", "left"))
     return table_of(
-        "Walk of the median arm of each model, per root year. It drifts if it walks farther in a year than"
-        f" the standard uncertainty of a result; false alarm of any: at most {fleet.alarm:.0%}",
+        "Drift rate of the median arm of each model, per root year. An offset drifts if it changes by more"
+        f" than the standard uncertainty of a result in a year; any false alarm: at most {fleet.alarm:.0%}",
         columns,
         [
             row_of(
@@ -247,10 +247,10 @@ def _fastest(fleet: FleetDrift) -> Block:
         for arm, offset_walk in sorted(every, key=ratio, reverse=True)[:_FASTEST]
         if offset_walk.shrunken
     ]
-    heads = ("arm", "model", "offset", "walk", "95 % interval", "mostly by", "possible cause")
-    columns = [(head, "right" if head in ("walk", "95 % interval") else "left") for head in heads]
+    heads = ("arm", "model", "offset", "drift rate", "95 % interval", "mostly by", "possible cause")
+    columns = [(head, "right" if head in ("drift rate", "95 % interval") else "left") for head in heads]
     return table_of(
-        "Fastest walks of single arms over the u of a result, by the rates of their model too", columns, rows
+        "Fastest drifts of single arms over the u of a result, with the rates of their model", columns, rows
     )
 
 
@@ -267,7 +267,9 @@ def _about_arms(fleet: FleetDrift) -> Iterator[Block]:
         )
     coarse = [arm.serial for arm in fleet.arms if arm.effective < FEW]
     if coarse:
-        yield Paragraph(f"Few walk rates of {_arms(coarse)} agree with the model: intervals are approximate.")
+        yield Paragraph(
+            f"Few drift rates of {_arms(coarse)} agree with the model: intervals are approximate."
+        )
     if fleet.too_few:
         yield Paragraph(f"{counted(fleet.too_few, 'arm')} with fewer than two results that count: not used.")
 

@@ -149,7 +149,7 @@ def diagnosis_section(result: Result) -> Section | None:
     """The explanations, the best first; None where there is none."""
     if not result.diagnosis:
         return None
-    columns: list[Head] = ["cause", ("tried", "left"), "residuals", "estimates", "freed"]
+    columns: list[Head] = ["cause", ("tried", "left"), "residuals", "estimates", "added"]
     rows = [
         row_of(
             CAUSES[explanation.cause],
@@ -163,7 +163,7 @@ def diagnosis_section(result: Result) -> Section | None:
     before = times(result.diagnosis[0].before)
     caption = (
         f"Tried, best first: residuals in multiples of the noise (as recorded: {before}), largest estimate in"
-        " prior standard deviations, parameters freed"
+        " prior standard deviations, parameters estimated in addition"
     )
     text = diagnosis_said(result.diagnosis)
     return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows))

@@ -226,7 +226,7 @@ def test_a_misfit_at_the_end_is_said_first_and_does_not_count() -> None:
 def test_one_result_says_nothing_of_drift() -> None:
     own = arm_history(over_years(1))
     assert own.state.state == "no due date"
-    assert headline(own).sentence.startswith("One result counts: two are needed to know a drift. ")
+    assert headline(own).sentence.startswith("One result counts: a drift needs two. ")
     assert pictures(own) == {}
     assert "Offsets over time" not in shown(own).words
 
