@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # what depends on the posture, or every parameter as data.
 Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
-_OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|denso|comau|meca ?500"
+_OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
 
 
 @dataclass(frozen=True)

@@ -196,7 +196,7 @@ def _facts(language: Language, robot: Robot, choices: ProgramOptions) -> Program
     return ProgramFacts(
         dict(_frame(text, "--tool", language) for text in choices.tools),
         dict(_frame(text, "--frame", language) for text in choices.frames),
-        frozenset(_bare(name) if upper else _bare(name).lower() for name in choices.leave),
+        frozenset(name if upper else name.lower() for name in _bare(choices.leave, language)),
         near,
         choices.j3,
         frozenset(name if upper else name.lower() for name in choices.calls),
@@ -219,10 +219,11 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
             parsed.problems.append((line, f"{literal}: it is not said what this position is (--leave?)"))
 
 
-def _bare(name: str) -> str:
-    """P[3] of FANUC is 3, p[0] of VAL3 p."""
-    match = re.fullmatch(r"[Pp]\[(\d+)\]", name)
-    return match[1] if match and match[1] != "0" else name.removesuffix("[0]")
+def _bare(names: Sequence[str], language: Language) -> list[str]:
+    """The names as the language has them: P[3] of FANUC is 3, p[0] of VAL3 p."""
+    if language.name == "TP":
+        return [re.sub(r"^[Pp]\[(\d+)\]$", r"\1", name) for name in names]
+    return [name.removesuffix("[0]") for name in names] if language.name == "VAL3" else list(names)
 
 
 def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import denso_controller
 import doosan_controller
 import epson_controller
 import fanuc_interpreter
@@ -201,6 +202,7 @@ def test_offsets_come_back_through_the_program_of_every_arm(
 
 # Languages whose statements are lines, each with its controller.
 _MODULES = (
+    denso_controller,
     doosan_controller,
     epson_controller,
     kawasaki_controller,
