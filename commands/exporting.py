@@ -172,7 +172,7 @@ def _plan_command() -> Command:
             str | None,
             typer.Option(
                 help="Tool of the controller: a name (rapid, drl, as, tmscript), a number (krl, fanuc,"
-                " inform).",
+                " inform, slim).",
                 show_default=False,
             ),
         ] = None,

@@ -17,6 +17,7 @@ import franka_programs
 import import_files as importers
 import kawasaki_controller
 import mitsubishi_controller
+import nachi_controller
 import numpy as np
 import pytest
 import robodk_interpreter
@@ -207,6 +208,7 @@ _MODULES = (
     epson_controller,
     kawasaki_controller,
     mitsubishi_controller,
+    nachi_controller,
     staubli_controller,
     techman_controller,
     yaskawa_controller,
