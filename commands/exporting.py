@@ -172,7 +172,7 @@ def _plan_command() -> Command:
             str | None,
             typer.Option(
                 help="Tool of the controller: a name (rapid, drl, as, tmscript), a number (krl, fanuc,"
-                " inform).",
+                " inform, slim).",
                 show_default=False,
             ),
         ] = None,
@@ -297,15 +297,18 @@ def _program_command() -> Command:
         with a statement that is not understood is refused, by line. Targets that were taught on this very arm
         hold its offsets already: do not correct them.
         """
+        from ..experiments.makers.maker import vendor_of
         from ..experiments.makers.user_programs import ProgramOptions, corrected_program, files_of
+        from ..model.files.whole_file import refuse_existing
 
-        paths = files_of(program)
         choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
+            for path in corrected.files:  # those that are there are judged by --force afterwards
+                refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
             return corrected.files, corrected.notes
 
-        _export(run, file, texts, paths, "postures", **options)
+        _export(run, file, texts, [program], "postures", **options)
 
     return with_parameters(export_program, [*options_of(export_program), *options_of(_export)])

@@ -19,7 +19,7 @@ _FILES = {
     "yaskawa": ("export yaskawa", "home-position.txt"),
 }
 _MODEL = ("export robot", "corrected.yaml")
-_PROGRAMS = ("doosan", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
+_PROGRAMS = ("denso", "doosan", "kawasaki", "mitsubishi", "nachi", "staubli", "techman")
 _MODEL_ALONE = ("franka",)
 
 

@@ -22,8 +22,8 @@ Numbers of joints and poses are VALUE. A NAME anywhere else is of what the progr
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from string import ascii_lowercase, ascii_uppercase
 
 from lark import Token, Tree
@@ -64,7 +64,8 @@ class LineLanguage:
     Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
     `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
     without it they are not interpreted. `saved_decimals` are those that a controller saves, where they are
-    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree.
+    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree. `marked` is that of
+    the `Language`.
     """
 
     name: str
@@ -95,6 +96,7 @@ class LineLanguage:
     words: Callable[[Branch, Matrix], str] | None = None
     saved_decimals: int | None = None
     derives: Callable[[Tree[Token]], bool] | None = None
+    marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
 
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""

@@ -432,4 +432,5 @@ def for_correction(language: LineLanguage) -> Language:
         remark_width=language.remark_width,
         by_joint2=True,
         remark_end=language.comment_end,
+        marked=language.marked,
     )

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # what depends on the posture, or every parameter as data.
 Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
-_OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|denso|comau|meca ?500"
+_OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
 
 
 @dataclass(frozen=True)
@@ -140,15 +140,16 @@ class KnownLog:
 
 @dataclass(frozen=True)
 class ProgramFiles:
-    """`zerobeam export program`: files of a language by their endings, `paired` where the program is several
-    of one name, or the `whole_folder`; `language` loads what reads them (`user_programs.Language`)."""
+    """`zerobeam export program`: files of a language by their endings. A program is several files where they
+    are `paired` (of one name), or those of the `folder` with these endings; `paired` has the order of all.
+    `language` loads what reads them (`program_parts.Language`)."""
 
     name: str
     about: str
     endings: tuple[str, ...]
     language: Callable[[], Any]
     paired: tuple[str, ...] = ()
-    whole_folder: bool = False
+    folder: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -274,7 +274,8 @@ class Language:
     `targets` reads a program; remarks are put behind `head`, a pattern, and begin with `remark`; `pose` is
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
     poses and joints, found without the grammar; `up` and `by_joint2` as of `Branches`. `remark_width` is how
-    long a remark may be, if that is little; `remark_end` closes it.
+    long a remark may be, if that is little; `remark_end` closes it. Files whose endings are in `marked` take
+    no remarks: the first match of the pattern says that they are corrected.
     """
 
     name: str
@@ -289,6 +290,7 @@ class Language:
     remark_width: int | None = None
     by_joint2: bool = False
     remark_end: str = ""
+    marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
 
 
 def new_number(old: str, value: float, decimals: int) -> str:

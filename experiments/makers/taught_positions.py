@@ -72,6 +72,30 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
     return points
 
 
+def named_by_remarks(
+    points: Sequence[TaughtPoint], labels: Sequence[tuple[str, str]], order: Sequence[str], kind: str
+) -> list[TaughtPoint]:
+    """The positions of a plan's program, a program in `kind`, in a language whose positions have no names.
+
+    `labels` are the names that remarks give, each with the position's, in the text's order; `order` are those
+    of the positions. BadInput where the remarks do not name all of them one after the other.
+    """
+    names = {position: name for name, position in labels}
+    places = [
+        (int(number), name.startswith("zb_p"), int(between or 0))
+        for name in names.values()
+        for number, between in re.findall(r"^zb_[pv](\d+)(?:_(\d+))?$", name)
+    ]
+    if list(names) != list(order) or len(places) < len(labels) or places != sorted({*places}):
+        raise BadInput(
+            "the remarks of the plan's program do not name its positions one after the other",
+            found=f"{len(points)} positions, {len(labels)} remarks above motions",
+            allowed="the program as it was written, with its positions modified",
+            remedy=f"write the program again (zerobeam export plan {kind}), and modify its positions only",
+        )
+    return [point._replace(name=names[point.name]) for point in points]
+
+
 def import_taught(
     language: LineLanguage,
     job: ImportJob,

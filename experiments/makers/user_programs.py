@@ -84,10 +84,10 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
     )
 
 
-def files_of(path: Path, vendor: str | None = None) -> list[Path]:
-    """The files of the program: of KRL the .src and the .dat of one name, as far as they are there, of VAL3
-    all of the folder. Of an
-    ending that several makers use all that may belong to it, or to that of `vendor`."""
+def files_of(path: Path, vendor: str | None) -> list[Path]:
+    """The files of the program, as far as they are there: of KRL the .src and the .dat of one name, of SPEL+
+    the points of the folder too, of VAL3 all of it. Where the `vendor` is not known, of an ending that
+    several makers use, all that may belong to it."""
     suffix = path.suffix.lower()
     languages = [
         files for files, maker in program_languages() if suffix in files.endings and vendor in (None, maker)
@@ -95,17 +95,16 @@ def files_of(path: Path, vendor: str | None = None) -> list[Path]:
     order = [other for files in languages for other in files.paired]
     if not order or not path.parent.is_dir():
         return [path]
-    folder = any(files.whole_folder for files in languages)
-    others = [
+    folder = {other for files in languages for other in files.folder}
+    beside = {*order} - folder - {suffix}
+    paths = [
         other
         for other in sorted(path.parent.iterdir())
-        if other != path and (folder or other.stem == path.stem)
+        if other == path
+        or other.suffix.lower() in folder
+        or (other.suffix.lower() in beside and other.stem == path.stem)
     ]
-    paths = [
-        path,
-        *(other for other in others if other.suffix.lower() in {*order} - (set() if folder else {suffix})),
-    ]
-    return sorted(paths, key=lambda each: order.index(each.suffix.lower()))
+    return sorted(paths or [path], key=lambda each: order.index(each.suffix.lower()))
 
 
 def corrected_program(
@@ -161,11 +160,17 @@ def corrected_program(
             for edit in corrections.edits
             if start <= edit.start < start + len(text)
         ]
-        other = each.name if files_of_language.whole_folder else out.stem + each.suffix
+        suffix = each.suffix.lower()
+        other = each.name if suffix in files_of_language.folder else out.stem + each.suffix
         name = out if each == path else out.with_name(other)
-        whole = _with_head(language, _applied(text, edits), calibration, notes, path.name).encode("latin-1")
+        whole = _applied(text, edits)
+        if suffix in language.marked:
+            whole = language.marked[suffix].sub(MARK, whole, count=1)
+        else:
+            whole = _with_head(language, whole, calibration, notes, path.name)
         # What an editor put before the first line stays there, and only there.
-        files[name] = BOM_UTF8 + whole if read_bytes(each).startswith(BOM_UTF8) else whole
+        content = whole.encode("latin-1")
+        files[name] = BOM_UTF8 + content if read_bytes(each).startswith(BOM_UTF8) else content
     return CorrectedProgram(files, notes)
 
 
@@ -196,7 +201,7 @@ def _facts(language: Language, robot: Robot, choices: ProgramOptions) -> Program
     return ProgramFacts(
         dict(_frame(text, "--tool", language) for text in choices.tools),
         dict(_frame(text, "--frame", language) for text in choices.frames),
-        frozenset(_bare(name) if upper else _bare(name).lower() for name in choices.leave),
+        frozenset(name if upper else name.lower() for name in _bare(choices.leave, language)),
         near,
         choices.j3,
         frozenset(name if upper else name.lower() for name in choices.calls),
@@ -219,10 +224,11 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
             parsed.problems.append((line, f"{literal}: it is not said what this position is (--leave?)"))
 
 
-def _bare(name: str) -> str:
-    """P[3] of FANUC is 3, p[0] of VAL3 p."""
-    match = re.fullmatch(r"[Pp]\[(\d+)\]", name)
-    return match[1] if match and match[1] != "0" else name.removesuffix("[0]")
+def _bare(names: Sequence[str], language: Language) -> list[str]:
+    """The names as the language has them: P[3] of FANUC is 3, p[0] of VAL3 p."""
+    if language.name == "TP":
+        return [re.sub(r"^[Pp]\[(\d+)\]$", r"\1", name) for name in names]
+    return [name.removesuffix("[0]") for name in names] if language.name == "VAL3" else list(names)
 
 
 def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:

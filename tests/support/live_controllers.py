@@ -38,6 +38,7 @@ class LiveArm:
         self.happened: list[str] = []
         self._last: tuple[float, Matrix] | None = None
         self._frozen_until = 0.0
+        self._damage: tuple[np.random.Generator, int] | None = None
         self._lock = threading.Lock()
 
     def go(self, joints: Sequence[float], seconds: float) -> None:
@@ -54,9 +55,20 @@ class LiveArm:
     def moves(self) -> bool:
         return time.monotonic() - self._began < self._lasts
 
+    def damage(self, seed: int, after: int) -> None:
+        """One answer is damaged: the next, or one `after` some."""
+        self._damage = np.random.default_rng(seed), after
+
     def fault(self) -> str | None:
         """What goes wrong with the next answer; `stale`: for a while all answers repeat the last one."""
         with self._lock:
+            if self._damage is not None:
+                rng, after = self._damage
+                self._damage = (rng, after - 1) if after else None
+                if not after:
+                    self._rng = rng
+                    self.happened.append("damaged")
+                    return "damaged"
             if time.monotonic() < self._frozen_until or self._rng.random() >= self.share:
                 return None
             name = str(self._rng.choice(self.faults))
@@ -73,6 +85,26 @@ class LiveArm:
             return self._last
         self._last = time.monotonic() + 100.0, self.joints()
         return self._last
+
+    def damaged(self, content: bytes) -> bytes:
+        """Bytes changed, lost, doubled or cut off; digits changed for others."""
+        rng, letters = self._rng, bytearray(content)
+        start, end = sorted(rng.integers(0, len(content) + 1, 2))
+        match rng.integers(5):
+            case 0:
+                for at in rng.integers(0, len(content), rng.integers(1, 4)):
+                    letters[at] = rng.integers(256)
+            case 1:
+                digits = [i for i, letter in enumerate(content) if letter in b"0123456789"]
+                for at in rng.choice(digits or [len(content) - 1], 2):
+                    letters[at] = rng.choice(list(b"0123456789-.eE"))
+            case 2:
+                del letters[start : min(end, start + 12)]
+            case 3:
+                letters[start:start] = letters[start : min(end, start + 12)]
+            case _:
+                del letters[start:]
+        return bytes(letters)
 
 
 class Closed(Exception):
@@ -134,8 +166,10 @@ class TcpStandIn:
         return line.strip()
 
 
-def sent(connection: socket.socket, content: bytes, fault: str | None) -> None:
+def sent(connection: socket.socket, content: bytes, fault: str | None, arm: LiveArm) -> None:
     """An answer, or what a fault makes of it."""
+    if fault == "damaged":
+        content = arm.damaged(content)
     if fault == "drop":
         raise Closed
     if fault == "half":
@@ -206,7 +240,7 @@ class UrStandIn(TcpStandIn):
         stamp, joints = self.arm.reading()
         values = np.array([stamp, *np.radians(joints)], dtype=">f8")
         content = (b"\x07" if fault == "malformed" else b"\x01") + values.tobytes()
-        sent(connection, (3 + len(content)).to_bytes(2, "big") + b"U" + content, fault)
+        sent(connection, (3 + len(content)).to_bytes(2, "big") + b"U" + content, fault, self.arm)
 
 
 class KukaStandIn(TcpStandIn):
@@ -241,7 +275,7 @@ class KukaStandIn(TcpStandIn):
                 value = value[: len(value) // 3]
             status = b"\0\1\1" if value else b"\0\1\0"
             body = b"\0" + len(value).to_bytes(2, "big") + value.encode() + status
-            sent(connection, number.to_bytes(2, "big") + len(body).to_bytes(2, "big") + body, fault)
+            sent(connection, number.to_bytes(2, "big") + len(body).to_bytes(2, "big") + body, fault, self.arm)
 
 
 class FanucStandIn(TcpStandIn):
@@ -280,7 +314,7 @@ class FanucStandIn(TcpStandIn):
             angles |= {f"J{i}": value for i, value in enumerate(joints.tolist(), start=1)}
             answer = {"Command": "FRC_ReadJointAngles", "ErrorID": 0, "TimeTag": int(stamp * 500)}
             line = json.dumps({**answer, "JointAngle": angles, "Group": 1}).encode()
-            sent(connection, (line[:-9] if fault == "malformed" else line) + b"\r\n", fault)
+            sent(connection, (line[:-9] if fault == "malformed" else line) + b"\r\n", fault, self.arm)
 
 
 class RosStandIn(TcpStandIn):
@@ -327,6 +361,8 @@ class RosStandIn(TcpStandIn):
         if first & 15 == 9:
             connection.sendall(bytes([0x8A, len(content)]) + content)
             return topic
+        if first & 15 != 1:  # the answer to a ping, which a damaged frame may be
+            return topic
         message = json.loads(content)
         return message["topic"] if message["op"] == "subscribe" else None
 
@@ -347,7 +383,7 @@ class RosStandIn(TcpStandIn):
                 bytes([first, 126]) + len(part).to_bytes(2, "big") + part
                 for first, part in ((0x01, text[:half]), (0x80, text[half:]))
             )
-            sent(connection, frames, fault)
+            sent(connection, frames, fault, self.arm)
 
 
 PULSES = (1435.3, 1435.3, 1209.6, 982.6, 979.4, 454.7)
@@ -408,6 +444,8 @@ class YaskawaStandIn:
         pulses[: len(joints)] = np.rint(joints * scale)
         answer = self._answer(packet[11], bytes(20) + pulses.tobytes())
         earlier, self._late = self._late, answer
+        if fault == "damaged":
+            return [self.arm.damaged(answer)]
         if fault == "half":
             return [answer[: len(answer) // 2]]
         if fault == "malformed":

@@ -1,4 +1,4 @@
-"""Epson: SPEL+ programs, a sheet for Calib."""
+"""Epson: SPEL+ programs and their points, a sheet for Calib."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -74,5 +74,14 @@ MAKER = Maker(
     offsets=(OffsetFile("epson", _sheet),),
     program=(PlanProgram("spel", "spel (Epson)", _spel_program, ("speed",)),),
     read=(Reader("spel", _read_log, "Logs of a plan's program (zb_plan.log)."),),
-    correct=(ProgramFiles("SPEL+", ".prg (Epson, targets by JA)", (".prg",), _spel),),
+    correct=(
+        ProgramFiles(
+            "SPEL+",
+            ".prg (Epson, with the .pts of the folder)",
+            (".prg",),
+            _spel,
+            paired=(".prg", ".pts"),
+            folder=(".pts",),
+        ),
+    ),
 )

@@ -1,4 +1,4 @@
-"""SPEL+ (Epson): a plan as a program in it, and programs whose targets are joints.
+"""SPEL+ (Epson): a plan as a program in it, and programs to joints and points.
 
 Facts, from the SPEL+ Language Reference of Seiko Epson: JA is a point by its joint angles, degrees; Agl reads
 the angle of a joint; Preserve keeps a variable when a program ends; AOpen opens a file to append to it.
@@ -25,18 +25,20 @@ from ..plan_programs import (
     short_hash,
     steps_of,
 )
+from .spel_points import with_points
 
-SPEL = LineLanguage(
-    name="SPEL+",
-    grammar="epson/spel",
-    remark=r"'[^\n]*",
-    head=r"^[ \t]*Function\b[^\n]*\n",
-    comment="  ' ",
-    pose=from_abc,
-    numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).abc],
-    form="X,Y,Z,U,V,W",
-    joint_decimals=4,
-    literal=re.compile(r"(?<=\()[^()\n]*(?:,[^()\n]*){5,}(?=\))"),
+SPEL = with_points(
+    LineLanguage(
+        name="SPEL+",
+        grammar="epson/spel",
+        remark=r"'[^\n]*",
+        head=r"^[ \t]*Function\b[^\n]*\n",
+        comment="  ' ",
+        pose=from_abc,
+        numbers=lambda pose: [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).abc],
+        form="X,Y,Z,U,V,W",
+        joint_decimals=4,
+    )
 )
 _NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)
 _USAGE = (

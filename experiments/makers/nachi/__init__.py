@@ -1,18 +1,28 @@
-"""Nachi: joint positions of SLIM programs."""
+"""Nachi: SLIM programs of joint positions."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PointNames, ProgramFiles, Reader, names_of
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
+    from ....model.files.plan import Plan
+    from ..plan_programs import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob
 
 
+def _slim_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
+    from .slim import slim_program
+
+    return {file: slim_program(plan, motion)}
+
+
 def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
-    """Nachi: joint positions (MOVEX … M1J) of a program that was taught; they are named by their lines."""
+    """Nachi: joint positions (MOVEX … M1J) of a program that was taught, or modified in a plan's program."""
     from ..taught_positions import import_taught
-    from .slim import SLIM
+    from .slim import SLIM, named_positions
 
     return import_taught(
         SLIM,
@@ -20,6 +30,7 @@ def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
         points=names_of(points),
         vendor="nachi",
         note="Nachi joint positions (M1J), degrees, joint 1 first",
+        named=named_positions,
     )
 
 
@@ -34,6 +45,7 @@ MAKER = Maker(
     "Nachi",
     "nachi",
     r"nachi|mz ?\d+\w*",
+    program=(PlanProgram("slim", "slim (Nachi)", _slim_program, ("speed", "tool")),),
     read=(Reader("slim", _read_slim, "Programs as text (NAME.001)."),),
     correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _slim),),
 )

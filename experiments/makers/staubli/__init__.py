@@ -55,7 +55,7 @@ MAKER = Maker(
             _FILES,
             _val3,
             paired=_FILES,
-            whole_folder=True,
+            folder=_FILES,
         ),
     ),
 )

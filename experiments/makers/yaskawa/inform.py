@@ -27,6 +27,7 @@ from ..maker import one_line
 from ..plan_programs import ProgramMotion, head_lines, made_for, percents, steps_of
 from ..program_parts import NUMBER
 from ..recordings import TaughtPoint
+from ..taught_positions import named_by_remarks
 
 _HALF_TURN = [0, 3, 5]  # S, R, T
 
@@ -59,7 +60,7 @@ _USAGE = (
     "At the end save the job, and import it.",
 )
 _LABELLED = re.compile(
-    r"^[ \t]*'(zb_(?:p(\d+)|v(\d+)_(\d+)))\b[^\n]*\n[ \t]*MOVJ (C\d+)", re.MULTILINE | re.IGNORECASE
+    r"^[ \t]*'(zb_(?:p\d+|v\d+_\d+))\b[^\n]*\n[ \t]*MOVJ (C\d+)", re.MULTILINE | re.IGNORECASE
 )
 
 
@@ -123,13 +124,6 @@ def named_positions(text: str, points: list[TaughtPoint]) -> list[TaughtPoint]:
     labelled = [match.groups() for match in _LABELLED.finditer(text)]
     if not labelled and "zerobeam plan" not in text:
         return points
-    names = {position.upper(): name.lower() for name, *_, position in labelled}
-    order = [(int(p or v), p is not None, int(i or 0)) for _, p, v, i, _ in labelled]
-    if list(names) != sorted({point.name.upper() for point in points}) or order != sorted({*order}):
-        raise BadInput(
-            "the remarks of the plan's program do not name its positions one after the other",
-            found=f"{len(points)} positions, {len(labelled)} remarks above motions",
-            allowed="the program as it was written, with its positions modified",
-            remedy="write the program again (zerobeam export plan inform), and modify its positions only",
-        )
-    return [point._replace(name=names[point.name.upper()]) for point in points]
+    labels = [(name.lower(), position.upper()) for name, position in labelled]
+    points = [point._replace(name=point.name.upper()) for point in points]
+    return named_by_remarks(points, labels, sorted({point.name for point in points}), "inform")

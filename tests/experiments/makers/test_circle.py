@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import denso_controller
 import doosan_controller
 import epson_controller
 import fanuc_interpreter
@@ -16,6 +17,7 @@ import franka_programs
 import import_files as importers
 import kawasaki_controller
 import mitsubishi_controller
+import nachi_controller
 import numpy as np
 import pytest
 import robodk_interpreter
@@ -201,10 +203,12 @@ def test_offsets_come_back_through_the_program_of_every_arm(
 
 # Languages whose statements are lines, each with its controller.
 _MODULES = (
+    denso_controller,
     doosan_controller,
     epson_controller,
     kawasaki_controller,
     mitsubishi_controller,
+    nachi_controller,
     staubli_controller,
     techman_controller,
     yaskawa_controller,

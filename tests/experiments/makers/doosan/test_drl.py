@@ -8,10 +8,9 @@ from pathlib import Path
 import doosan_controller as controller
 import numpy as np
 import pytest
-from damaged_files import damaged
-from damaged_reading import survives_damage
+from damaged_files import joints_read, lines_of, positions_read, refused
 from program_arm import plan_for
-from user_programs import OFFSETS, corrected_for, read, varied
+from user_programs import OFFSETS, TABLE, TOOL, corrected_for, read, varied
 
 from zerobeam.experiments.makers.doosan.drl_language import DRL
 from zerobeam.experiments.makers.line_programs import for_correction
@@ -149,20 +148,13 @@ def test_damaged_recordings(tmp_path: Path, reader: str, count: int) -> None:
         values = [" ".join(f"{v:.6f}" for v in row) for row in rows]
         lines = {i: f"zerobeam posture {i} deg {row}\n" for i, row in enumerate(values)}
         text = "".join(f"10:00:0{i}  {line}" for i, line in lines.items())
-    path = tmp_path / "recorded.drl"
-    path.write_text(text)
-    assert survives_damage("drl", plan, path, lines, count) > count / 10
+    read_joints = joints_read("drl", plan, tmp_path / "recorded.drl")
+    assert refused(read_joints, text, lines, count) < 0.9 * count
 
 
 @COUNTS
-@pytest.mark.usefixtures("unsolved")
-def test_damaged_programs(tmp_path: Path, count: int) -> None:
-    """A plain refusal, or a program that is understood as a whole."""
+def test_damaged_programs(count: int) -> None:
     text = controller.user_program(ROBOT, varied(ROBOT, 4))
-    refused = 0
-    for copy in damaged(text, count):
-        try:
-            corrected(tmp_path, copy, controller.STATED)
-        except BadInput:
-            refused += 1
-    assert count / 2 < refused < count
+    facts = {"grip": TOOL}, {str(controller.FRAME): TABLE}
+    positions = positions_read(DRL, ROBOT, lambda: ProgramFacts(*facts))
+    assert count / 2 < refused(positions, text, lines_of(text, r"(\w+) = pos[jx]"), count) < count

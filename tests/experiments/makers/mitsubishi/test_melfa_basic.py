@@ -6,7 +6,7 @@ from pathlib import Path
 
 import mitsubishi_controller as controller
 import pytest
-from damaged_text import imported, positions_of, recorded, refused_or_same
+from damaged_files import joints_read, lines_of, positions_read, recorded, refused
 from program_arm import plan_for
 from user_programs import judged, read, varied
 
@@ -95,16 +95,13 @@ def test_tool_and_base_of_the_controller_must_be_stated(tmp_path: Path) -> None:
 
 def test_damaged_programs_are_refused_or_have_the_same_positions() -> None:
     text = WHOLE.replace("Base PTABLE", "Base P_NBase")
-    refused = refused_or_same(
-        text, 200, 5, positions_of(MELFA_BASIC, ROBOT), lambda name: rf"{name}=\(|^Tool"
-    )
-    assert 40 < refused < 200
+    lines = lines_of(text, r"([JP]\w*)=\(")
+    assert 40 < refused(positions_read(MELFA_BASIC, ROBOT), text, lines, 200, 5) < 200
 
 
 def test_damaged_recordings_are_refused_or_have_the_same_joints(tmp_path: Path) -> None:
     plan = plan_for(tmp_path, "rv2fr", controller.TARGET, 4)
     write_program("melfa", plan, ProgramMotion(), tmp_path / "zb_plan.prg")
     text = recorded((tmp_path / "zb_plan.prg").read_text(), r"JZB_P\d+=\([-+.\d]+,")
-    read_joints = imported("melfa", plan, tmp_path / "saved.prg")
-    refused = refused_or_same(text, 200, 6, read_joints, lambda number: f"JZB_P{number}=")
-    assert 40 < refused < 200
+    lines = {int(number): line for number, line in lines_of(text, r"JZB_P(\d+)=").items()}
+    assert 40 < refused(joints_read("melfa", plan, tmp_path / "saved.prg"), text, lines, 200, 6) < 200

@@ -2,58 +2,87 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import nachi_controller as controller
 import numpy as np
 import pytest
-from damaged_files import damaged
+from damaged_files import joints_read, refused
+from program_arm import PendantArm, plan_for
 from recorded_logs import HEADER
 from user_programs import OFFSETS, judged, read, varied
 
 from zerobeam.experiments.makers.maker import makers
+from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
 from zerobeam.experiments.makers.recordings import ImportJob
 from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.robot_file import BUILT_IN, load_robot
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
 
 READER = next(each for maker in makers() for each in maker.read if each.name == "slim")
 FILES = pytest.mark.parametrize("files", [40, pytest.param(200, marks=pytest.mark.long)])
 
 
-def robot_text() -> str:
-    """The lengths of a built-in arm of another maker: what is tested are the files."""
-    text = (BUILT_IN / "rs007n.yaml").read_text().replace("vendor: kawasaki", "vendor: nachi")
-    return text.replace("name: rs007n", "name: mine").replace("model: RS007N", "model: mine")
-
-
 @cache
 def arm() -> Robot:
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "mine.yaml"
-        path.write_text(robot_text())
-        return load_robot(str(path))
+        return load_robot(controller.robot_file(Path(folder)))
 
 
 def program(rows: np.ndarray, line: str = "SET [01]") -> str:
-    moves = [
-        f"MOVEX A={i % 8 + 1},AC=0,SM=0,M1J,{'PL'[i % 2]},({','.join(f'{value:.3f}' for value in row)}),"
-        f"{'RS'[i % 2]}=10.0,H=1,MS"
-        for i, row in enumerate(rows)
-    ]
-    return "\r\n".join(["' caf\xe9", *moves, line, "END", ""])
+    return controller.user_program(arm(), rows, line)
 
 
 def joints(text: str) -> np.ndarray:
-    return np.array([list(map(float, row.split(","))) for row in re.findall(r"M1J,[PL],\(([^()]*)\)", text)])
+    return controller.commanded(text, arm(), np.empty(0))
 
 
 def corrected(folder: Path, text: str) -> str:
     (folder / "in.slim").write_bytes(text.encode())
     return read(corrected_program(arm(), judged(arm()), folder / "in.slim", folder / "out.slim"))
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('REM "zb_p1', 'REM "p1'),
+        ('REM "zb_p1', 'REM "zb_p2'),
+        ('REM "zb_p1 psd"\r\n', ""),
+        ("STOP\r\nREM", "STOP\r\nMOVEX M1J,P,(0,0,0,0,30,0),R=5.0,H=1,MS\r\nREM"),
+        ("END", ""),
+    ],
+)
+def test_remarks_must_name_the_positions_of_a_plan(tmp_path: Path, before: str, after: str) -> None:
+    plan = plan_for(tmp_path, controller.robot_file(tmp_path), controller.TARGET, count=3)
+    write_program("slim", plan, ProgramMotion(), tmp_path / "zb_plan.slim")
+    saved = controller.carried_out(tmp_path / "zb_plan.slim", PendantArm(plan))
+    text, read_joints = saved.read_bytes().decode(), joints_read("slim", plan, saved)
+    assert sorted(read_joints(text)) == [0, 1, 2]
+    assert before in text
+    with pytest.raises(BadInput, match=r"do not name its positions|has no end"):
+        read_joints(text.replace(before, after, 1))
+
+
+def test_the_tool_is_a_number(tmp_path: Path) -> None:
+    plan = plan_for(tmp_path, controller.robot_file(tmp_path), controller.TARGET, count=1)
+    write_program("slim", plan, ProgramMotion(tool="3"), tmp_path / "zb_plan.slim")
+    assert ",H=3,MS" in (tmp_path / "zb_plan.slim").read_text()
+    with pytest.raises(BadInput, match="--tool is the number of a tool"):
+        write_program("slim", plan, ProgramMotion(tool="grip"), tmp_path / "other.slim")
+
+
+@FILES
+def test_damaged_recordings_are_refused_or_read_as_they_are(tmp_path: Path, files: int) -> None:
+    plan = plan_for(tmp_path, controller.robot_file(tmp_path), controller.TARGET, count=4)
+    write_program("slim", plan, ProgramMotion(), tmp_path / "zb_plan.slim")
+    saved = controller.carried_out(tmp_path / "zb_plan.slim", PendantArm(plan))
+    text = saved.read_bytes().decode()
+    motions = [line for line in text.split("\r\n") if "MOVEX" in line]
+    lines = dict(enumerate(motions))
+    assert 0.3 * files < refused(joints_read("slim", plan, saved), text, lines, files) <= files
 
 
 def test_joints_are_corrected_and_the_flange_is_where_it_is_meant(tmp_path: Path) -> None:
@@ -87,7 +116,7 @@ def test_what_is_not_understood_is_named(tmp_path: Path, line: str) -> None:
 @FILES
 def test_damaged_programs_are_refused_or_read_as_they_are(tmp_path: Path, files: int) -> None:
     """A position whose line is as it was is read, and corrected, as it was."""
-    (tmp_path / "mine.yaml").write_text(robot_text())
+    (tmp_path / "mine.yaml").write_text(controller.robot_text())
     (tmp_path / "header.yaml").write_text(HEADER.replace("robot: irb1600", "robot: mine.yaml"))
     text = program(varied(arm(), 4)[[0, 0, 1, 1]])
     path = tmp_path / "MZ07-01-A.001"
@@ -100,17 +129,9 @@ def test_damaged_programs_are_refused_or_read_as_they_are(tmp_path: Path, files:
         job = ImportJob.begin([path], tmp_path / "header.yaml", tmp_path / "run.jsonl", ["a"])
         return [shot.joints_deg for shot in READER.read(job).shots]
 
-    rows = dict(zip(lines(text), measured(text), strict=True))
-    right = dict(zip(lines(text), lines(corrected(tmp_path, text)), strict=True))
-    np.testing.assert_array_equal(list(rows.values()), joints(text))
-    refused = 0
-    for content in damaged(text, files):
-        try:
-            read_as, program_after = measured(content), corrected(tmp_path, content)
-        except BadInput:
-            refused += 1
-            continue
-        for before, row, after in zip(lines(content), read_as, lines(program_after), strict=True):
-            assert rows.get(before, row) == row
-            assert right.get(before, after) == after
-    assert 0.3 * files < refused < files
+    def by_line(content: str) -> dict[str, tuple[tuple[float, ...], str]]:
+        after = lines(corrected(tmp_path, content))
+        return dict(zip(lines(content), zip(measured(content), after, strict=True), strict=True))
+
+    np.testing.assert_array_equal(measured(text), joints(text))
+    assert 0.3 * files < refused(by_line, text, {line: line for line in lines(text)}, files) < files

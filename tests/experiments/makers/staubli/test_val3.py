@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 import staubli_controller as controller
-from damaged_text import imported, positions_of, recorded, refused_or_same
+from damaged_files import joints_read, lines_of, positions_read, recorded, refused
 from program_arm import plan_for
 from user_programs import judged, read, varied
 
@@ -112,14 +113,18 @@ def test_what_is_left_stays_and_a_second_correction_is_refused(tmp_path: Path) -
 
 
 def test_damaged_programs_are_refused_or_have_the_same_positions() -> None:
-    refused = refused_or_same(WHOLE, 200, 5, positions_of(VAL3, ROBOT), lambda _: "<Value")
-    assert 100 < refused < 200
+    positions = positions_read(VAL3, ROBOT)
+    lines = {
+        name if key == "0" else f"{name}[{key}]": value
+        for name, values in re.findall(r'<Data name="(\w+)"(.*?)</Data>', WHOLE, re.DOTALL)
+        for value, key in re.findall(r'(<Value key="(\d+)"[^\n]*)', values)
+    }
+    assert 100 < refused(positions, WHOLE, lines, 200, 5) < 200
 
 
 def test_damaged_recordings_are_refused_or_have_the_same_joints(tmp_path: Path) -> None:
     plan = plan_for(tmp_path, "tx2_60", controller.TARGET, 4)
     write_program("val3", plan, ProgramMotion(), tmp_path / "zb_plan.pjx")
     text = recorded((tmp_path / "zb_plan.dtx").read_text(), r'"zb_m\d+" .* j2="')
-    read_joints = imported("val3", plan, tmp_path / "saved.dtx")
-    refused = refused_or_same(text, 200, 6, read_joints, lambda number: f'"zb_m{number}"')
-    assert 100 < refused < 200
+    lines = {int(number): line for number, line in lines_of(text, r'<Data name="zb_m(\d+)"').items()}
+    assert 100 < refused(joints_read("val3", plan, tmp_path / "saved.dtx"), text, lines, 200, 6) < 200

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import techman_controller as controller
-from damaged_files import damaged
-from damaged_reading import survives_damage
+from damaged_files import joints_read, lines_of, positions_read, refused
 from program_arm import plan_for
-from user_programs import OFFSETS, corrected_for, read, varied
+from user_programs import OFFSETS, TABLE, corrected_for, read, varied
 
 from zerobeam.experiments.makers.line_programs import for_correction
 from zerobeam.experiments.makers.program_parts import ProgramFacts, Source
@@ -112,20 +111,13 @@ def test_damaged_recordings(tmp_path: Path, count: int) -> None:
     rows = [",".join(f"{v:.6f}" for v in row) for row in np.degrees(plan.postures) + 0.123456]
     lines = {i: f"float[] zb_p{i} = {{{row}}}\n" for i, row in enumerate(rows)}
     motions = "".join(f'PTP("JPP",zb_p{i},5,500,0,false)\n' for i in lines)
-    path = tmp_path / "edited.tms"
-    path.write_text("define\n{\n" + "".join(lines.values()) + "}\nmain\n{\n" + motions + "}\n")
-    assert survives_damage("tmscript", plan, path, lines, count) > count / 10
+    text = "define\n{\n" + "".join(lines.values()) + "}\nmain\n{\n" + motions + "}\n"
+    read_joints = joints_read("tmscript", plan, tmp_path / "edited.tms")
+    assert refused(read_joints, text, lines, count) < 0.9 * count
 
 
 @COUNTS
-@pytest.mark.usefixtures("unsolved")
-def test_damaged_programs(tmp_path: Path, count: int) -> None:
-    """A plain refusal, or a program that is understood as a whole."""
+def test_damaged_programs(count: int) -> None:
     text = controller.user_program(ROBOT, varied(ROBOT, 4))
-    refused = 0
-    for copy in damaged(text, count):
-        try:
-            corrected(tmp_path, copy, controller.STATED)
-        except BadInput:
-            refused += 1
-    assert count / 2 < refused < count
+    positions = positions_read(TMSCRIPT, ROBOT, lambda: ProgramFacts(frames={"Table": TABLE}))
+    assert count / 2 < refused(positions, text, lines_of(text, r"float\[\] (\w+)"), count) < count

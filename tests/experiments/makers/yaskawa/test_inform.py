@@ -6,21 +6,21 @@ import re
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
 import yaskawa_controller as controller
-from damaged_files import damaged
+from damaged_files import joints_read, lines_of, positions_read, refused
 from program_arm import PendantArm, plan_for
-from user_programs import judged, read, varied
+from user_programs import TABLE, TOOL, judged, read, varied
 
-from zerobeam.experiments.makers import user_programs
 from zerobeam.experiments.makers.maker import makers
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, write_program
-from zerobeam.experiments.makers.program_parts import Parsed, PoseTarget
+from zerobeam.experiments.makers.program_parts import ProgramFacts
 from zerobeam.experiments.makers.recordings import ImportJob
-from zerobeam.experiments.makers.solving import Corrections
 from zerobeam.experiments.makers.user_programs import ProgramOptions, corrected_program
+from zerobeam.experiments.makers.yaskawa.inform import INFORM
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
@@ -140,58 +140,26 @@ def test_damaged_files_of_a_plan_are_refused_or_read_as_they_are(tmp_path: Path,
     write_program("inform", plan, ProgramMotion(), tmp_path / "zb_plan.jbi")
     saved = controller.carried_out(tmp_path / "zb_plan.jbi", PendantArm(plan))
     text = saved.read_bytes().decode()
-
-    def joints(content: str) -> dict[int, tuple[float, ...]]:
-        saved.write_bytes(content.encode())
-        job = ImportJob.begin([saved], plan, tmp_path / "run.jsonl")
-        return {shot.shot: shot.joints_deg for shot in READER.read(job).shots}
-
-    right, refused = joints(text), 0
     lines = {number: f"C{number:05d}={row}" for number, row in controller.positions_of(text)}
-    assert len(right) == 4
-    for content in damaged(text, files):
-        try:
-            measured = joints(content)
-        except BadInput:
-            refused += 1
-            continue
-        assert sorted(measured) == sorted(right)
-        for number, row in measured.items():
-            assert row == right[number] or lines[number] not in content.split("\r\n")
-    assert 0.5 * files < refused < files
+    assert len(lines) == 4
+    assert 0.5 * files < refused(joints_read("inform", plan, saved), text, lines, files) < files
 
 
 @FILES
-def test_damaged_programs_are_refused_or_mean_what_they_meant(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: int
-) -> None:
-    """Without solving, which takes long: of the positions as they were read."""
-    read_as: list[Parsed] = []
-    none = Corrections([], 0, 0, 0.0, 0.0, [], [])
-    monkeypatch.setattr(user_programs, "correct_targets", lambda parsed, *_: read_as.append(parsed) or none)
+def test_damaged_programs_are_refused_or_mean_what_they_meant(files: int) -> None:
     text = controller.user_program(gp7(), varied(gp7(), 4))
+    facts = {"3": TOOL}, {"2": TABLE}
+    read_positions = positions_read(INFORM, gp7(), lambda: ProgramFacts(*facts))
 
-    def targets(content: str) -> dict[str, np.ndarray]:
-        corrected(tmp_path, content)
+    def positions(content: str) -> dict[str, Any]:
+        """Without pulses as a pose: no arm reaches it."""
         return {
-            name: target.frame @ target.pose @ np.linalg.inv(target.tool)
-            if isinstance(target, PoseTarget)
-            else target.joints
-            for name, target in read_as[-1].targets.items()
+            name: position
+            for name, position in read_positions(content).items()
+            if np.ndim(position) == 1 or np.abs(position).max() < 1e4
         }
 
-    right, refused = targets(text), 0
-    lines = {line.split("=")[0]: line for line in text.split("\r\n") if line.startswith("C0")}
-    for content in damaged(text, files):
-        try:
-            meant = targets(content)
-        except BadInput:
-            refused += 1
-            continue
-        for name, value in meant.items():
-            same = np.array_equal(value, right[name]) or lines[name] not in content.split("\r\n")
-            assert same or np.abs(value[:3, 3]).max() > 1e4  # pulses as a pose: no arm reaches it
-    assert 0.5 * files < refused < files
+    assert 0.5 * files < refused(positions, text, lines_of(text, r"(C0\d+)="), files) < files
 
 
 def test_without_the_pulses_of_the_machine_nothing_is_written(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from live_controllers import FAULTS, STAND_INS, LiveArm, RosStandIn, UrStandIn, 
 import zerobeam as zb
 from zerobeam.experiments.procedure.events import Doubted, PostureRequested, RunEvent
 from zerobeam.experiments.recording import Answers, RunRequest, record
-from zerobeam.experiments.rigs.live import interface
+from zerobeam.experiments.rigs.live import at_rest, interface
 from zerobeam.experiments.rigs.live.address import SCHEMES, open_joints, parse_address
 from zerobeam.experiments.rigs.live.at_rest import STILL, JointsAtRest
 from zerobeam.experiments.rigs.live.interface import JointsRefused
@@ -177,6 +177,32 @@ def test_a_fault_is_overcome_and_one_that_lasts_is_refused(stand_in: Any, fault:
     stand_in.arm.share = 0.0
     time.sleep(0.5)
     np.testing.assert_array_equal(joints.take(), before)
+    joints.close()
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.long)])
+def test_damaged_packets_are_refused_or_give_the_same_joints(
+    stand_in: Any, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    """Of the two readings of a posture one is damaged: what its packet does not show, the other one does."""
+    monkeypatch.setattr(interface, "ANSWER_S", 0.08)
+    monkeypatch.setattr(at_rest, "PAUSE_S", 0.03)
+    joints = opened(stand_in)
+    right, refused = joints.take(), 0
+    same = np.maximum(STILL, 2 * stand_in.resolution)
+    for seed in range(count):
+        stand_in.arm.damage(seed, after=seed % 3)
+        began = time.monotonic()
+        try:
+            taken = joints.take()
+        except (JointsRefused, RigFault):
+            refused += 1
+        else:
+            assert np.abs(taken - right).max() <= same, (seed, taken)
+        assert time.monotonic() - began < 5.0
+    assert len(stand_in.arm.happened) > count / 2
+    assert refused < count
+    np.testing.assert_allclose(joints.take(), right, rtol=0, atol=same)
     joints.close()
 
 
