@@ -1,12 +1,14 @@
 """Nachi: joint positions of SLIM programs."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
@@ -30,10 +32,24 @@ def _slim() -> "Language":
     return for_correction(SLIM)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .slim import SLIM
+
+    return written_points(SLIM, text, path)
+
+
 MAKER = Maker(
     "Nachi",
     "nachi",
     r"nachi|mz ?\d+\w*",
-    read=(Reader("slim", _read_slim, "Programs as text (NAME.001)."),),
+    read=(
+        Reader(
+            "slim",
+            _read_slim,
+            "Programs as text (NAME.001).",
+            marks=(FormatMark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program", _points),),
+        ),
+    ),
     correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _slim),),
 )
