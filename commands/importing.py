@@ -6,19 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ..experiments.makers.maker import (
-    Decimal,
-    J3Counting,
-    KnownLog,
-    MarkerColumn,
-    Option,
-    Reader,
-    StillDeg,
-    StillMm,
-    StillSeconds,
-    in_order,
-    makers,
-)
+from ..experiments.makers.known_logs import known_logs, read_log
+from ..experiments.makers.maker import Reader, makers
 from ..model.errors import BadInput
 from .console import out, progress
 from .formats import Command, options_of, with_parameters
@@ -49,15 +38,13 @@ _READERS = (
     "fanuc",
     "robodk",
 )
-_LOGS = ("ur", "egm", "robodk")
 
 
 def imports() -> typer.Typer:
     """The commands of the group: one for each kind of file that is read."""
     group = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
     readers = [reader for maker in makers() for reader in maker.read]
-    logs = in_order([log for maker in makers() for log in maker.logs], _LOGS)
-    commands = {reader.name: _reader_command(reader) for reader in [*readers, _reader_of_logs(logs)]}
+    commands = {reader.name: _reader_command(reader) for reader in [*readers, _reader_of_logs()]}
     commands["ur-calibration"] = import_ur_calibration
     hidden = {reader.name for reader in readers if reader.hidden}
     for name in sorted(
@@ -130,43 +117,24 @@ def _header_or_plan(header: Path | None, plan: Path | None) -> "Path | Plan":
     )
 
 
-def _reader_of_logs(logs: Sequence[KnownLog]) -> Reader:
-    layouts = {log.name: log.layout for log in logs}
+def _reader_of_logs() -> Reader:
+    layouts = {log.name: log.layout for log in known_logs()}
 
     def read(
         job: "ImportJob",
         kind: Annotated[
             Literal[tuple(layouts)],  # type: ignore[valid-type]
             typer.Argument(
-                help="; ".join(f"{log.name}: {log.about}" for log in logs) + ".",
+                help="; ".join(f"{log.name}: {log.about}" for log in known_logs()) + ".",
                 show_default=False,
             ),
         ],
-        still_deg: StillDeg = None,
-        still_s: StillSeconds = None,
-        still_mm: StillMm = None,
-        delimiter: Annotated[
-            str | None, Option("Delimiter between two values, if not the usual one.")
-        ] = None,
-        decimal: Decimal = ".",
-        marker_column: MarkerColumn = None,
-        j3: J3Counting = None,
+        **options: object,
     ) -> "Imported":
-        """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
-        from ..experiments.makers.generic.csv_file import import_log
-        from ..experiments.makers.generic.dwells import Stillness
+        return read_log(job, layouts[kind], **options)  # type: ignore[arg-type]
 
-        still = Stillness.required(still_deg, still_s, still_mm)
-        return import_log(
-            layouts[kind],
-            job,
-            still=still,
-            delimiter=delimiter,
-            decimal=decimal,
-            marker_column=marker_column,
-            j3=j3,
-        )
-
+    read.__doc__ = read_log.__doc__
+    with_parameters(read, [*options_of(read), *options_of(read_log)])
     return Reader("log", read, "Logs as CSV files.", first=("kind",))
 
 

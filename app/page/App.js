@@ -3,8 +3,10 @@ import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { go, route, STEPS, toImport, toJob } from "./core/route.js";
+import { calibrationOf, file, lostDraftsOf } from "./core/editing.js";
 import { calibration, failed, fault, home, notice } from "./core/store.js";
 import { capital } from "./core/words.js";
+import { Drafts } from "./home/Drafts.js";
 import { Home } from "./home/Home.js";
 import { StopBar } from "./measure/StopBar.js";
 import { Conflict } from "./parts/Conflict.js";
@@ -48,7 +50,9 @@ export function App() {
     if (!first.current) { content.current?.focus({ preventScroll: true }); scrollTo(0, 0); }
     first.current = false;
   }, [view, name, step]);
-  const missing = view === "job" && home.value !== null && known === null;
+  const missing = view === "job" && home.value !== null && known === null, drafts = missing ? lostDraftsOf(name) : [];
+  // A draft is shown as the plan that it was, and stays while it is saved again.
+  const opened = drafts.length > 0 || (file.value !== "" && calibrationOf(file.value) === name), lost = missing && (step !== "plan" || !opened);
   return html`
     <a class="skip" href="#content" onClick=${(/** @type {Event} */ event) => { event.preventDefault(); content.current?.focus(); }}>To the content</a>
     <header class="top">
@@ -60,7 +64,7 @@ export function App() {
     <div class=${`body ${view}`}>
       ${view === "job" && html`<${Rail} />`}
       <main id="content" tabindex="-1" ref=${content}>
-        ${missing ? html`<p>There is no calibration of this name in the folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p>`
+        ${lost ? html`<p>There is no calibration of this name in the folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p><${Drafts} drafts=${drafts} />`
           : view === "home" ? html`<${Home} />` : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
       </main>
     </div>

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, get_origin
 
 from pydantic import BeforeValidator, Field
 
+from ...experiments.makers.known_logs import known_logs, read_log
 from ...experiments.makers.maker import makers, options_of_format
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
@@ -80,25 +81,6 @@ _RUN = _options(
 _IMPORT = _options(
     ("write", "--out"), ("read", "--header --plan"), ("values", "--target"), ("flag", "--dry-run")
 )
-_POINTS = _IMPORT | _options(("value", "--points"))
-_DWELLS = _IMPORT | _options(("value", "--still-deg --still-s --still-mm"))
-_TABLES = _DWELLS | _options(("value", "--delimiter --decimal --marker-column"))
-_CSV = _TABLES | _options(
-    ("flag", "--header-row --small-angles"),
-    ("value", "--units --lengths --columns --reversed --j3 --target-column --spot-columns --shot-column"),
-    ("value", "--time-column --time-units"),
-)
-_TRACKED = _IMPORT | _options(
-    ("read", "--joints"),
-    ("flag", "--small-angles"),
-    ("value", "--joint-columns --joint-units --units --columns --instrument --reflector --reflector-column"),
-    ("value", "--match --number-column --joints-number-column --time-column --time-units --within-s"),
-    ("value", "--joints-time-column --joints-time-units --rotation-columns --rotation-units --euler"),
-    (
-        "value",
-        "--quaternion-columns --uncertainty --uncertainty-columns --lengths --delimiter --decimal --j3",
-    ),
-)
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
@@ -117,18 +99,12 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
         _options(("write", "--out --db"), ("value", "--tolerance-mm --as-of --model")),
     ),
     ("run",): (1, _RUN),
-    ("import", "csv"): (1, _CSV),
-    ("import", "points"): (1, _TRACKED),
     **{
-        ("import", "log", kind): (1, _TABLES | _options(("value", "--j3")))
-        for kind in ("ur", "egm", "robodk")
+        ("import", reader.name): (1, _IMPORT | _options_of(reader.read))
+        for maker in makers()
+        for reader in maker.read
     },
-    ("import", "ros"): (1, _DWELLS | _options(("value", "--columns --topic --marker-topic"))),
-    ("import", "rapid"): (1, _POINTS | _options(("value", "--tool --frame"))),
-    ("import", "kuka"): (1, _POINTS),
-    ("import", "fanuc"): (1, _POINTS | _options(("value", "--j3 --register"))),
-    ("import", "universal-robots"): (1, _IMPORT),
-    ("import", "robodk"): (1, _IMPORT | _options(("value", "--j3"))),
+    **{("import", "log", log.name): (1, _IMPORT | _options_of(read_log)) for log in known_logs()},
     **{
         ("export", kind.name): (1, _EXPORT | _options_of(kind.text))
         for maker in makers()

@@ -7,22 +7,20 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ...model.errors import BadInput
 from ...model.kinematics.robot import Robot
 from ...model.parsing.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
-from .abb.rapid_points import DECLARED, REMARK, rapid_positions
-from .fanuc.tp_points import REGISTERS, fanuc_positions, fanuc_registers
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
 from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
 from .joint_text import PROGRAM_LINE
-from .kuka.krl_points import AGGREGATE, DATA_LIST, kuka_positions
-from .maker import blanked
-from .recordings import TaughtPoint
+from .known_logs import known_logs
+from .maker import FormatMark, Reader, makers
+from .taught_positions import POSTURE
 
 HEAD = 4 * 10**6  # bytes of a table that are looked at while somebody waits
 _COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
@@ -166,19 +164,6 @@ def _first(text: str, delimiter: str, count: int) -> Sequence[list[str]]:
     return [[cell.strip().strip('"') for cell in line.split(delimiter) if cell.strip()] for line in lines]
 
 
-Form = Literal[
-    "csv",
-    "log ur",
-    "log egm",
-    "ros",
-    "joint states",
-    "rapid",
-    "kuka",
-    "fanuc",
-    "points",
-    "program log",
-    "ours",
-]
 _OURS = re.compile(r"""^[ \t]*\{?[ \t]*["']?schema["']?\s*:\s*["']?zerobeam/(\w[\w-]*)/""", re.MULTILINE)
 _JOINT_STATE = re.compile(r"^(?:name|position)\s*:", re.MULTILINE)
 _MOST_SHOWN = 500  # points, messages
@@ -186,16 +171,18 @@ _MOST_SHOWN = 500  # points, messages
 
 @dataclass(frozen=True)
 class Contents:
-    """`form` is what the file is, and `why` that is seen; `count` has what it holds, in words.
+    """`form` is what the file is, and `why` that is seen; `count` has what it holds, in words. `formats` are
+    those that an import of it may have: the words of the command behind `import`.
 
     Of a table: `layout`, `columns`, the `rows` that were looked at and whether they are all (`whole`). Of
     taught points: `points`, each with its name and whether it has joints. Of a bag: `topics`. Of joint states
     in text: `names` of the joints. Of a file of ours: its `kind`.
     """
 
-    form: Form
+    form: str
     why: str
     count: str
+    formats: tuple[str, ...] = ()
     layout: Layout | None = None
     columns: tuple[TableColumn, ...] = ()
     rows: int = 0
@@ -216,7 +203,8 @@ def contents_of(path: Path, layout: Layout | None = None) -> Contents:
         topics = topics_of(path)
         states = [topic for topic in topics if topic.joints]
         count = "; ".join(f"{topic.messages} joint states on {topic.name}" for topic in states)
-        return Contents("ros", f"the first bytes of {kind}", count or "no joint states", topics=topics)
+        why = f"the first bytes of {kind}"
+        return Contents("ros", why, count or "no joint states", ("ros",), topics=topics)
     text, whole = head_of(path)
     if layout is None and whole and (contents := _program(path, text)) is not None:
         return contents
@@ -230,22 +218,21 @@ def _program(path: Path, text: str) -> Contents | None:
         return Contents("ours", f"its schema, zerobeam/{ours[1]}", count, kind=ours[1])
     lines = len(PROGRAM_LINE.findall(text))
     if lines:
-        return Contents("program log", "lines that a plan's program writes", f"{lines} postures")
-    if REGISTERS in text:
-        registers = fanuc_registers(text, path, 1, None, True)
-        return _points("fanuc", "its position registers ($POSREG)", registers)
-    if re.search(r"^/POS\b", text, re.MULTILINE):
-        return _points("fanuc", "its line /POS, as of a TP program", fanuc_positions(text, path))
-    declared = (match["kind"].lower() for match in DECLARED.finditer(blanked(text, REMARK)))
-    if any(kind in ("jointtarget", "robtarget") for kind in declared):
-        return _points("rapid", "its declarations of RAPID targets", rapid_positions(text, path))
-    if AGGREGATE.search(text) or DATA_LIST.search(text):
-        return _points("kuka", "its positions in KRL", kuka_positions(text, path))
+        why, formats = "lines that a plan's program writes", [r.name for r in _readers() if r.program_log]
+        return Contents("program log", why, f"{lines} postures", tuple(formats))
+    marked = [
+        (reader, mark)
+        for reader in _readers()
+        for mark in reader.marks
+        if re.search(mark.pattern, text, re.MULTILINE | re.IGNORECASE)
+    ]
+    if marked:
+        return _points(marked, text, path)
     if len(set(_JOINT_STATE.findall(text))) == 2:
         states = messages(text)
         names = tuple(dict.fromkeys(name for _, message in states for name in message.get("name", ())))
         count = f"{len(states)} messages, each a measurement"
-        return Contents("joint states", "its keys, as of JointState messages", count, names=names)
+        return Contents("joint states", "its keys, as of JointState messages", count, ("ros",), names=names)
     if "delta_theta" in text and "delta_alpha" in text:
         raise BadInput(
             "this is the factory calibration of a UR arm, not a recording",
@@ -255,11 +242,21 @@ def _program(path: Path, text: str) -> Contents | None:
     return None
 
 
-def _points(form: Form, why: str, points: list[TaughtPoint]) -> Contents:
+def _readers() -> list[Reader]:
+    return [reader for maker in makers() for reader in maker.read if not reader.hidden]
+
+
+def _points(marked: Sequence[tuple[Reader, FormatMark]], text: str, path: Path) -> Contents:
+    """The positions of a text, of the first of the formats that it may have. Those of a plan's program are
+    not chosen: it says itself which are measurements."""
+    reader, mark = marked[0]
+    points = mark.points(text, path)
     taught = sum(point.joints is not None for point in points)
     count = f"{len(points)} points, {taught} with joint values"
-    shown = tuple((point.name, point.joints is not None) for point in points[:_MOST_SHOWN])
-    return Contents(form, why, count, points=shown)
+    is_plan = any(POSTURE.fullmatch(point.name) for point in points)
+    shown = () if is_plan else tuple((point.name, point.joints is not None) for point in points[:_MOST_SHOWN])
+    formats = tuple(dict.fromkeys(reader.name for reader, _ in marked))
+    return Contents(reader.name, mark.why, count, formats, points=shown)
 
 
 def _without_remarks(text: str) -> tuple[str, bool]:
@@ -287,15 +284,25 @@ def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> 
             file=path,
         )
     names = set(table.names or ())
-    form: Form = "csv"
-    why = "its rows with equally many columns"
-    if "actual_q_0" in names and "timestamp" in names:
-        form, why = "log ur", "its columns timestamp and actual_q_0, as of an RTDE recording"
+    form, why = "csv", "its rows with equally many columns"
+    formats = ["csv", "points", *(f"log {log.name}" for log in known_logs() if not log.columns)]
+    log = next((log for log in known_logs() if log.columns and names.issuperset(log.columns)), None)
+    if log is not None:
+        form, formats = f"log {log.name}", [f"log {log.name}", "csv"]
+        why = f"its columns {' and '.join(log.columns)}, as of: {log.about}"
     elif remarks:
-        form, why = "points", "its remarks (//), as a tracker's program writes them"
-    elif {"R_FB_POS_RJ1", "TIMESTAMP"} <= names:
-        form, why = "log egm", "its columns TIMESTAMP and R_FB_POS_RJ1, as of abb_libegm"
+        form, formats = "points", ["points"]
+        why = "its remarks (//), as a tracker's program writes them"
     count = f"{len(table.rows)} rows of {table.width} columns"
     if not whole:
         count += " in its first part; the rest is checked at the import"
-    return Contents(form, why, count, layout=layout, columns=columns, rows=len(table.rows), whole=whole)
+    return Contents(
+        form,
+        why,
+        count,
+        tuple(formats),
+        layout=layout,
+        columns=columns,
+        rows=len(table.rows),
+        whole=whole,
+    )

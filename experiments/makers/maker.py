@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar, get_args
 
 from ...model.errors import BadInput
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from ...model.files.robot_file import Vendor
     from ...model.files.run import Run
     from ...model.kinematics.robot import Robot
-    from .recordings import Imported
+    from .recordings import Imported, TaughtPoint
 
 # What a kind of file has room for: values for nominal geometry, the offsets and links of the arm, these and
 # what depends on the posture, or every parameter as data.
@@ -118,24 +119,39 @@ class PlanProgram:
 
 
 @dataclass(frozen=True)
+class FormatMark:
+    """What tells that a text is of a format: `pattern` is in it (searched line by line), `why` says so in
+    words. `points` (text, path) are the positions of the text, as an import without a robot can list them."""
+
+    pattern: str
+    why: str
+    points: Callable[[str, Path], Sequence[TaughtPoint]]
+
+
+@dataclass(frozen=True)
 class Reader:
     """`zerobeam import NAME`: `read` makes a run of a job; its docstring is the help, its other parameters
-    are options. `files` is the help of the argument, `first` are the parameters that help lists first."""
+    are options. `files` is the help of the argument, `first` are the parameters that help lists first.
+    `marks` tell that a text is of this format; `program_log`: it reads lines of a plan's program."""
 
     name: str
     read: Callable[..., Imported]
     files: str
     first: tuple[str, ...] = ()
     hidden: bool = False
+    marks: tuple[FormatMark, ...] = ()
+    program_log: bool = False
 
 
 @dataclass(frozen=True)
 class KnownLog:
-    """`zerobeam import log NAME`: `layout` is the CsvLayout of a log of so many joints."""
+    """`zerobeam import log NAME`: `layout` is the CsvLayout of a log of so many joints. A table with these
+    `columns` is such a log; without them its form does not tell that."""
 
     name: str
     about: str
     layout: Callable[[int], Any]
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -18,20 +18,32 @@ from .program_parts import (
 )
 from .recordings import Imported, ImportJob, TaughtPoint, import_points
 
-_POSTURE = re.compile(
-    r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE
-)  # of a plan's program: planned, measured, via
+# Of a plan's program: planned, measured, via.
+POSTURE = re.compile(r"[#j]?zb_([pmv])(\d+)(?:_\d+)?", re.IGNORECASE)
 
 
 def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -> list[TaughtPoint]:
+    """All positions of a program, as `written_points`. Joints are degrees as the controller counts them."""
+    per_degree = Pendant(robot).per_degree(language.unit)
+
+    def in_degrees(point: TaughtPoint) -> TaughtPoint:
+        if point.joints is None:
+            return point
+        numbers = np.array(point.joints)
+        numbers[: robot.n] /= per_degree[: len(numbers)]
+        return point._replace(joints=tuple(numbers.tolist()))
+
+    return [in_degrees(point) for point in written_points(language, text, path)]
+
+
+def written_points(language: LineLanguage, text: str, path: Path) -> list[TaughtPoint]:
     """All positions of a program, in its order: those that have a name, and those in motions ("line 12").
 
-    Joints are degrees as the controller counts them. BadInput for what looks like joints or a pose and is
-    not understood.
+    Joints are in the unit of the language. BadInput for what looks like joints or a pose and is not
+    understood.
     """
     points, spans = [], set()
     joints_follow: bool | None = None
-    per_degree = Pendant(robot).per_degree(language.unit)
     for begin, _, tree in language.statements(text):
         if tree is None:
             continue
@@ -48,13 +60,9 @@ def taught_points(language: LineLanguage, text: str, robot: Robot, path: Path) -
                 continue
             names = tokens(part, "NAME")
             is_pose = is_a_pose(part, joints_follow)
-            if is_pose is None and _POSTURE.fullmatch(str(names[0])):
+            if is_pose is None and POSTURE.fullmatch(str(names[0])):
                 is_pose = False
-            numbers = np.array([float(value) for value in values])
-            joints = None
-            if is_pose is False:
-                numbers[: robot.n] /= per_degree[: len(numbers)]
-                joints = tuple(numbers.tolist())
+            joints = tuple(float(value) for value in values) if is_pose is False else None
             name = f"line {line}"
             if names:
                 written = text[slice(*span(names[0]))]
@@ -118,7 +126,7 @@ def import_taught(
                 with located(path, number):
                     require_same_plan(content, job)
         taught = named(text, taught_points(language, text, job.robot, path))
-        ours = [(point, match) for point in taught if (match := _POSTURE.fullmatch(point.name))]
+        ours = [(point, match) for point in taught if (match := POSTURE.fullmatch(point.name))]
         if points is not None or not ours:
             return taught
         recorded = "m" if any(match[1] in "mM" for _, match in ours) else "p"

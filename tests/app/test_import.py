@@ -12,8 +12,12 @@ import pytest
 from app_jobs import begun, ended
 from recorded_logs import HEADER, POSTURES, table
 from starlette.testclient import TestClient
+from typer.main import get_command
 
 from zerobeam.app.server.answers import contents_process
+from zerobeam.app.server.job_commands import ALLOWED
+from zerobeam.commands.importing import imports
+from zerobeam.experiments.makers.known_logs import known_logs
 from zerobeam.experiments.schema import json_schema
 from zerobeam.model.files.header_file import read_header
 from zerobeam.model.files.run import read_run
@@ -194,3 +198,31 @@ def test_an_import_is_a_job_and_replaces_nothing(client: TestClient, recorded: P
     for bad in (["--force"], ["*.csv"]):
         assert client.post("/api/jobs", json={"command": [*command, *bad]}).status_code == 400
     assert client.post("/api/jobs", json={"command": command[:-1]}).status_code == 400
+
+
+def test_every_format_of_the_command_is_offered_with_its_options_and_carried_out(client: TestClient) -> None:
+    group = get_command(imports()).commands  # type: ignore[attr-defined]
+    offered = {form["name"]: form for form in client.get("/api/imports").json()}
+    logs = {name for name in offered if name.startswith("log ")}
+    hidden = {name for name, command in group.items() if command.hidden}
+    assert set(offered) - logs == set(group) - hidden - {"log", "ur-calibration"}
+    assert logs == {f"log {log.name}" for log in known_logs()}
+    common = {"--header", "--plan", "--target", "--out", "--force", "--dry-run", "--help"}
+    for name, form in offered.items():
+        flags = {flag for each in group[name.split(" ")[0]].params for flag in each.opts if flag[:2] == "--"}
+        assert {option["flag"] for option in form["options"]} == flags - common - {"--overwrite"}
+        assert form["about"]
+        allowed = ALLOWED["import", *name.split(" ")][1]
+        assert set(allowed) == flags - {"--force", "--overwrite", "--help"}
+
+
+def test_a_saved_file_of_a_newer_maker_becomes_a_run(client: TestClient, root: Path) -> None:
+    (root / "header.yaml").write_text(HEADER.replace("robot: irb1600", "robot: rs007n"))
+    rows = "".join(f"#p{i} {' '.join(map(str, row))}\n" for i, row in enumerate(POSTURES.tolist()))
+    (root / "shots.as").write_text(f".JOINTS\n{rows}.END\n")
+    found = client.post("/api/recording", json={"file": "shots.as"}).json()
+    assert (found["form"], found["formats"], len(found["points"])) == ("as", ["as"], 4)
+    command = ["import", "as", "--points=#p0,#p2", "--header=header.yaml", "--target=a", "--out=new.jsonl"]
+    done = ended(client, begun(client, *command, "shots.as"))
+    assert done["state"] == "done", done["log"]
+    np.testing.assert_allclose(np.degrees(read_run(root / "new.jsonl").joints), POSTURES[[0, 2]], atol=1e-9)

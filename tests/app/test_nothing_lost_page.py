@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +17,7 @@ from chromium import LAPTOP, Tab, chromium
 from command_line import plan_file
 
 import zerobeam as zb
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
 from zerobeam.words.result_json import dumps, to_json
@@ -176,6 +178,51 @@ def test_the_draft_of_a_plan_that_is_gone_is_opened(folder: Path, address: str) 
             press(tab, "Write the file again")
             wait(tab, SAVED)
     assert content(path)["postures_deg"][0][0] == 10
+
+
+def test_the_draft_of_a_calibration_that_is_gone_is_shown_downloaded_saved_or_discarded(
+    tmp_path: Path,
+) -> None:
+    """Its only plan is deleted with its folder: the browser alone has what was done."""
+    made, kept = tmp_path / "dir", "plan.yaml"
+    path = made / "cell" / kept
+    dialog, drafts = "document.querySelector('dialog[open]')", "document.querySelector('.drafts a')"
+    made.mkdir()
+    with app(made) as opened, chromium().opened(opened.address, LAPTOP) as home:
+        for given_up in (False, True):
+            path.parent.mkdir(exist_ok=True)
+            path.unlink(missing_ok=True)
+            plan_file(path, good_plan(7))
+            with plan(opened.address, kept, beside=home) as tab:
+                wait(tab, CHECKED)
+                fill(tab, "J1, °", "10")
+                wait(tab, f"{CHECKED} && !({SAVED})")
+            shutil.rmtree(path.parent)
+            with chromium().opened(f"{opened.address}#/job/cell/result", LAPTOP, beside=home) as tab:
+                wait(tab, f"document.body.innerText.includes('no calibration of this name') && {drafts}")
+                tab.value("location.hash = '#/'")
+                wait(tab, f"{drafts} && document.querySelector('.begin')")
+                tab.value(f"{drafts}.click()")
+                wait(tab, f"{dialog} && {CHECKED}")
+                taken = tab.on(lambda frame: downloaded(frame, tmp_path / "taken.yaml"))
+                assert read_plan(taken).postures[0][0] == pytest.approx(math.radians(10))
+                if given_up:
+                    tab.key("Escape")
+                    press(tab, "Discard them")
+                    wait(tab, f"location.hash === '#/' && document.querySelector('.begin') && !{drafts}")
+                else:
+                    press(tab, "Write the file again")
+                    wait(tab, SAVED)
+                    assert content(path)["postures_deg"][0][0] == 10
+        assert not path.exists()
+
+
+def downloaded(frame: Any, to: Path) -> Path:
+    with frame.page.expect_download() as download:
+        frame.get_by_role("dialog").get_by_role("link", name="Download the plan").click()
+    assert download.value.suggested_filename == "plan.yaml"
+    download.value.save_as(to)
+    return to
 
 
 def test_a_save_that_meets_another_version_shows_both_and_takes_either(folder: Path, address: str) -> None:

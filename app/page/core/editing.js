@@ -69,7 +69,8 @@ async function fetchArm(content, name) {
   }
 }
 
-const draftKey = (/** @type {string} */ name) => `zerobeam:draft:${name}`;
+const DRAFT = "zerobeam:draft:";
+const draftKey = (/** @type {string} */ name) => DRAFT + name;
 
 /** @param {string} name @returns {Draft | null} */
 function draftOf(name) {
@@ -80,6 +81,21 @@ function draftOf(name) {
     return null;
   }
 }
+
+/** The drafts of plans whose files are gone, the newest first. @returns {Draft[]} */
+export function lostDrafts() {
+  let names = /** @type {string[]} */ ([]);
+  try {
+    names = Object.keys(localStorage).filter((key) => key.startsWith(DRAFT)).map((key) => key.slice(DRAFT.length));
+  } catch { /* a browser that keeps nothing has no drafts */ }
+  return names.flatMap((name) => (versionOf(name) === null ? draftOf(name) ?? [] : [])).sort((a, b) => b.when.localeCompare(a.when));
+}
+
+/** The calibration that a plan is of, by its folder. @param {string} plan */
+export const calibrationOf = (plan) => (plan.includes("/") ? plan.slice(0, plan.lastIndexOf("/")) : ".");
+
+/** The drafts of a calibration whose plans' files are gone. @param {string} name */
+export const lostDraftsOf = (name) => lostDrafts().filter((draft) => calibrationOf(draft.plan) === name);
 
 const ask = latest(
   async () => {
@@ -235,11 +251,12 @@ export async function keepMine() {
   return save();
 }
 
-/** The edits are given up: the plan is as the file has it. */
+/** The edits are given up: the plan is as the file has it; of a file that is gone nothing is left. */
 export function discard() {
   const text = disk.value.text, now = plan.value;
-  if (!text || now === null) return;
+  if (now === null) return;
   forget(file.value);
+  if (!text) { close(); return; }
   restored.value = "";
   base.value = disk.value.version;
   set(JSON.parse(text), { before: [...past.value.before, now], after: [] });

@@ -2,11 +2,13 @@
 import { html } from "htm/preact";
 import { computed, signal, useSignal } from "@preact/signals";
 import { post } from "../core/api.js";
+import { lostDrafts } from "../core/editing.js";
 import { begin, well } from "../core/jobs.js";
 import { toImport, toJob, go } from "../core/route.js";
 import { attempt, home, refresh } from "../core/store.js";
 import { counted } from "../core/words.js";
 import { JobProgress } from "../parts/JobProgress.js";
+import { Drafts } from "./Drafts.js";
 
 /** @typedef {import("../core/store.js").Calibration} Calibration */
 
@@ -61,6 +63,7 @@ export function Home() {
       <button type="button" class="card" onClick=${rehearse} disabled=${job.value !== null && !["done", "stopped", "failed"].includes(job.value.state.value.state)}><b>Rehearse the example</b><span>A plan, a simulated robot and its measurements, without any file of yours.</span></button>
     </section>
     ${job.value && html`<${JobProgress} job=${job.value} title="Rehearsal of the example" />`}
+    ${home.value !== null && html`<${Drafts} drafts=${lostDrafts()} />`}
     ${total === 0 ? html`<p class="muted">The folder holds no calibration yet.</p>` : html`
       <div class="bar" role="search">
         <label class="grow"><span class="label">Search</span><input type="search" value=${search.value} placeholder="name, arm, serial number, verdict" onInput=${(/** @type {any} */ event) => { search.value = event.target.value; keepSearch(); }} /></label>

@@ -13,7 +13,7 @@ import { chosen } from "./header.js";
 import { HeaderChoice } from "./HeaderChoice.js";
 import { Mapper } from "./Mapper.js";
 import { Options } from "./Options.js";
-import { format, FORMATS, formatsOf, setFormat, values } from "./formats.js";
+import { aboutOf, format, forms as allForms, formatsOf, loadForms, setFormat, values } from "./formats.js";
 import { Outcome } from "./Outcome.js";
 import { Recordings } from "./Recordings.js";
 import { choose, recordings } from "./sources.js";
@@ -35,20 +35,21 @@ function Format() {
   useEffect(() => { if (!forms.includes(format.value) || !format.value) setFormat(forms[0]); }, [forms.join()]);
   return html`
     <div class="fields">
-      <${Choice} label="Format" value=${format.value} none=${forms[0] ? undefined : "choose"} groups=${[["formats", forms.filter(Boolean).map((form) => [form, FORMATS[form][0]])]]} onValue=${setFormat} />
+      <${Choice} label="Format" value=${format.value} none=${forms[0] ? undefined : "choose"} groups=${[["formats", forms.filter(Boolean).map((form) => [form, aboutOf(form)])]]} onValue=${setFormat} />
       <p class="muted help">${several && forms[0] !== "points" ? "The files are of different kinds: all files of one import have one format." : forms[0] ? `Recognised by ${(founds.find((found) => found.form === format.value) ?? founds[0]).why}.` : "State which controller wrote it."}</p>
     </div>`;
 }
 
 export function Import() {
   const { file } = route.value, now = command.value, busy = underWay.value !== null;
+  useEffect(() => { attempt(loadForms); }, []);
   useEffect(() => { if (file) attempt(() => choose(file)); }, [file]);
   const changed = now !== null && outcome.value !== null && outcome.value.words !== wordsOf(now.words);
   return html`
     <div class="import">
       <p class="muted">Recorded joint positions become a run. What is not in a recording you state: nothing is guessed, and a proposal is applied only when you take it.</p>
       <${Recordings} />
-      ${recordings.value.length > 0 && html`
+      ${recordings.value.length > 0 && allForms.value !== null && html`
         <${Format} />
         <${HeaderChoice} />
         ${chosen.value && format.value && html`

@@ -1,13 +1,14 @@
 // What the format may be told besides columns.
 import { html } from "htm/preact";
 import { sources } from "./command.js";
-import { columns, format, listed, OPTIONS, set, shown, values } from "./formats.js";
+import { columns, factsOf, format, listed, optionOf, set, shown, values } from "./formats.js";
 import { recordings } from "./sources.js";
 
 /** @typedef {import("./types.js").Found} Found */
 
 /** Which points are measurements: all that have joints, where nothing is left out. @param {{found: Found}} props */
 function Points({ found }) {
+  if (!found.points.length) return null; // those of a plan's program say themselves what they are
   const stated = values.value["--points"];
   const on = (/** @type {{name: string, joints: boolean}} */ point) => (stated ? stated.split(",").includes(point.name) : point.joints);
   const turn = (/** @type {string} */ name, /** @type {boolean} */ checked) => {
@@ -22,9 +23,9 @@ function Points({ found }) {
 
 /** @param {{option: string, found: Found, joints: Found}} props */
 function Option({ option, found, joints }) {
-  const own = OPTIONS[option], table = own.of === "joints" ? joints : found, help = `help-${option.replace(/^-+/, "")}`, value = values.value[option] ?? "";
+  const own = factsOf(option), table = own.of === "joints" ? joints : found, help = `help-${option.replace(/^-+/, "")}`, value = values.value[option] ?? "";
   if (own.points) return html`<${Points} found=${found} />`;
-  if (own.box) return html`<label class="check" data-option=${option}><input type="checkbox" checked=${Boolean(value)} onChange=${(/** @type {any} */ event) => set(option, event.target.checked ? "true" : "")} /> ${own.label}</label>`;
+  if (optionOf(option)?.box) return html`<label class="check" data-option=${option}><input type="checkbox" checked=${Boolean(value)} onChange=${(/** @type {any} */ event) => set(option, event.target.checked ? "true" : "")} /> ${own.label}</label>`;
   const named = format.value === "points" && own.words === columns; // a remark may name the columns of such a table
   const about = named ? [own.help, listed(table)].filter(Boolean).join("; ") : own.about ? own.about(table) : own.help;
   const tables = recordings.value.filter((row) => row.found?.columns.length && (row.path === value || sources.value.length > 1)).map((row) => /** @type {[string, string]} */ ([row.path, row.path]));

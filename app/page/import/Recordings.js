@@ -44,7 +44,7 @@ export function Recordings() {
       <h2 id="import-files">1. Recordings</h2>
       <div class=${`drop${over.value ? " over" : ""}`} onDragEnter=${hover(true)} onDragOver=${hover(true)} onDragLeave=${hover(false)}
         onDrop=${(/** @type {DragEvent} */ event) => { hover(false)(event); attempt(() => take([...event.dataTransfer?.files ?? []])); }}>
-        <p>Drop files here: tables (CSV, logs), points of a tracker or CMM, ROS bags, programs and points of a controller (.mod, .dat, .ls, .va).</p>
+        <p>Drop files here: tables (CSV, logs), points of a tracker or CMM, ROS bags, programs and points of a controller.</p>
         <div class="fields">
           <label><span class="label">Choose files</span><input type="file" multiple onChange=${(/** @type {any} */ event) => { const given = [...event.target.files]; event.target.value = ""; attempt(() => take(given)); }} /></label>
           <${Choice} label="Or a file of the folder" value="" groups=${[["files of this folder", others]]} none="choose a file" onValue=${(/** @type {string} */ path) => path && attempt(() => choose(path))} />

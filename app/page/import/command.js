@@ -3,7 +3,7 @@ import { computed, signal } from "@preact/signals";
 import { freeName, inside } from "../core/store.js";
 import { chosen } from "./header.js";
 import { mapperWords, openMapping } from "./mapping.js";
-import { format, FORMATS, open, optionWords, values } from "./formats.js";
+import { format, open, optionWords, values } from "./formats.js";
 import { folder, recordings } from "./sources.js";
 
 /** What was typed of targets, by file. @type {import("@preact/signals").Signal<Record<string, string>>} */
@@ -38,7 +38,7 @@ export const command = computed(() => {
   const names = noTargets.value ? [] : of.map((row) => targetOf(row.path));
   const left = names.every((name) => !name) && (Boolean(values.value["--marker-topic"]) || format.value === "points");
   const missing = (format.value === "csv" && openMapping.value) || open.value || (names.some((name) => !name) && !left ? "state the target of each file: the same name where it was at the same position" : null);
-  const words = ["import", ...FORMATS[format.value][1], ...(format.value === "csv" ? mapperWords.value : []), ...optionWords.value,
+  const words = ["import", ...format.value.split(" "), ...(format.value === "csv" ? mapperWords.value : []), ...optionWords.value,
     `--${header.plan ? "plan" : "header"}=${word(header.file)}`, ...(left ? [] : names.map((name) => `--target=${name}`)), `--out=${out.value}`, ...of.map((row) => word(row.path))];
   return { missing, words, text: missing ? `Not complete: ${missing}.` : `zerobeam ${words.map(quoted).join(" ")}` };
 });

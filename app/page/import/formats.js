@@ -1,45 +1,39 @@
-// What an import may be told besides columns, by format, and the words of its command.
+// What an import may be told besides columns, by format, and the words of its command. Formats and their options are those of the makers' readers, as the server has them.
 import { computed, signal } from "@preact/signals";
+import { get } from "../core/api.js";
+import { recordings } from "./sources.js";
 
 /** @typedef {import("./types.js").Found} Found */
+/** @typedef {import("./types.js").FormatOption} FormatOption */
+/** @typedef {import("./types.js").ImportForm} ImportForm */
 /**
- * @typedef {{label: string, help?: string, none?: string, box?: boolean, points?: boolean, words?: (found: Found) => [string, string][], about?: (found: Found) => string,
+ * @typedef {{label: string, help?: string, none?: string, points?: boolean, words?: (found: Found) => [string, string][], about?: (found: Found) => string,
  *   of?: "joints"}} OptionFacts
  *   `of`: joints: its words are those of the table of the joints
  */
 
-const DWELL = ["--still-deg", "--still-s", "--still-mm"];
-const POINTS = ["--points"];
-const TRACKED = ["--joints", "--joint-columns", "--joint-units", "--units", "--columns", "--match", "--number-column", "--joints-number-column", "--time-column", "--clock", "--joints-time-column",
-  "--joints-clock", "--within-s", "--quaternion-columns", "--rotation-columns", "--rotation-units", "--euler", "--uncertainty", "--instrument", "--reflector", "--reflector-column", "--lengths", "--decimal", "--j3", "--small-angles"];
+/** @type {import("@preact/signals").Signal<ImportForm[] | null>} */
+export const forms = signal(null);
+export async function loadForms() { if (forms.value === null) forms.value = await get("/api/imports"); }
 
-/** By format: its name, the words of the command, its options. @type {Record<string, [string, string[], string[]]>} */
-export const FORMATS = {
-  csv: ["Table of joint positions, its layout stated by you", ["csv"], ["measured", "--target-column", "--shot-column", "--spot-columns", "--time-column", "--time-units", ...DWELL, "--marker-column", "--small-angles"]],
-  points: ["Points or poses of a tracker or CMM, with the joints", ["points"], TRACKED],
-  "log ur": ["RTDE recording of a UR (record.py)", ["log", "ur"], [...DWELL, "--marker-column"]],
-  "log egm": ["EGM log of an ABB (abb_libegm)", ["log", "egm"], [...DWELL, "--marker-column"]],
-  "log robodk": ["MonitorJoints log of RoboDK", ["log", "robodk"], [...DWELL, "--j3", "--marker-column"]],
-  ros: ["ROS bag", ["ros"], ["--topic", "--names", ...DWELL, "--marker-topic"]],
-  "joint states": ["Joint states in text (ros2 topic echo)", ["ros"], ["--names"]],
-  rapid: ["ABB RAPID: targets, or log of a plan's program", ["rapid"], [...POINTS, "--tool", "--frame"]],
-  kuka: ["KUKA KRL: data list", ["kuka"], POINTS],
-  fanuc: ["FANUC: TP program or position registers", ["fanuc"], ["--j3", ...POINTS, "--register"]],
-  "universal-robots": ["UR: log of a plan's program", ["universal-robots"], []],
-  robodk: ["RoboDK: log of a plan's program", ["robodk"], ["--j3"]],
-};
+/** @param {string} name */
+const formOf = (name) => forms.value?.find((one) => one.name === name);
+/** The first sentence of what a format is. @param {string} name */
+export const aboutOf = (name) => (formOf(name)?.about ?? name).replace(/\.(\s.*)?$/, "");
 
-/** The formats that a file may have, by what it is found to be: the first is taken where it is the only one. @type {Record<string, string[]>} */
-const FORMS = { csv: ["csv", "points", "log robodk"], "program log": ["", "rapid", "universal-robots", "robodk"] };
-
-/** @param {Found[]} founds */
+/** The formats that files may have: the first is taken, unless the person has to say which ("" first). @param {Found[]} founds */
 export function formatsOf(founds) {
-  const forms = [...new Set(founds.map((found) => found.form))];
+  const kinds = [...new Set(founds.map((found) => found.form))], all = [...new Set(founds.flatMap((found) => found.formats))];
   // A table beside points is that of their joints.
-  if (forms.includes("points") && forms.every((form) => form === "points" || form === "csv")) return ["points"];
-  if (forms.length !== 1) return ["", ...new Set(forms.flatMap((form) => FORMS[form] ?? [form]).filter((form) => form in FORMATS))];
-  return FORMS[forms[0]] ?? [forms[0], ...(forms[0].startsWith("log") ? ["csv"] : [])];
+  if (kinds.includes("points") && kinds.every((form) => form === "points" || form === "csv")) return ["points"];
+  return kinds.length === 1 && (all.length === 1 || all.includes(kinds[0])) ? all : ["", ...all];
 }
+
+const DWELL = ["--still-deg", "--still-s", "--still-mm"];
+/** Of a table the columns are mapped beside the options: what states them there is none of these. */
+const MAPPED = ["--units", "--lengths", "--header-row", "--columns", "--delimiter", "--decimal", "--j3", "--reversed"];
+/** What becomes necessary by another option. @type {Record<string, string>} */
+const BY_TIME = { "--time-column": "time", "--time-units": "time", "--joints-time-column": "time", "--joints-time-units": "time", "--within-s": "time", "--number-column": "number", "--joints-number-column": "number" };
 
 /** The columns of a table, to choose from. */
 export const columns = (/** @type {Found} */ found) => /** @type {[string, string][]} */ (found.columns.map((column) => [column.stated, column.name]));
@@ -49,8 +43,8 @@ const COUNTED = /** @type {[string, string][]} */ ([["ground", "the ground"], ["
 /** @param {Found} found */
 export const listed = (found) => `columns of the table: ${found.columns.map((column) => column.stated).join(", ") || "none"}`;
 
-/** @type {Record<string, OptionFacts>} */
-export const OPTIONS = {
+/** What the page has to say of an option besides its help: by its name, or by format and name. @type {Record<string, OptionFacts>} */
+const OPTIONS = {
   measured: { label: "A measurement is", words: () => [["rows", "each row"], ["dwells", "each dwell of the arm (a pause)"]] },
   "--target-column": { label: "Target of each row", help: "column that names it, instead of one target for each file", words: columns, none: "no column" },
   "--shot-column": { label: "Measurement number", help: "column of numbers from 0", words: columns, none: "no column" },
@@ -61,10 +55,10 @@ export const OPTIONS = {
   "--still-s": { label: "Dwell: at least (s)", help: "how long the arm is at rest for a measurement" },
   "--still-mm": { label: "Dwell: prismatic joints within (mm)", help: "for arms with prismatic joints" },
   "--marker-column": { label: "Marker (trigger)", help: "column: only dwells in which it becomes other than 0 are measurements", words: columns, none: "every dwell is a measurement" },
-  "--small-angles": { label: "The angles are degrees, although all are as small as radians would be", box: true },
+  "--small-angles": { label: "The angles are degrees, although all are as small as radians would be" },
   "--topic": { label: "Joint states on", words: (found) => found.topics.filter((topic) => topic.joints.length).map((topic) => [topic.name, `${topic.name}: ${topic.messages} messages, ${topic.joints.join(", ")}`]), none: "the only topic of joint states" },
   "--marker-topic": { label: "Marker topic (trigger)", help: "only dwells at a message on it are measurements; a std_msgs/String names the target", words: (found) => found.topics.filter((topic) => !topic.joints.length).map((topic) => [topic.name, `${topic.name}: ${topic.messages} of ${topic.type}`]), none: "every dwell is a measurement" },
-  "--names": { label: "Names of joint 1, 2, …", about: (found) => `in the messages, with commas; default: the robot's own. Found: ${[...new Set([...found.names, ...found.topics.flatMap((topic) => topic.joints)])].join(", ")}` },
+  "ros --columns": { label: "Names of joint 1, 2, …", about: (found) => `in the messages, with commas; default: the robot's own. Found: ${[...new Set([...found.names, ...found.topics.flatMap((topic) => topic.joints)])].join(", ")}` },
   "--points": { label: "Points that are measurements", points: true },
   "--tool": { label: "Tool of the robtargets", help: "as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4; without it robtargets are not read" },
   "--frame": { label: "Work object of the robtargets", help: "X,Y,Z,Q1,Q2,Q3,Q4; default: wobj0" },
@@ -74,13 +68,13 @@ export const OPTIONS = {
   "--joint-columns": { label: "Columns of joint 1, 2, …", about: listed, of: "joints" },
   "--joint-units": { label: "Unit of the joints", words: () => ANGLES, none: "choose" },
   "--units": { label: "Unit of the coordinates", words: () => [["mm", "millimetres"], ["m", "metres"], ["inch", "inches"]], none: "as the file states it" },
-  "--columns": { label: "Columns of x, y, z", about: (found) => `default: by these names; ${listed(found)}` },
+  "points --columns": { label: "Columns of x, y, z", about: (found) => `default: by these names; ${listed(found)}` },
   "--match": { label: "Points and joints belong together by", words: () => [["number", "number or order"], ["time", "time"]], none: "choose" },
   "--number-column": { label: "Numbers of the points", help: "or names that end with them", words: columns, none: "row by row" },
   "--joints-number-column": { label: "Numbers in the table of the joints", words: columns, none: "row by row", of: "joints" },
   "--joints-time-column": { label: "Times in the table of the joints", words: columns, none: "choose", of: "joints" },
-  "--clock": { label: "Unit of the times", help: "s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S" },
-  "--joints-clock": { label: "Unit of the times of the joints", help: "if it is another one" },
+  "points --time-units": { label: "Unit of the times", help: "s, ms, us, ns, iso, or a pattern such as %d.%m.%Y %H:%M:%S" },
+  "--joints-time-units": { label: "Unit of the times of the joints", help: "if it is another one" },
   "--within-s": { label: "Largest time between a point and its joints (s)" },
   "--quaternion-columns": { label: "Of poses: columns of the quaternion w, x, y, z", help: "with commas; or angles, below" },
   "--rotation-columns": { label: "Of poses: columns of three angles", help: "with commas, in the order of the axes" },
@@ -93,9 +87,6 @@ export const OPTIONS = {
   "--decimal": { label: "Decimal sign", words: () => [[",", "comma"]], none: "point", about: (found) => (found.layout?.decimal === "," ? "the numbers of the table seem to have commas" : "") },
   "--lengths": { label: "Unit of prismatic joints", words: () => [["mm", "millimetres"], ["m", "metres"]], none: "there are none" },
 };
-/** Options that have another label here than the command calls them. @type {Record<string, string>} */
-const CALLED = { "--names": "--columns", "--clock": "--time-units", "--joints-clock": "--joints-time-units" };
-
 export const format = signal("");
 /** @type {import("@preact/signals").Signal<Record<string, string>>} */
 export const values = signal({});
@@ -109,19 +100,32 @@ export function setFormat(next) {
   format.value = next;
 }
 
+/** The options of the format, by name. @type {import("@preact/signals").ReadonlySignal<Record<string, FormatOption>>} */
+const options = computed(() => Object.fromEntries((formOf(format.value)?.options ?? []).map((option) => [option.flag, option])));
+/** @param {string} key @returns {FormatOption | undefined} */
+export const optionOf = (key) => options.value[key];
+
+/** What a field says of an option: of one that has no words here, those of its command. @param {string} key @returns {OptionFacts} */
+export function factsOf(key) {
+  const facts = OPTIONS[`${format.value} ${key}`] ?? OPTIONS[key], option = options.value[key];
+  if (facts || !option) return facts ?? { label: key };
+  const label = key.replace(/^--/, "").replaceAll("-", " ").replace(/^./, (first) => first.toUpperCase());
+  return { label, help: option.help, none: option.required ? "choose" : "not stated", words: option.choices.length ? () => option.choices.map((word) => [word, word]) : undefined };
+}
+
 /** The options that the format has, as far as others make them necessary. */
 export const shown = computed(() => {
-  const all = FORMATS[format.value]?.[2] ?? [], has = (/** @type {string} */ key) => Boolean(values.value[key]);
+  const all = Object.keys(options.value), has = (/** @type {string} */ key) => Boolean(values.value[key]);
   if (format.value === "csv") {
     const rows = values.value.measured !== "dwells";
-    return all.filter((key) => (key === "--shot-column" ? rows : key === "--time-units" ? has("--time-column") : DWELL.includes(key) || key === "--marker-column" ? !rows : true));
+    return ["measured", ...all.filter((key) => !MAPPED.includes(key) && (key === "--shot-column" ? rows : key === "--time-units" ? has("--time-column") : DWELL.includes(key) || key === "--marker-column" ? !rows : true))];
   }
+  // Joint states in text have no times.
+  if (recordings.value[0]?.found?.form === "joint states") return all.filter((key) => key === "--columns");
   if (format.value !== "points") return all;
-  const by = values.value["--match"];
   return all.filter((key) => {
     if (key === "--match") return has("--joints");
-    if (key.endsWith("number-column")) return has("--joints") && by === "number";
-    if (["--time-column", "--clock", "--joints-time-column", "--joints-clock", "--within-s"].includes(key)) return has("--joints") && by === "time";
+    if (key in BY_TIME) return has("--joints") && values.value["--match"] === BY_TIME[key];
     if (key === "--rotation-units" || key === "--euler") return has("--rotation-columns");
     return true;
   });
@@ -130,21 +134,21 @@ export const shown = computed(() => {
 /** What must be stated before the import, in words; null where all is. */
 export const open = computed(() => {
   const has = (/** @type {string} */ key) => Boolean(values.value[key]), needs = (/** @type {string} */ key) => shown.value.includes(key) && !has(key);
-  if (needs("--still-deg") || needs("--still-s")) return "state what a dwell is: within how many degrees, for how long";
+  const dwells = format.value === "csv" || format.value === "ros" || format.value.startsWith("log ");
+  if (dwells && (needs("--still-deg") || needs("--still-s"))) return "state what a dwell is: within how many degrees, for how long";
   if (format.value === "csv" && values.value.measured === "dwells" && !has("--time-column")) return "state the column of times";
-  if (needs("--time-units")) return "state the unit of the times";
+  if (format.value === "csv" && needs("--time-units")) return "state the unit of the times";
   if (needs("--joint-columns")) return "state the columns of the joints";
   if (needs("--joint-units")) return "state the unit of the joints";
   if (needs("--match")) return "state how points and joints belong together";
-  if (["--time-column", "--clock", "--joints-time-column", "--within-s"].some((key) => format.value === "points" && needs(key))) return "state both columns of times, their unit and the largest time between";
+  if (["--time-column", "--time-units", "--joints-time-column", "--within-s"].some((key) => format.value === "points" && needs(key))) return "state both columns of times, their unit and the largest time between";
   if (needs("--rotation-units") || needs("--euler")) return "state unit and order of the angles";
-  return null;
+  const required = shown.value.find((key) => options.value[key]?.required && !has(key));
+  return required ? `state: ${factsOf(required).label}` : null;
 });
-
-const NUMBERS = ["--still-deg", "--still-s", "--still-mm", "--within-s"];
 
 /** The words of the options that are shown. */
 export const optionWords = computed(() => shown.value.filter((key) => key.startsWith("--") && values.value[key]).map((key) => {
-  const value = values.value[key];
-  return OPTIONS[key].box ? key : `${CALLED[key] ?? key}=${NUMBERS.includes(key) ? value.replace(",", ".") : value}`;
+  const value = values.value[key], option = options.value[key];
+  return option.box ? key : `${key}=${option.number ? value.replace(",", ".") : value}`;
 }));

@@ -5,6 +5,7 @@ import { conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../co
 import { go, route, toJob } from "../core/route.js";
 import { freeName } from "../core/store.js";
 import { Dialog } from "./Dialog.js";
+import { DownloadDraft } from "./DownloadDraft.js";
 
 const MOST = 30; // differences that are shown
 
@@ -40,6 +41,7 @@ export function Conflict() {
         <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Keep mine"}</button>
         ${theirs !== "gone" && !broken && html`<button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
         <button type="button" disabled=${busy.value} onClick=${during(saveCopy)}>Save mine as ${copy}</button>
+        <${DownloadDraft} />
       </p>
     <//>`;
 }

@@ -2,10 +2,11 @@
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
-import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, open, pending, plan, redo, restored, save, undo, unsaved, wrong } from "../core/editing.js";
+import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, lostDraftsOf, open, pending, plan, redo, restored, save, undo, unsaved, wrong } from "../core/editing.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
+import { DownloadDraft } from "../parts/DownloadDraft.js";
 import { Fold } from "../parts/Fold.js";
 import { Joints } from "../parts/Joints.js";
 import { Message } from "../parts/Message.js";
@@ -24,7 +25,7 @@ const tools = signal({ target: true, flange: false, joints: true, boxes: true })
 
 /** Opens the plan that the address names, else the newest of the calibration. */
 export function useAddressedPlan() {
-  const { file: addressed, name, step } = route.value, newest = calibration.value?.files.plan[0] ?? "", wanted = addressed || newest;
+  const { file: addressed, name, step } = route.value, newest = calibration.value?.files.plan[0] ?? (calibration.value ? "" : lostDraftsOf(name)[0]?.plan ?? ""), wanted = addressed || newest;
   const opening = useSignal(false);
   useEffect(() => {
     if (!wanted) { close(); return; }
@@ -35,6 +36,12 @@ export function useAddressedPlan() {
     if (!addressed) go(toJob(name, step, wanted), { replace: true });
   }, [wanted]);
   return wanted && plan.value === null ? (opening.value ? "opening" : "failed") : plan.value === null ? "none" : "open";
+}
+
+/** Where the file is gone, nothing is left to show. */
+function giveUp() {
+  discard();
+  if (plan.value === null) go("#/", { sure: true });
 }
 
 /** Saving, undoing, and which plan is open. */
@@ -48,7 +55,7 @@ export function PlanBar() {
       <output class="muted">${unsaved.value ? "Changes are not saved." : "Saved."}</output>
       ${plans.length > 1 && html`<${Choice} label="Plan" value=${file.value} groups=${[["plans", plans.map((one) => [one, one.replace(/^.*\//, "")])]]} onValue=${(/** @type {string} */ value) => go(toJob(name, step, value))} />`}
     </div>
-    ${restored.value && unsaved.value && html`<p class="notes-line">Changes of ${restored.value.slice(0, 16).replace("T", " ")} that were not saved are back. <button type="button" onClick=${discard}>Discard them</button></p>`}
+    ${restored.value && unsaved.value && html`<p class="notes-line">Changes of ${restored.value.slice(0, 16).replace("T", " ")} that were not saved are back. <button type="button" onClick=${giveUp}>Discard them</button> <${DownloadDraft} /></p>`}
     ${wrong.value && html`<p class="error" role="alert">${wrong.value.text}</p>`}`;
 }
 

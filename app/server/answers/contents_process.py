@@ -14,7 +14,6 @@ from pydantic import Field
 
 from ....experiments.makers.contents import (
     Contents,
-    Form,
     Layout,
     TableColumn,
     contents_of,
@@ -50,9 +49,10 @@ class BagTopic(JsonDocument):
 class Holdings(JsonDocument):
     """What a recording holds (`Contents`)."""
 
-    form: Form = Field(description="what the file is")
+    form: str = Field(description="what the file is")
     why: str = Field(description="how that is seen")
     count: str = Field(description="what it has, in words")
+    formats: list[str] = Field(description="of imports that may read it, by name")
     layout: Layout | None
     columns: list[TableColumn]
     rows: int = Field(description="of a table: how many were looked at")

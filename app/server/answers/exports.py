@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import inspect
 from functools import cache
-from pathlib import Path
-from typing import Literal, get_args, get_origin
 
 from pydantic import Field
 
-from ....experiments.makers.maker import FormatOption, makers, options_of_format, program_languages
+from ....experiments.makers.maker import makers, program_languages
 from ....model.files.json_document import JsonDocument
 from ..folder import Folder
 from ..requests import EndPoint
-
-
-class ExportOption(JsonDocument):
-    """An option of a form."""
-
-    flag: str
-    help: str
-    choices: list[str] = Field(description="empty: any text")
-    file: bool = Field(description="its value is a file of the folder")
-    default: str | None
+from .format_options import FormatOptionAnswer, described_options
 
 
 class ExportForm(JsonDocument):
@@ -33,7 +22,7 @@ class ExportForm(JsonDocument):
     vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
     about: str
     ending: str
-    options: list[ExportOption]
+    options: list[FormatOptionAnswer]
 
 
 @cache
@@ -47,19 +36,11 @@ def exports(_: Folder) -> list[ExportForm]:
             vendor=maker.vendor,
             about=inspect.getdoc(form.text) or form.name,
             ending=form.ending,
-            options=[_described(option) for option in options_of_format(form.text)],
+            options=described_options(form.text),
         )
         for maker in ordered
         for form in maker.offsets
     ]
-
-
-def _described(option: FormatOption) -> ExportOption:
-    choices = [str(word) for kind in option.kinds if get_origin(kind) is Literal for word in get_args(kind)]
-    default = None if option.default in (None, inspect.Parameter.empty) else str(option.default)
-    return ExportOption(
-        flag=option.flag, help=option.help, choices=choices, file=Path in option.kinds, default=default
-    )
 
 
 class LanguageForm(JsonDocument):

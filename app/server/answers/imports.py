@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -13,6 +14,8 @@ from pydantic import BeforeValidator, Field
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import readings
 from ....experiments.makers.generic.tables import TextTable, check_signs
+from ....experiments.makers.known_logs import read_log
+from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
@@ -27,6 +30,7 @@ from ..folder import Folder, kind_of
 from ..requests import Content, EndPoint, Refused, keyed, noted, refused
 from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
 from . import contents_process
+from .format_options import FormatOptionAnswer, described_options
 from .robots import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
@@ -122,6 +126,16 @@ class ColumnsAnswer(JsonDocument):
     first: list[list[float | None]] = Field(description="the first rows, as joints")
 
 
+class ImportForm(JsonDocument):
+    """A format: `import NAME` reads it."""
+
+    name: str = Field(description="the words of the command behind `import`")
+    about: str
+    maker: str
+    files: str
+    options: list[FormatOptionAnswer]
+
+
 class HeaderUse(JsonDocument):
     """A header that can be used."""
 
@@ -144,6 +158,36 @@ class ReadHeader(Versioned):
     header: Content
     target: str
     notes: list[str]
+
+
+@cache
+def formats(_: Folder) -> list[ImportForm]:
+    """What the readers of all makers and the known logs read, those for robots of any maker first."""
+    ordered = sorted(makers(), key=lambda maker: maker.vendor is not None)
+    readers = [
+        ImportForm(
+            name=reader.name,
+            about=" ".join((inspect.getdoc(reader.read) or reader.name).split()),
+            maker=maker.name,
+            files=reader.files,
+            options=described_options(reader.read),
+        )
+        for maker in ordered
+        for reader in maker.read
+        if not reader.hidden
+    ]
+    logs = [
+        ImportForm(
+            name=f"log {log.name}",
+            about=f"{log.about}: a log over time, of which a measurement is where the arm dwells.",
+            maker=maker.name,
+            files="Logs as CSV files.",
+            options=described_options(read_log),
+        )
+        for maker in ordered
+        for log in maker.logs
+    ]
+    return [*readers, *logs]
 
 
 async def recording(folder: Folder, request: AskedRecording) -> RecordingAnswer:
@@ -330,6 +374,7 @@ def _at(key: tuple[str | int, ...], use: Callable[[], _Value]) -> _Value:
 
 
 END_POINTS = [
+    EndPoint("/api/imports", "GET", "Formats of the imports, as the makers have them.", formats),
     EndPoint("/api/recording", "POST", "What a recording is, and what it holds.", recording, AskedRecording),
     EndPoint(
         "/api/columns", "POST", "Columns as joints: ranges, limits, units, signs.", columns, AskedColumns

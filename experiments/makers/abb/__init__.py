@@ -1,10 +1,11 @@
 """ABB: MOC.cfg, RAPID, logs of EGM."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ..maker import (
+    FormatMark,
     KnownLog,
     Maker,
     OffsetFile,
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from ..generic.csv_file import CsvLayout
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _moc(
@@ -96,14 +97,34 @@ def _rapid() -> "Language":
     return RAPID
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from .rapid_points import rapid_positions
+
+    return rapid_positions(text, path)
+
+
 MAKER = Maker(
     "ABB",
     "abb",
     r"abb|irb ?\d*\w*|yumi|gofa|swifti",
     offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets, ending="mod")),
     program=(PlanProgram("rapid", "rapid (ABB)", _rapid_program, ("speed", "zone", "tool")),),
-    read=(Reader("rapid", _read_rapid, "Log of a plan's program, or modules with targets (.mod)."),),
-    logs=(KnownLog("egm", "ABB EGM log of abb_libegm", _egm),),
+    read=(
+        Reader(
+            "rapid",
+            _read_rapid,
+            "Log of a plan's program, or modules with targets (.mod).",
+            marks=(
+                FormatMark(
+                    r"^[^!\"\n]*\b(?:CONST|PERS|VAR)\s+(?:jointtarget|robtarget)\s",
+                    "its declarations of RAPID targets",
+                    _points,
+                ),
+            ),
+            program_log=True,
+        ),
+    ),
+    logs=(KnownLog("egm", "ABB EGM log of abb_libegm", _egm, ("TIMESTAMP", "R_FB_POS_RJ1")),),
     correct=(ProgramFiles("RAPID", ".mod (RAPID)", (".mod", ".prg", ".sys"), _rapid),),
     live="abb",
 )

@@ -1,16 +1,16 @@
 """Denso: PacScript programs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _pacscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -38,11 +38,32 @@ def _pacscript() -> "Language":
     return for_correction(PACSCRIPT)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .pacscript import PACSCRIPT
+
+    return written_points(PACSCRIPT, text, path)
+
+
 MAKER = Maker(
     "Denso",
     "denso",
     r"denso|v[smp] ?\d+\w*|cobotta\w*",
     program=(PlanProgram("pacscript", "pacscript (Denso)", _pacscript_program, ("speed",)),),
-    read=(Reader("pacscript", _read_pacscript, "Logs of a plan's program, or PacScript files (.pcs)."),),
+    read=(
+        Reader(
+            "pacscript",
+            _read_pacscript,
+            "Logs of a plan's program, or PacScript files (.pcs).",
+            marks=(
+                FormatMark(
+                    r"^[ \t]*[A-Za-z]\w*(?:\[\d+\])?[ \t]*=[ \t]*J[ \t]*\(",
+                    "its joint positions (… = J(…)), as of a PacScript program",
+                    _points,
+                ),
+            ),
+            program_log=True,
+        ),
+    ),
     correct=(ProgramFiles("PacScript", ".pcs (Denso)", (".pcs",), _pacscript),),
 )

@@ -1,16 +1,16 @@
 """Doosan: DRL programs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _drl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -38,11 +38,26 @@ def _drl() -> "Language":
     return for_correction(DRL)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .drl_language import DRL
+
+    return written_points(DRL, text, path)
+
+
 MAKER = Maker(
     "Doosan",
     "doosan",
     r"doosan|[maeh]\d{4}s?",
     program=(PlanProgram("drl", "drl (Doosan)", _drl_program, ("speed", "tool")),),
-    read=(Reader("drl", _read_drl, "Logs of a plan's program, or DRL files (.drl)."),),
+    read=(
+        Reader(
+            "drl",
+            _read_drl,
+            "Logs of a plan's program, or DRL files (.drl).",
+            marks=(FormatMark(r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL", _points),),
+            program_log=True,
+        ),
+    ),
     correct=(ProgramFiles("DRL", ".drl (Doosan)", (".drl",), _drl),),
 )

@@ -1,10 +1,11 @@
 """FANUC: master counts, TP programs, position registers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from ..maker import (
+    FormatMark,
     J3Counting,
     Maker,
     OffsetFile,
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _sheet(
@@ -68,6 +69,18 @@ def _tp() -> "Language":
     return TP
 
 
+def _positions(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from .tp_points import fanuc_positions
+
+    return fanuc_positions(text, path)
+
+
+def _registers(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from .tp_points import fanuc_registers
+
+    return fanuc_registers(text, path, 1, None, True)
+
+
 MAKER = Maker(
     "FANUC",
     "fanuc",
@@ -80,6 +93,10 @@ MAKER = Maker(
             _read_points,
             "TP programs (.ls) or position registers (posreg.va).",
             first=("files", "file", "j3"),
+            marks=(
+                FormatMark(r"\$POSREG", "its position registers ($POSREG)", _registers),
+                FormatMark(r"^/POS\b", "its line /POS, as of a TP program", _positions),
+            ),
         ),
     ),
     correct=(ProgramFiles("TP", ".ls (FANUC)", (".ls",), _tp),),

@@ -329,7 +329,7 @@ MAKER = Maker(
             "ROS 1 or 2 bags (.bag, .mcap, .db3 or folder), or joint states in text (.yaml).",
             first=("files", "file", "header", "plan", "still_deg", "still_s", "still_mm"),
         ),
-        Reader("robodk", _read_robodk, "Log of a plan's program."),
+        Reader("robodk", _read_robodk, "Log of a plan's program.", program_log=True),
     ),
     logs=(KnownLog("robodk", "MonitorJoints", _monitor_joints),),
     live="ros://HOST",

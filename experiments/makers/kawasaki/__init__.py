@@ -1,16 +1,16 @@
 """Kawasaki: AS programs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _as_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -40,11 +40,31 @@ def _as() -> "Language":
     return for_correction(AS)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .as_language import AS
+
+    return written_points(AS, text, path)
+
+
 MAKER = Maker(
     "Kawasaki",
     "kawasaki",
     r"kawasaki|rs ?\d+\w*|bx ?\d+\w*|duaro\w*",
     program=(PlanProgram("as", "as (Kawasaki)", _as_program, ("speed", "zone", "tool")),),
-    read=(Reader("as", _read_as, "Saved AS files (.as, .pg)."),),
+    read=(
+        Reader(
+            "as",
+            _read_as,
+            "Saved AS files (.as, .pg).",
+            marks=(
+                FormatMark(
+                    r"^[ \t]*\.(?:PROGRAM|JOINTS|TRANS)\b",
+                    "its lines .PROGRAM or .JOINTS, as of an AS file",
+                    _points,
+                ),
+            ),
+        ),
+    ),
     correct=(ProgramFiles("AS", ".as or .pg (Kawasaki)", (".as", ".pg"), _as),),
 )

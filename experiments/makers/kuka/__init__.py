@@ -1,10 +1,20 @@
 """KUKA: mastering, KRL."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, OffsetFile, PlanProgram, PointNames, ProgramFiles, Reader, names_of, require_vendor
+from ..maker import (
+    FormatMark,
+    Maker,
+    OffsetFile,
+    PlanProgram,
+    PointNames,
+    ProgramFiles,
+    Reader,
+    names_of,
+    require_vendor,
+)
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -12,7 +22,7 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
     "Mastering sheet for KUKA (KRC). Two ways, do ONE of them:",
@@ -64,6 +74,17 @@ def _krl() -> "Language":
     return KRL
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from .krl_points import kuka_positions
+
+    return kuka_positions(text, path)
+
+
+_MARK = FormatMark(
+    r"^[ \t]*DEFDAT\b|\b\w+(?:\[\d+\])?\s*=\s*\{\s*(?:\w+\s*:)?\s*(?:A\d|X)\s",
+    "its positions in KRL",
+    _points,
+)
 MAKER = Maker(
     "KUKA",
     "kuka",
@@ -71,7 +92,7 @@ MAKER = Maker(
     offsets=(OffsetFile("kuka", _sheet),),
     program=(PlanProgram("krl", "krl (KUKA)", _krl_program, ("speed", "zone", "tool")),),
     read=(
-        Reader("krl", _read_krl, "Data lists (.dat)."),
+        Reader("krl", _read_krl, "Data lists (.dat).", marks=(_MARK,)),
         Reader("kuka", _read_krl, "Data lists (.dat).", hidden=True),
     ),
     correct=(

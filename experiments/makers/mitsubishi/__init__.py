@@ -1,16 +1,16 @@
 """Mitsubishi: MELFA-BASIC V and VI programs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _melfa_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -40,11 +40,31 @@ def _melfa() -> "Language":
     return for_correction(MELFA_BASIC)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .melfa_basic import MELFA_BASIC
+
+    return written_points(MELFA_BASIC, text, path)
+
+
 MAKER = Maker(
     "Mitsubishi",
     "mitsubishi",
     r"mitsubishi|melfa|rv ?\d+\w*",
     program=(PlanProgram("melfa", "melfa (Mitsubishi)", _melfa_program, ("speed",)),),
-    read=(Reader("melfa", _read_melfa, "Programs as text (.prg, .mb5)."),),
+    read=(
+        Reader(
+            "melfa",
+            _read_melfa,
+            "Programs as text (.prg, .mb5).",
+            marks=(
+                FormatMark(
+                    r"^[ \t]*(?:\d+[ \t]+)?J\w+[ \t]*=[ \t]*\(",
+                    "its joint variables (J… = (…)), as of a MELFA-BASIC program",
+                    _points,
+                ),
+            ),
+        ),
+    ),
     correct=(ProgramFiles("MELFA-BASIC", ".prg or .mb5 (Mitsubishi)", (".prg", ".mb5"), _melfa),),
 )

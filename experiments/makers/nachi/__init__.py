@@ -1,16 +1,16 @@
 """Nachi: SLIM programs of joint positions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _slim_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -41,11 +41,25 @@ def _slim() -> "Language":
     return for_correction(SLIM)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .slim import SLIM
+
+    return written_points(SLIM, text, path)
+
+
 MAKER = Maker(
     "Nachi",
     "nachi",
     r"nachi|mz ?\d+\w*",
     program=(PlanProgram("slim", "slim (Nachi)", _slim_program, ("speed", "tool")),),
-    read=(Reader("slim", _read_slim, "Programs as text (NAME.001)."),),
+    read=(
+        Reader(
+            "slim",
+            _read_slim,
+            "Programs as text (NAME.001).",
+            marks=(FormatMark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program", _points),),
+        ),
+    ),
     correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _slim),),
 )

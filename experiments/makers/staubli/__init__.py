@@ -1,16 +1,16 @@
 """Stäubli: VAL3 applications."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 _FILES = (".pgx", ".dtx", ".pjx")
 
@@ -42,12 +42,30 @@ def _val3() -> "Language":
     return for_correction(VAL3)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .val3 import VAL3
+
+    return written_points(VAL3, text, path)
+
+
 MAKER = Maker(
     "Stäubli",
     "staubli",
     r"staubli|tx2?|tx2? ?\d+\w*",
     program=(PlanProgram("val3", "val3 (Stäubli)", _val3_program, ("speed", "zone")),),
-    read=(Reader("val3", _read_val3, "Data files (.dtx)."),),
+    read=(
+        Reader(
+            "val3",
+            _read_val3,
+            "Data files (.dtx).",
+            marks=(
+                FormatMark(
+                    r"type=[\"']jointRx\b", "its joint variables (jointRx), as of a VAL3 data file", _points
+                ),
+            ),
+        ),
+    ),
     correct=(
         ProgramFiles(
             "VAL3",

@@ -1,16 +1,16 @@
 """Techman: TMscript programs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 
 def _tmscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -35,11 +35,31 @@ def _tmscript() -> "Language":
     return for_correction(TMSCRIPT)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .tmscript_language import TMSCRIPT
+
+    return written_points(TMSCRIPT, text, path)
+
+
 MAKER = Maker(
     "Techman",
     "techman",
     r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}",
     program=(PlanProgram("tmscript", "tmscript (Techman)", _tmscript_program, ("speed", "tool")),),
-    read=(Reader("tmscript", _read_tmscript, "TMscript files (.tms, .txt)."),),
+    read=(
+        Reader(
+            "tmscript",
+            _read_tmscript,
+            "TMscript files (.tms, .txt).",
+            marks=(
+                FormatMark(
+                    r"\bJPP\b|^[ \t]*float\[\][ \t]+\w+[ \t]*=[ \t]*\{",
+                    "its joints (JPP, float[]), as of TMscript",
+                    _points,
+                ),
+            ),
+        ),
+    ),
     correct=(ProgramFiles("TMscript", ".tms (Techman)", (".tms",), _tmscript),),
 )

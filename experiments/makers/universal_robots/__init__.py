@@ -127,8 +127,15 @@ MAKER = Maker(
             "urscript", "urscript (Universal Robots)", _urscript_program, ("speed", "zone", "listener")
         ),
     ),
-    read=(Reader("universal-robots", _read, "Logs of a plan's program, or RTDE recordings (.csv)."),),
-    logs=(KnownLog("ur", "RTDE recording", _rtde),),
+    read=(
+        Reader(
+            "universal-robots",
+            _read,
+            "Logs of a plan's program, or RTDE recordings (.csv).",
+            program_log=True,
+        ),
+    ),
+    logs=(KnownLog("ur", "RTDE recording", _rtde, ("timestamp", "actual_q_0")),),
     correct=(ProgramFiles("URScript", ".script (URScript)", (".script", ".urscript"), _urscript),),
     live="ur://HOST",
 )

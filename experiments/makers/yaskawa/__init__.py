@@ -1,10 +1,20 @@
 """Yaskawa: INFORM jobs, a sheet for the home position."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import Maker, OffsetFile, PlanProgram, PointNames, ProgramFiles, Reader, names_of, require_vendor
+from ..maker import (
+    FormatMark,
+    Maker,
+    OffsetFile,
+    PlanProgram,
+    PointNames,
+    ProgramFiles,
+    Reader,
+    names_of,
+    require_vendor,
+)
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -12,7 +22,7 @@ if TYPE_CHECKING:
     from ..calibration import RobotCalibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, ImportJob
+    from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
     "Home position sheet for Yaskawa. At the home position an axis reads 0 pulses.",
@@ -73,13 +83,27 @@ def _inform() -> "Language":
     return for_correction(INFORM)
 
 
+def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
+    from ..taught_positions import written_points
+    from .inform import INFORM, named_positions
+
+    return named_positions(text, written_points(INFORM, text, path))
+
+
 MAKER = Maker(
     "Yaskawa",
     "yaskawa",
     r"motoman|yaskawa|gp ?\d+\w*",
     offsets=(OffsetFile("yaskawa", _sheet),),
     program=(PlanProgram("inform", "inform (Yaskawa)", _inform_program, ("speed", "tool")),),
-    read=(Reader("inform", _read_inform, "Saved jobs (.JBI)."),),
+    read=(
+        Reader(
+            "inform",
+            _read_inform,
+            "Saved jobs (.JBI).",
+            marks=(FormatMark(r"^/JOB\b", "its line /JOB, as of an INFORM job", _points),),
+        ),
+    ),
     correct=(ProgramFiles("INFORM", ".jbi (Yaskawa)", (".jbi",), _inform),),
     live="yaskawa://HOST",
 )
