@@ -57,7 +57,7 @@ class Advice:
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:
     """(f,) std of the free parameters scaled by their priors, priors included, at x (p,)."""
-    return _stds(_information(problem, x))
+    return np.asarray(np.sqrt(np.diag(predicted_covariance(problem, x))))
 
 
 def predicted_covariance(problem: Problem, x: Matrix) -> Matrix:
@@ -70,7 +70,7 @@ def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:
     whitened = problem.whiten(x)
     roots = problem.roots(whitened)
     so_far = np.cumsum(roots.transpose(0, 2, 1) @ roots, axis=0) + _besides(problem, whitened)
-    worst = _worst(problem, _stds(so_far[1:]))
+    worst = _worst(problem, so_far[1:])
     return tuple(CurvePoint(shots, float(std)) for shots, std in enumerate(worst, start=2))
 
 
@@ -82,12 +82,13 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     there = x + spread * np.random.default_rng(1).normal(size=(_DRAWS, len(x)))
     every = problem.select(np.tile(np.arange(count), _DRAWS))
     aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(problem))
-    largest = np.zeros(int(problem.parameters.free.sum()))
-    for k, values in enumerate(there):
-        hit = k * count + np.flatnonzero(aimed.hit[k * count : (k + 1) * count])
-        largest = np.maximum(largest, predicted_std(aimed.problem.select(hit), values))
-    names, stds = _offset_stds(problem, largest)
-    return OverTarget(_DRAWS, float(aimed.hit.mean()), dict(zip(names, stds.tolist(), strict=True)))
+    hits = (k * count + np.flatnonzero(hit) for k, hit in enumerate(aimed.hit.reshape(_DRAWS, count)))
+    information = np.array(
+        [_information(aimed.problem.select(hit), values) for hit, values in zip(hits, there, strict=True)]
+    )
+    names, stds = _offset_stds(problem, information)
+    largest = stds.max(axis=0).tolist()
+    return OverTarget(_DRAWS, float(aimed.hit.mean()), dict(zip(names, largest, strict=True)))
 
 
 def advice(problem: Problem, x: Matrix) -> Advice | None:
@@ -103,20 +104,19 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     for row, (_, j, sign) in enumerate(tries):
         joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
     aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
-    turned = aimed.problem.joints
-    inside = np.asarray(~beyond_limits(robot, turned, 0.0).any(axis=1))
-    planned = _informations(problem, x)
-    new = _informations(aimed.problem, x)
-    total = _information(problem, x)
-    before = float(_worst(problem, _stds(total)))
-    replaced, added = (_worst(problem, _stds(total + new - old)) for old in (planned[rows], 0.0))
+    inside = ~beyond_limits(robot, aimed.problem.joints, 0.0).any(axis=1)
+    fit = np.flatnonzero(aimed.hit & aimed.ahead & inside)
+    if not len(fit):
+        return None
+    total, planned = _information(problem, x), _informations(problem, x)
+    new = _informations(aimed.problem.select(fit), x)
+    before = float(_worst(problem, total))
+    replaced, added = (_worst(problem, total + new - old) for old in (planned[rows[fit]], 0.0))
     best: Advice | None = None
-    for row, (i, j, sign) in enumerate(tries):
-        if not (aimed.hit[row] and aimed.ahead[row] and inside[row]):
-            continue
+    for row, *stds in zip(fit.tolist(), replaced.tolist(), added.tolist(), strict=True):
+        i, j, sign = tries[row]
         joint = robot.joints[j]
-        for add in (False, True):
-            after = float((added if add else replaced)[row])
+        for add, after in zip((False, True), stds, strict=True):
             if best is None or after < best.worst_std_after * (0.95 if add and not best.add else 1.0):
                 best = Advice(i, j + 1, sign * _CHANGE[joint.kind], joint.unit, add, before, after)
     return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
@@ -145,25 +145,22 @@ def _besides(problem: Problem, whitened: Whitened) -> Matrix:
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
 
-def _stds(information: Matrix) -> Matrix:
-    """(…, f) std by information (…, f, f)."""
-    return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1)))
-
-
 def _informations(problem: Problem, x: Matrix) -> Matrix:
     """(N, f, f) of each shot alone, without priors."""
     blocks = problem.roots(problem.whiten(x))
     return np.asarray(blocks.transpose(0, 2, 1) @ blocks)
 
 
-def _offset_stds(problem: Problem, scaled: Matrix) -> tuple[list[str], Matrix]:
-    """Names of the free offsets, and their std (deg; mm) (…, offsets) from those of all parameters (…, f)."""
+def _offset_stds(problem: Problem, information: Matrix) -> tuple[list[str], Matrix]:
+    """Names of the free offsets, and their std (deg; mm) (…, offsets) by information (…, f, f)."""
     items = [item for item in problem.parameters.items if not item.held]
     offsets = [i for i, item in enumerate(items) if item.group == "offset"]
     units = np.array([items[i].prior_std * items[i].display for i in offsets])
-    return [items[i].name for i in offsets], scaled[..., offsets] * units
+    columns = np.linalg.solve(information, np.eye(len(items))[:, offsets])  # of the inverse: no others count
+    variances = np.diagonal(columns[..., offsets, :], axis1=-2, axis2=-1)
+    return [items[i].name for i in offsets], np.asarray(np.sqrt(variances) * units)
 
 
-def _worst(problem: Problem, scaled: Matrix) -> Matrix:
-    """(…) the largest std (deg; mm) of the offsets, from those of the free parameters (…, f)."""
-    return np.asarray(_offset_stds(problem, scaled)[1].max(axis=-1, initial=0.0))
+def _worst(problem: Problem, information: Matrix) -> Matrix:
+    """(…) the largest std (deg; mm) of the offsets, by information (…, f, f)."""
+    return np.asarray(_offset_stds(problem, information)[1].max(axis=-1, initial=0.0))

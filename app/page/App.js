@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { go, route, STEPS, toImport, toJob } from "./core/route.js";
 import { calibrationOf, file, lostDraftsOf } from "./core/editing.js";
-import { calibration, failed, fault, home, notice } from "./core/store.js";
+import { begun, calibration, failed, fault, home, notice } from "./core/store.js";
 import { capital } from "./core/words.js";
 import { Drafts } from "./home/Drafts.js";
 import { Home } from "./home/Home.js";
@@ -22,11 +22,13 @@ const VIEWS = {
   result: () => import("./result/Result.js").then((module) => module.Result),
 };
 
+const WAITING = html`<p class="muted" role="status">…</p>`;
+
 /** @param {{of: string}} props */
 function View({ of }) {
   const loaded = useSignal(/** @type {{of: string, view: any} | null} */ (null));
   useEffect(() => { VIEWS[of]().then((view) => { loaded.value = { of, view }; }, failed); }, [of]);
-  return loaded.value?.of === of ? html`<${loaded.value.view} />` : html`<p class="muted" role="status">…</p>`;
+  return begun.value && loaded.value?.of === of ? html`<${loaded.value.view} />` : WAITING;
 }
 
 /** Where the calibration is: its four steps. */
@@ -65,7 +67,7 @@ export function App() {
       ${view === "job" && html`<${Rail} />`}
       <main id="content" tabindex="-1" ref=${content}>
         ${lost ? html`<p>There is no calibration of this name in the folder. <button type="button" onClick=${() => go("#/")}>All calibrations</button></p><${Drafts} drafts=${drafts} />`
-          : view === "home" ? html`<${Home} />` : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
+          : view === "home" ? (begun.value ? html`<${Home} />` : WAITING) : html`<${View} key=${view === "job" ? `${name} ${step}` : view} of=${view === "job" ? step : view} />`}
       </main>
     </div>
     <${StopBar} />

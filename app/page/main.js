@@ -1,4 +1,4 @@
-// Where the page begins: the folder is read, then what the address names is shown.
+// Where the page begins: its frame is shown, the folder is read, then what the address names.
 import { html } from "htm/preact";
 import { render } from "preact";
 import { App } from "./App.js";
@@ -13,4 +13,5 @@ guardLeaving((to) => {
 });
 follow();
 const root = /** @type {HTMLElement} */ (document.getElementById("app"));
-begin().then(() => render(html`<${App} />`, root));
+render(html`<${App} />`, root);
+begin();

@@ -1,4 +1,4 @@
-"""The end points of the app, and how errors are said: what is asked for goes to `answers`, one at a time."""
+"""The end points of the app: what is asked for goes to `answers`, one at a time."""
 
 from __future__ import annotations
 
@@ -6,38 +6,30 @@ import asyncio
 import functools
 import inspect
 import json
-import traceback
 import zipfile
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from ...model.errors import BadInput, ZerobeamError
+from ...model.errors import BadInput
 from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
 from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
-from ...reports.output.html import TEMPLATES, sheet
-from ...reports.style import typeface
 from .answers.results import read_result, report_files
 from .end_points import END_POINTS, description
 from .folder import Folder, kind_of
-from .guard import LARGEST_BODY, SHOWN, Access, Guard, page_policy, refusal
+from .guard import LARGEST_BODY, SHOWN, Access, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
-from .requests import EndPoint, as_model, error_answer, require_plain
+from .requests import EndPoint, as_model, require_plain
 from .versions import (
-    Conflict,
-    ConflictAnswer,
     Precondition,
     WrittenFile,
     etag,
@@ -47,85 +39,19 @@ from .versions import (
     version_of_bytes,
 )
 
-_PAGE = Path(__file__).parents[1] / "page"
 PATIENCE_S = 120.0  # for the body of a request
 _SHOWN_TEXT = 10**6  # bytes
-_PLACES = ("import", "robot", "plan", "measure", "result")  # in the order in which they are shown
 _ALONE = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
     " img-src data:; font-src data:; frame-ancestors 'self'"
 )
-_TYPES = {
-    ".css": "text/css",
-    ".html": "text/html",
-    ".js": "text/javascript",
-    ".json": "application/json",
-    ".svg": "image/svg+xml",
-    ".txt": "text/plain",
-    ".png": "image/png",
-    ".woff2": "font/woff2",
-}
 
 
-def application(folder: Folder, access: Access) -> Starlette:
-    """The server of one folder."""
-    server = _AppServer(folder, access)
-    routes = [
-        Route("/", server.page),
-        Route("/page/{path:path}", server.page),
-        *(Route(point.path, server.calculation(point), methods=[point.method]) for point in END_POINTS),
-        Route("/api/files", server.files),
-        Route("/api/file", server.download),
-        Route("/api/file", server.upload, methods=["PUT"]),
-        Route("/api/archive", server.archive),
-        Route("/report/{path:path}", server.report),
-        Route(f"{SHOWN}{{ticket}}/{{path:path}}", server.shown),
-        Route("/api/jobs", server.jobs_told),
-        Route("/api/jobs", server.begin_job, methods=["POST"]),
-        Route("/api/jobs/{id}", server.job),
-        Route("/api/jobs/{id}", server.end_job, methods=["DELETE"]),
-        Route("/api/jobs/{id}/events", server.job_events),
-        Route("/api/jobs/{id}/line", server.job_line, methods=["POST"]),
-        Route("/openapi.json", server.described),
-    ]
-    return Starlette(
-        routes=routes,
-        lifespan=server.lifespan,
-        middleware=[Middleware(Guard, access=access)],
-        exception_handlers={
-            ZerobeamError: server.refuse,
-            HTTPException: _no_answer,
-            ClientDisconnect: _gone,
-            Exception: _fault,
-        },
-    )
-
-
-def page_files() -> dict[str, bytes]:
-    """What the page consists of, by its name below /page: nothing else is ever sent from there.
-
-    Its own files, with the places of the page in one; of the reports the typeface, the style sheet and how
-    arms and instruments are drawn.
-    """
-    files = {
-        path.relative_to(_PAGE).as_posix(): path
-        for path in _PAGE.rglob("*")
-        if path.is_file() and path.suffix in _TYPES
-    }
-    fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
-    drawing = {f"scene/{path.name}": path for path in (TEMPLATES / "drawing").glob("*.js")}
-    read = {name: path.read_bytes() for name, path in (files | fonts | drawing).items()}
-    parts = b"".join(read.pop(f"places/{name}/place.html", b"") for name in _PLACES)
-    index = read["index.html"].replace(b"<!-- places -->\n", parts)
-    return read | {"index.html": index, "report.css": sheet().encode()}
-
-
-class _AppServer:
-    """The end points. The calculations have one thread: two at a time would take each twice as long."""
+class EndPoints:
+    """Their routes. The calculations have one thread: two at a time would take each twice as long."""
 
     def __init__(self, folder: Folder, access: Access) -> None:
         self.folder, self.access = folder, access
-        self.page_files = page_files()
         self.jobs = Jobs(folder)
         self.turn = asyncio.Lock()
         self.apart = asyncio.Semaphore(2)
@@ -133,17 +59,29 @@ class _AppServer:
         self.places = asyncio.Semaphore(16)  # of requests that are in memory whole
         self.thread = ThreadPoolExecutor(1, "calculation")
 
-    async def page(self, request: Request) -> Response:
-        name = request.path_params.get("path", "index.html")
-        content = self.page_files.get(name)
-        if content is None:
-            return refusal(404, "the page has no such file")
-        headers = {"etag": etag(version_of_bytes(content)), "cache-control": "no-cache"}
-        if name == "index.html":
-            headers["content-security-policy"] = page_policy(content)
-        if matches(request.headers.get("if-none-match", ""), version_of_bytes(content)):
-            return Response(status_code=304, headers=headers)
-        return Response(content, media_type=_TYPES[Path(name).suffix], headers=headers)
+    def routes(self) -> list[Route]:
+        """What is asked of the server, but for its page."""
+        return [
+            *(Route(point.path, self.calculation(point), methods=[point.method]) for point in END_POINTS),
+            Route("/api/files", self.files),
+            Route("/api/file", self.download),
+            Route("/api/file", self.upload, methods=["PUT"]),
+            Route("/api/archive", self.archive),
+            Route("/report/{path:path}", self.report),
+            Route(f"{SHOWN}{{ticket}}/{{path:path}}", self.shown),
+            Route("/api/jobs", self.jobs_told),
+            Route("/api/jobs", self.begin_job, methods=["POST"]),
+            Route("/api/jobs/{id}", self.job),
+            Route("/api/jobs/{id}", self.end_job, methods=["DELETE"]),
+            Route("/api/jobs/{id}/events", self.job_events),
+            Route("/api/jobs/{id}/line", self.job_line, methods=["POST"]),
+            Route("/openapi.json", self.described),
+        ]
+
+    async def end(self) -> None:
+        """The jobs end, and no calculation begins any more."""
+        await self.jobs.end_all()
+        self.thread.shutdown(wait=False, cancel_futures=True)
 
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
@@ -250,22 +188,6 @@ class _AppServer:
             raise HTTPException(404)
         return job
 
-    @asynccontextmanager
-    async def lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        try:
-            yield
-        finally:
-            await self.jobs.end_all()
-            self.thread.shutdown(wait=False, cancel_futures=True)
-
-    async def refuse(self, request: Request, error: Exception) -> Response:
-        assert isinstance(error, ZerobeamError)
-        if isinstance(error, Conflict):
-            facts = error_answer(error, self.folder.without).error
-            return JSONResponse(ConflictAnswer(error=facts, current=error.current).to_json(), status_code=412)
-        status = 400 if isinstance(error, BadInput) else 422
-        return JSONResponse(error_answer(error, self.folder.without).to_json(), status_code=status)
-
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
@@ -332,23 +254,6 @@ async def _content(request: Request) -> Any:
         raise BadInput(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy) from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise BadInput(f"what was sent is no JSON: {error}", allowed="JSON in UTF-8") from None
-
-
-async def _no_answer(request: Request, error: Exception) -> Response:
-    status = error.status_code if isinstance(error, HTTPException) else 400
-    sentences = {404: "there is nothing of this name", 405: "this cannot be done here"}
-    return refusal(status, sentences.get(status, "the request is not understood"))
-
-
-async def _gone(request: Request, error: Exception) -> Response:
-    return refusal(400, "the connection was closed")
-
-
-async def _fault(request: Request, error: Exception) -> Response:
-    traceback.print_exception(error)
-    return refusal(
-        500, "this is a fault of zerobeam itself", to_do="please report it, with what the terminal says"
-    )
 
 
 _PART = 2**18  # bytes read at once

@@ -19,9 +19,9 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from ...model.errors import BadInput, ZerobeamError
+from .application import application
 from .folder import Folder
 from .guard import Access
-from .routes import application
 
 MOST_CONNECTIONS = 500  # more are told to come later
 PATIENCE_S = 10.0  # for the head of a request
@@ -31,7 +31,7 @@ _BESIDE_S = 30.0  # until a server of a notebook answers, or has ended
 def serve(root: Path, host: str | None, port: int, announce: Callable[[str], None]) -> None:
     """Serve the app of a folder until the process is asked to end; then KeyboardInterrupt.
 
-    `told` is given the address, with the token, as soon as it answers. `host` None: this machine alone.
+    `announce` is given the address, with the token, as soon as it answers. `host` None: this machine alone.
     """
     folder = Folder(root)
     access = Access() if host is None else Access(host)
@@ -45,6 +45,8 @@ def serve_beside(root: Path) -> str:
 
     It ends with the process, and its jobs with it.
     """
+    from . import routes  # noqa: F401  now: not by a thread beside what the notebook imports next
+
     folder, access, answers = Folder(root), Access(framed=True), threading.Event()
     open_socket = listening(access.host, 0)
     server = _AnnouncingServer(_config(folder, access), answers.set)

@@ -459,7 +459,7 @@ class Problem:
 
     def _read(self, columns: Index) -> Matrix:
         """(N, d) numbers of the readings by their `columns` (d,), 1 where that is -1."""
-        padded = np.pad(self.readings, ((0, 0), (0, 1)), constant_values=1.0)
+        padded = np.hstack([self.readings, np.ones((self.shots, 1))])
         return np.asarray(padded[:, columns])
 
     def covariances(self, by_joints: Matrix, variances: Matrix) -> Matrix:

@@ -15,7 +15,6 @@ from typing import Literal
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from ...words.message import lines_of
 from ..style.blocks import Page, Table
 from ..style.canvas import Picture, themed
 from ..style.palette import css_variables
@@ -165,6 +164,8 @@ def card(page: Page | None, tables: Sequence[Table]) -> str:
 
 def text(page: Page, table: Table) -> str:
     """The same as text of a screen at most: title, message or verdict, one table; long ones are cut short."""
+    from ...words.message import lines_of
+
     sentences = (
         [f"{page.verdict.word}. {page.verdict.sentence}"] if page.message is None else lines_of(page.message)
     )

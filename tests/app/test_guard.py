@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,10 +12,10 @@ import pytest
 from starlette.testclient import TestClient
 
 from zerobeam.app.server import guard
+from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
 from zerobeam.app.server.requests import EndPoint
-from zerobeam.app.server.routes import application
 
 
 def test_messages_do_not_say_where_the_folder_is(client: TestClient, root: Path) -> None:
@@ -134,6 +135,27 @@ def test_a_fault_of_ours_says_nothing_of_itself(
     assert "swordfish" not in answer.text
     assert answer.json()["error"]["what"] == "this is a fault of zerobeam itself"
     assert "swordfish" in capsys.readouterr().err
+
+
+def test_end_points_that_cannot_be_loaded_are_a_fault_and_the_page_is_there(
+    root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fault() -> None:
+        app, ours = application(Folder(root), Access(token="t")), {"authorization": "Bearer t"}
+        with TestClient(app, "http://localhost", raise_server_exceptions=False, headers=ours) as client:
+            assert client.get("/api/robots").json()["error"]["what"] == "this is a fault of zerobeam itself"
+            assert client.get("/").status_code == 200
+
+    monkeypatch.setitem(sys.modules, "zerobeam.app.server.routes", None)
+    with pytest.raises(ImportError):  # at the end, too
+        fault()
+    assert "zerobeam.app.server.routes" in capsys.readouterr().err
+
+
+def test_the_head_names_every_module_that_is_loaded_at_first_and_no_other(client: TestClient) -> None:
+    named = set(re.findall(r'rel="modulepreload" href="/page/([^"]+)"', client.get("/").text))
+    assert {"App.js", "core/api.js", "vendor/preact/preact.js", "vendor/signals/core.js"} <= named
+    assert not any(name.startswith(("plan/", "scene/", "vendor/three/")) for name in named)
 
 
 def test_the_page_and_its_files_are_sent(client: TestClient) -> None:

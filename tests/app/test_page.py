@@ -67,6 +67,18 @@ def content(path: Path) -> Any:
     return yaml.safe_load(path.read_text())
 
 
+def test_the_frame_is_shown_before_the_folder_has_been_read(address: str) -> None:
+    held: list[Any] = []
+    with plan(address) as tab:
+        tab.on(lambda frame: frame.page.route("**/api/home", lambda route: held.append(route)))
+        tab.reload()
+        wait(tab, "document.querySelector('.rail') && document.querySelector('main [role=status]')")
+        assert tab.value("document.querySelector('header h1').textContent") == "cell"
+        assert "no calibration of this name" not in tab.text
+        tab.on(lambda frame: [route.continue_() for route in held])
+        wait(tab, CHECKED)
+
+
 def test_numbers_are_read_as_meant_or_refused(address: str) -> None:
     texts = {
         "0,5": 0.5, "0.5": 0.5, "-1,25": -1.25, "−3": -3, "1e-3": 0.001, " 12 ": 12, ",5": 0.5,

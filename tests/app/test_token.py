@@ -20,9 +20,9 @@ from app_page import app, root
 from child import ZEROBEAM, child
 from starlette.testclient import TestClient
 
+from zerobeam.app.server.application import application
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
-from zerobeam.app.server.routes import application
 from zerobeam.app.server.serve import leading_to
 from zerobeam.model.errors import BadInput
 
@@ -49,6 +49,7 @@ def stranger(root: Path, request: pytest.FixtureRequest) -> Iterator[TestClient]
 
 def _routes(client: TestClient) -> list[tuple[str, str]]:
     served: Any = client.app
+    client.get("/api/files", headers={"authorization": f"Bearer {TOKEN}"})  # answered once all are loaded
     return [
         (
             method,
@@ -145,8 +146,8 @@ def test_a_page_of_the_folder_is_shown_by_a_ticket(client: TestClient, root: Pat
     assert (
         stranger.get(top.replace("top.html", "plan.yaml")).status_code == 403
     )  # the whole folder is not beside it
-    other = TestClient(application(Folder(root), Access()), base_url="http://127.0.0.1:8800")
-    assert other.get(f"{start}fleet.html").status_code == 403  # of another server
+    with TestClient(application(Folder(root), Access()), base_url="http://127.0.0.1:8800") as other:
+        assert other.get(f"{start}fleet.html").status_code == 403  # of another server
 
 
 ASKING = """

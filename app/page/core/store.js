@@ -22,6 +22,8 @@ export const robots = signal([]);
 export const home = signal(null);
 /** @type {import("@preact/signals").Signal<string>} */
 export const fault = signal("");
+/** Whether the folder has been read, or that was refused: what is shown before knows nothing of it. */
+export const begun = signal(false);
 /** Said by a screen reader, and shown for some seconds. @type {import("@preact/signals").Signal<string>} */
 export const notice = signal("");
 
@@ -81,6 +83,7 @@ export async function begin() {
   await attempt(async () => {
     [robots.value] = await Promise.all([get("/api/robots"), refresh()]);
   });
+  begun.value = true;
   const look = async () => {
     if (document.visibilityState === "visible") {
       try {

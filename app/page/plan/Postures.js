@@ -7,16 +7,22 @@ import { answer, arm, change, chosen, file, jointsOf, pending, plan } from "../c
 import { failed } from "../core/store.js";
 import { fixed, named, WORDS } from "../core/words.js";
 
-const MOST = 30; // postures that the server leaves out in one answer
+const MOST = 30; // postures that are left out one by one; of more only the chosen one is
+const AT_ONCE = 4; // in one answer: a check that comes meanwhile waits for no more
+const REST_MS = 300; // without an edit
 
 /** What the plan is without each of its postures, by its number. @type {import("@preact/signals").Signal<Map<number, any>>} */
 const without = signal(new Map());
 const ask = latest(async () => {
   const content = plan.value;
   if (content === null || answer.value === null || pending.value) return null;
-  const count = content.postures_deg.length;
+  const count = content.postures_deg.length, rows = [];
   const postures = count <= MOST ? Array.from({ length: count }, (_, i) => i) : chosen.value === null ? [] : [chosen.value];
-  return postures.length ? post("/api/without", { plan: content, postures, file: file.value }) : [];
+  while (postures.length) {
+    rows.push(...await post("/api/without", { plan: content, postures: postures.splice(0, AT_ONCE), file: file.value }));
+    if (plan.value !== content) return null;
+  }
+  return rows;
 }, (rows) => { without.value = new Map(rows.map((/** @type {any} */ row) => [row.posture, row.rest])); }, failed);
 
 /** How many times larger the uncertainty of the offsets is without a posture, at the most; Infinity where one is lost. @param {any} rest */
@@ -58,7 +64,10 @@ const drop = () => change(null, (content) => { content.postures_deg.splice(chose
 export function Postures() {
   const count = rows.value.length, i = chosen.value, strip = useRef(/** @type {HTMLOListElement | null} */ (null));
   useEffect(() => { if (i !== null) strip.current?.children[i]?.scrollIntoView({ block: "nearest", inline: "nearest" }); }, [i]);
-  useEffect(() => { if (!pending.value) ask(); }, [answer.value, pending.value, count > MOST ? i : 0]);
+  useEffect(() => {
+    const rest = pending.value ? 0 : setTimeout(ask, REST_MS);
+    return () => clearTimeout(rest);
+  }, [answer.value, pending.value, count > MOST ? i : 0]);
   return html`
     <div class="strip-head">
       <h2 id="postures-title">${count} measurements</h2>

@@ -31,19 +31,25 @@ effect(() => {
 /** @param {number} i */
 export const postureName = (i) => `measurement ${i}`;
 
+/** As text, which is the same as long as they are. */
+const obstacles = computed(() => JSON.stringify(plan.value?.constraints?.obstacles?.boxes ?? []));
+/** The value before where the new one is the same: only what has changed is drawn anew. @template T @param {T} before @param {T} now */
+const kept = (before, now) => (JSON.stringify(before) === JSON.stringify(now) ? before : now);
+/** What was shown last. @type {Partial<Scene3D>} */
+let last = {};
+
 /** @type {import("@preact/signals").ReadonlySignal<Scene3D | null>} */
 export const picture = computed(() => {
   const found = answer.value, body = arm.value;
   if (body === null || !found?.scene) return null;
-  const obstacles = plan.value?.constraints?.obstacles?.boxes ?? [];
-  return {
+  return last = {
     of: `plan ${file.value} ${body.name}`,
     reach: body.reach_mm,
     arm: body,
     meshes: meshes.value,
-    postures: found.scene.map((/** @type {any} */ posture, /** @type {number} */ i) => ({ ...posture, name: postureName(i), joints: posture.joints_deg })),
-    marks: found.marks ?? [...new Map(found.scene.map((/** @type {any} */ one) => [one.target_name, { kind: "psd", name: one.target_name, at: one.target }])).values()],
-    boxes: obstacles.map((/** @type {any} */ box, /** @type {number} */ i) => ({ name: box.name, min: box.min_mm, max: box.max_mm, touched: Boolean(found.touched_boxes?.[i]) })),
+    postures: found.scene.map((/** @type {any} */ posture, /** @type {number} */ i) => kept(last.postures?.[i], { ...posture, name: postureName(i), joints: posture.joints_deg })),
+    marks: kept(last.marks, found.marks),
+    boxes: kept(last.boxes, JSON.parse(obstacles.value).map((/** @type {any} */ box, /** @type {number} */ i) => ({ name: box.name, min: box.min_mm, max: box.max_mm, touched: Boolean(found.touched_boxes?.[i]) }))),
   };
 });
 

@@ -20,7 +20,7 @@ const MOST_PALE = 150; // postures that are drawn beside the chosen one
 const FIELD = 28; // degrees, upright
 const FIRST = { azimuth: -62, elevation: 20 };
 const SLOW_MS = 40; // a frame that takes longer is drawn coarser while the view moves
-const PAUSE_MS = 700; // between frames that do not follow each other
+const PAUSE_MS = 700; // between frames that do not follow each other: the view is at rest
 const COARSE = 0.5;
 
 /** Whether WebGL is drawn without a graphics card: then smooth edges cost more than they are worth. */
@@ -392,7 +392,7 @@ export class View {
       this.last = -Infinity;
       this.sized();
       this.invalidate();
-    }, 250);
+    }, PAUSE_MS);
   }
 
   /** Where frames come slowly one after the other, the picture is coarser until it is still. @param {number} now */

@@ -430,26 +430,25 @@ def _sights(aimed: AimedPlan, joints: Matrix) -> list[list[list[list[float]]]]:
 def _scene(aimed: AimedPlan, violations: Sequence[Violation], *, links: bool) -> list[PostureScene]:
     scene_plan, postures, problem = aimed.plan, postures_of(aimed), aimed.problem
     names = [problem.targets[k] for k in problem.target_index.tolist()]
-    joints = postures.joints * scene_plan.robot.display
+    stations = np.array([problem.is_station(name) for name in names])
+    at = np.where(stations[:, None], postures.origin, postures.targets[problem.target_index])
+    joints, arms = rounded(postures.joints * scene_plan.robot.display, 9), rounded(postures.arm, 3)
+    origins, targets = rounded(postures.origin, 3), rounded(at, 3)
+    beams = rounded(np.stack([postures.origin, postures.end], axis=1), 3)
     sights = _sights(aimed, postures.joints)
-    placed = [placed_links(scene_plan.robot, row) if links else (None, None) for row in postures.joints]
+    axes, poses = placed_links(scene_plan.robot, postures.joints) if links else (None, None)
     broken_in = [[broken for broken in violations if broken.posture == i] for i in range(len(joints))]
     return [
         PostureScene(
-            joints_deg=rounded(joints[i], 9),
-            skeleton=rounded(postures.arm[i], 3),
-            tool=rounded(postures.origin[i], 3),
-            beam=rounded(np.array([postures.origin[i], postures.end[i]]), 3) if problem.tool.beam else None,
-            target=rounded(
-                postures.origin[i]
-                if problem.is_station(names[i])
-                else postures.targets[problem.target_index[i]],
-                3,
-            ),
+            joints_deg=joints[i],
+            skeleton=arms[i],
+            tool=origins[i],
+            beam=beams[i] if problem.tool.beam else None,
+            target=targets[i],
             target_name=names[i],
             sights=sights[i],
-            axes=placed[i][0],
-            links=placed[i][1],
+            axes=axes and axes[i],
+            links=poses and poses[i],
             reaches=bool(postures.reaches[i]),
             violations=[violation_words(one) for one in broken_in[i]],
             touches=[

@@ -104,9 +104,11 @@ def robot(folder: Folder, request: AskedRobot) -> DrawnArm:
 
 
 def placed_links(robot: Robot, joints: Matrix) -> tuple[list[Any], list[Any]]:
-    """The joints' axes, n unit vectors, and the n + 1 poses of base and links at joints (n,), rad or mm."""
-    axes, links = (np.array(part) for part in _placed(robot)(joints))
-    return rounded(axes.T, 9), rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6)
+    """At each of joints (N, n), rad or mm, the joints' axes, n unit vectors, and the n + 1 poses of base and
+    links."""
+    axes, links = (np.array(part).reshape(3, len(joints), -1) for part in _placed(robot)(joints.T))
+    poses = links.reshape(3, len(joints), -1, 4)
+    return rounded(axes.transpose(1, 2, 0), 9), rounded(poses.transpose(1, 2, 0, 3), 6)
 
 
 @lru_cache(maxsize=8)
