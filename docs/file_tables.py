@@ -2,8 +2,8 @@
 
 `python docs/file_tables.py` writes them between their marks: `<!-- keys NAME PART … -->` begins the table of
 a schema (`zerobeam schema NAME`), `<!-- end -->` ends it. With parts it has the keys below these alone, with
-`-PART` none below that one, with `.` those of the file itself alone. `tests/experiments/test_schema.py` holds
-the page and the models equal.
+`-PART` none below that one, with `.` those of the file itself alone. `end-points` are those of the app.
+`tests/experiments/test_schema.py` holds the page and the models equal.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from zerobeam.app.server.end_points import description
 from zerobeam.experiments.schema import FILE_SCHEMAS, json_schema
 
 PAGES = [
@@ -25,6 +26,7 @@ PAGES = [
         "files-results.md",
         "files-studies.md",
         "compare.md",
+        "how-to/app.md",
         "how-to/plant.md",
     )
 ]
@@ -119,7 +121,10 @@ def _words(content: dict[str, Any], whole: dict[str, Any]) -> list[str]:
 
 def table(name: str, *parts: str) -> str:
     """The table of a schema, as Markdown; what zerobeam writes has no defaults."""
-    if name not in FILE_SCHEMAS:
+    if name == "end-points":
+        lines = ["| end point | takes | answers |", "|---|---|---|"]
+        lines += [f"| `{point}` | {takes} | {answers} |" for point, takes, answers in _end_points()]
+    elif name not in FILE_SCHEMAS:
         lines = ["| key | meaning |", "|---|---|"]
         lines += [f"| {keys} | {meaning} |" for keys, meaning in _by_meaning(rows(name, *parts))]
     else:
@@ -135,6 +140,19 @@ def _by_meaning(rows: Iterable[Row]) -> Iterator[tuple[str, str]]:
     ):
         first, *others = [row.key for row in group]
         yield ", ".join(f"`{key}`" for key in (first, *(key.rpartition(".")[2] for key in others))), meaning
+
+
+def _end_points() -> Iterator[tuple[str, str, str]]:
+    """Method and path of each end point of the app, the keys of what is sent, what comes back."""
+    whole = description()
+    for path, methods in whole["paths"].items():
+        for method, operation in methods.items():
+            names = [each["name"] for each in operation["parameters"] if each["in"] == "query"]
+            if "requestBody" in operation:
+                content = operation["requestBody"]["content"]["application/json"]["schema"]
+                names += whole["components"]["schemas"][content["$ref"].rpartition("/")[2]]["properties"]
+            takes = ", ".join(f"`{name}`" for name in names)
+            yield f"{method.upper()} {path}", takes, operation["summary"].replace("|", "\\|")
 
 
 def written(page: str) -> str:

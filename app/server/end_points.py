@@ -90,8 +90,14 @@ _OTHERS = [
         returned=TypeAdapter(WrittenFile),
     ),
     _Operation("/api/jobs", "get", "The jobs, the newest first.", returned=TypeAdapter(list[JobBrief])),
-    _Operation("/api/jobs", "post", "Begins a job: its id.", AskedJob),
-    _Operation("/api/jobs/{id}", "get", "A job.", parameters=(_ID,), returned=TypeAdapter(JobWhole)),
+    _Operation("/api/jobs", "post", "Begins a command in a process of its own: its id.", AskedJob),
+    _Operation(
+        "/api/jobs/{id}",
+        "get",
+        "A job: state, share, time left, log, exit status, answer.",
+        parameters=(_ID,),
+        returned=TypeAdapter(JobWhole),
+    ),
     _Operation(
         "/api/jobs/{id}",
         "delete",
@@ -106,7 +112,12 @@ _OTHERS = [
         parameters=(_ID,),
     ),
     _Operation(
-        "/api/jobs/{id}/line", "post", "Answers a job that asks.", AskedLine, (_ID,), TypeAdapter(JobBrief)
+        "/api/jobs/{id}/line",
+        "post",
+        "Answers a job that asks: joints or words of a run by hand, yes or no before a robot moves.",
+        AskedLine,
+        (_ID,),
+        TypeAdapter(JobBrief),
     ),
 ]
 

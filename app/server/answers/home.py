@@ -422,5 +422,10 @@ _READERS: dict[str, tuple[Kept, Any]] = {
 }
 
 END_POINTS = [
-    EndPoint("/api/home", "GET", "The calibrations of the folder, and how far each is.", home),
+    EndPoint(
+        "/api/home",
+        "GET",
+        "The calibrations of the folder, how far each is, when the next of an arm is due.",
+        home,
+    ),
 ]

@@ -79,6 +79,10 @@ def inverse(folder: Folder, request: AskedInverse) -> InversePosture:
 
 END_POINTS = [
     EndPoint(
-        "/api/inverse", "POST", "The nearest posture with the flange at a place.", inverse, AskedInverse
+        "/api/inverse",
+        "POST",
+        "The nearest joints with the flange there, within the limits.",
+        inverse,
+        AskedInverse,
     ),
 ]

@@ -489,7 +489,13 @@ END_POINTS = [
         AskedPlan,
         conditional=True,
     ),
-    EndPoint("/api/check", "POST", "A check (zerobeam/check/1); with `scene` more.", check, AskedCheck),
+    EndPoint(
+        "/api/check",
+        "POST",
+        "A check (zerobeam/check/1); with `scene` what is drawn; `obstacles` for the plan's.",
+        check,
+        AskedCheck,
+    ),
     EndPoint("/api/without", "POST", "What a plan is without each of its postures.", without, AskedWithout),
     EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, query=("file",)),
     EndPoint(

@@ -140,7 +140,8 @@ END_POINTS = [
     EndPoint(
         "/api/result",
         "GET",
-        "A result for people: verdict, next steps, parameters, measurements, the files of its report.",
+        "A result for people, the files of its report, and the displacement of the TCP by the offsets"
+        " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
         result,
         query=("file",),
     ),
