@@ -309,7 +309,7 @@ def advice_sentence(advice: Advice) -> str:
     return (
         f"The single change that helps most: posture {advice.posture} with joint {advice.joint} rotated"
         f" by {numbers.exact(advice.change_deg, advice.unit)}, {what}: the largest standard"
-        f" uncertainty falls from {numbers.spread(advice.worst_std_before, advice.unit)}"
+        f" uncertainty, priors included, falls from {numbers.spread(advice.worst_std_before, advice.unit)}"
         f" to {numbers.spread(advice.worst_std_after, advice.unit)}."
     )
 
@@ -319,7 +319,7 @@ def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
     name, worst = max(over.worst_std.items(), key=lambda item: item[1])
     return (
         f"With the target anywhere within its stated sigma ({over.draws} draws), {over.hit:.0%} of the"
-        f" measurements hit, and the largest standard uncertainty is that of {label(name)}:"
+        f" measurements hit, and the largest standard uncertainty, priors included, is that of {label(name)}:"
         f" {numbers.spread(worst, units[name])}."
     )
 
