@@ -96,8 +96,15 @@ def robot(
         Literal["standard", "modified"], typer.Option(help="New: convention of the rows.")
     ] = "standard",
     below: Annotated[
-        float, typer.Option(help="New, with rows: how far the mounting face is below the base frame, mm.")
+        float,
+        typer.Option(help="New, with rows or a URDF: how far the mounting face is below the base frame, mm."),
     ] = 0.0,
+    urdf: Annotated[
+        Path | None,
+        typer.Option(
+            help="New: the URDF whose chain from --base to --tip is the arm, in rows.", show_default=False
+        ),
+    ] = None,
     sheet: Annotated[
         str | None,
         typer.Option(
@@ -118,7 +125,7 @@ def robot(
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
-    its file from rows or a data sheet, asking for what no option states; with -o copy the file of another."""
+    its file from rows, a data sheet or a URDF, asking for what no option states; with -o copy another's."""
     from ..experiments.arm_shown import arm_json, typed_arm
     from ..experiments.new_robot import copy_robot, typed_vendor
     from ..model.files.header import UrdfRef
@@ -142,9 +149,18 @@ def robot(
                 allowed="-o FILE.yaml and --vendor MAKER",
                 remedy="zerobeam robot new -o mine.yaml --vendor doosan, with the maker of your arm",
             )
-        read = _write_new(
-            file, typed_vendor(vendor), row or [], convention, below, sheet, ranges or [], angles
-        )
+        maker = typed_vendor(vendor)
+        if urdf is not None:
+            if row or sheet is not None or ranges or convention != "standard":
+                raise BadInput(
+                    "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
+                )
+            read = _write_of_urdf(file, maker, urdf, base, tip, below, angles)
+        elif base is not None or tip is not None:
+            raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
+        else:
+            read = _write_new(file, maker, row or [], convention, below, sheet, ranges or [], angles)
+        base = tip = None
         joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)
         if picture is None:
@@ -183,10 +199,8 @@ def _write_new(
 ) -> tuple[list[str], list[str]]:
     """The robot file of options, or of questions where these state neither rows nor a sheet; then the joint
     values and poses of two postures, if a person states them."""
-    from ..experiments.arm_shown import typed_arm
     from ..experiments.new_robot import (
         RobotEntries,
-        answer_to,
         asked_entries,
         content_of,
         typed_lengths,
@@ -201,10 +215,42 @@ def _write_new(
         write_robot(file, content_of(entries))
         return [], []
 
-    def ask(question: str) -> str:
-        return str(typer.prompt(question, err=True))
+    write_robot(file, content_of(asked_entries(file.stem, vendor, _ask)))
+    return _asked_postures(file, angles)
 
-    write_robot(file, content_of(asked_entries(file.stem, vendor, ask)))
+
+def _write_of_urdf(
+    file: Path,
+    vendor: str,
+    urdf: Path,
+    base: str | None,
+    tip: str | None,
+    below: float,
+    angles: PoseAngles | None,
+) -> tuple[list[str], list[str]]:
+    """As `_write_new`, of a URDF: questions where the two links are not stated."""
+    from ..experiments.new_robot import write_robot
+    from ..experiments.urdf_robot import UrdfChain, asked_chain, content_of_chain
+    from ..model.files.whole_file import refuse_existing
+
+    refuse_existing(file, or_else="choose another name, or remove it first")
+    if base is None or tip is None:
+        chain = asked_chain(urdf, base, tip, below, _ask)
+        write_robot(file, content_of_chain(file.stem, vendor, chain), chain.head)
+        return _asked_postures(file, angles)
+    chain = UrdfChain(urdf, base, tip, below)
+    write_robot(file, content_of_chain(file.stem, vendor, chain), chain.head)
+    return [], []
+
+
+def _ask(question: str) -> str:
+    return str(typer.prompt(question, err=True))
+
+
+def _asked_postures(file: Path, angles: PoseAngles | None) -> tuple[list[str], list[str]]:
+    """Joint values at two postures and the poses that the pendant shows there; none, if a person has none."""
+    from ..experiments.arm_shown import typed_arm
+    from ..experiments.new_robot import answer_to
 
     def typed_joints(text: str) -> str:
         if text != "none":
@@ -222,5 +268,5 @@ def _write_new(
         if text == "none":
             break
         joints.append(text)
-        poses.append(answer_to(ask, "The pose that the pendant shows there", typed_pose))
+        poses.append(answer_to(_ask, "The pose that the pendant shows there", typed_pose))
     return joints, poses

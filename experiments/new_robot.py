@@ -73,6 +73,11 @@ def typed_vendor(text: str) -> str:
     return vendor
 
 
+def typed_number(text: str, what: str) -> float:
+    """The one number that a text is; `what` it is for the BadInput where it is none."""
+    return _numbers(text, range(1, 2), what)[0]
+
+
 def typed_lengths(text: str) -> dict[str, float]:
     """`height=330, upper=455, …` as lengths by name. BadInput for another name, or where one is missing."""
     parts = dict(re.findall(r"([A-Za-z]+)\s*[=:]\s*([-+\d.]+)", text))
@@ -80,7 +85,7 @@ def typed_lengths(text: str) -> dict[str, float]:
     for name, value in parts.items():
         if name not in LENGTHS:
             raise BadInput("there is no such length", found=name, allowed=", ".join(LENGTHS))
-        lengths[name] = _numbers(value, range(1, 2), name)[0]
+        lengths[name] = typed_number(value, name)
     missing = [name for name in LENGTHS if name not in lengths]
     if missing:
         raise BadInput(
@@ -233,14 +238,14 @@ def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEnt
     else rows. `ask` puts a question and gives the answer; one that is not understood is asked for again."""
     if vendor in LIKE:
         values = {
-            key: answer_to(ask, f"{key} ({words}), mm", lambda text: _numbers(text, range(1, 2), "length")[0])
+            key: answer_to(ask, f"{key} ({words}), mm", lambda text: typed_number(text, "length"))
             for key, words in LENGTHS.items()
         }
         ranges = [
             answer_to(ask, f"Joint {i}: lower upper [speed], degrees", _checked_range) for i in range(1, 7)
         ]
         return RobotEntries(name, vendor, lengths=values, ranges=ranges)
-    count = int(answer_to(ask, "Number of joints", lambda text: _numbers(text, range(1, 2), "number")[0]))
+    count = int(answer_to(ask, "Number of joints", lambda text: typed_number(text, "number")))
     rows = [
         answer_to(ask, f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees", _checked_row)
         for i in range(1, count + 1)
@@ -249,7 +254,7 @@ def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEnt
     below = answer_to(
         ask,
         "How far the mounting face is below the base frame, mm",
-        lambda text: _numbers(text, range(1, 2), "number")[0],
+        lambda text: typed_number(text, "number"),
     )
     return RobotEntries(name, vendor, rows, convention, below_base=below)
 

@@ -418,8 +418,10 @@ class LineProgram:
                 self._enter(begin, written, written, position)
 
 
-def for_correction(language: LineLanguage) -> Language:
+def for_correction(language: LineLanguage | Language) -> Language:
     """What `zerobeam export program` needs of a language."""
+    if isinstance(language, Language):
+        return language
     return Language(
         language.name,
         lambda source: LineProgram(language, source).read(),

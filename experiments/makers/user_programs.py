@@ -24,6 +24,7 @@ from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import read_bytes
 from ...words.wording import listed
 from .calibration import NO_ROBOT, RobotCalibration
+from .line_programs import for_correction
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
@@ -120,7 +121,7 @@ def corrected_program(
     motions that are not understood: then all of them are named.
     """
     files_of_language, vendor = program_files_of(path, vendor_of(nominal))
-    language, choices = files_of_language.language(), choices or ProgramOptions()
+    language, choices = for_correction(files_of_language.language()), choices or ProgramOptions()
     note = require_vendor(nominal, vendor, f"a program in {language.name}")
     require_axes(nominal, 6, f"a program in {language.name}")
     if out.suffix.lower() != path.suffix.lower():

@@ -39,6 +39,11 @@ def read_urdf(path: Path, base: str, tip: str) -> Robot:
     return _Reader(path).robot(base, tip)
 
 
+def links_of(path: Path) -> list[str]:
+    """Names of the links in a URDF file."""
+    return _Reader(path).links
+
+
 VisualKind = Literal["mesh", "box", "cylinder", "sphere"]
 
 

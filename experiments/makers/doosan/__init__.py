@@ -8,8 +8,8 @@ from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Re
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 
@@ -31,11 +31,10 @@ def _read_drl(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_taught(DRL, job, points=names_of(points), vendor="doosan", note=note)
 
 
-def _drl() -> "Language":
-    from ..line_programs import for_correction
+def _drl() -> "LineLanguage":
     from .drl_language import DRL
 
-    return for_correction(DRL)
+    return DRL
 
 
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob
 
 _ABOUT = [
@@ -60,11 +60,10 @@ def _read_log(job: "ImportJob") -> "Imported":
     return import_program_log(job, source="SPEL+")
 
 
-def _spel() -> "Language":
-    from ..line_programs import for_correction
+def _spel() -> "LineLanguage":
     from .spel import SPEL
 
-    return for_correction(SPEL)
+    return SPEL
 
 
 MAKER = Maker(

@@ -16,7 +16,7 @@ from dataclasses import replace
 from lark import Token, Tree
 
 from ....model.arrays import Matrix
-from ..line_language import LineLanguage, Statement
+from ..line_language import LineLanguage, Statement, tokens
 from ..maker import blanked
 from ..program_parts import NUMBER
 
@@ -129,7 +129,7 @@ def _positions(program: LineLanguage, text: str) -> list[tuple[int, int]]:
 
 def _in_order(tree: Tree[Token]) -> bool:
     """The words of an XY are hand, elbow and wrist."""
-    words = [str(token) for token in tree.scan_values(lambda token: token.type == "CONFIGURATION")]
+    words = [str(token) for token in tokens(tree, "CONFIGURATION")]
     return not words or all(word in names for word, names in zip(words, _WORDS.values(), strict=True))
 
 

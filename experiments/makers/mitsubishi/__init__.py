@@ -8,8 +8,8 @@ from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Re
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 
@@ -33,11 +33,10 @@ def _read_melfa(job: "ImportJob", points: PointNames = None) -> "Imported":
     )
 
 
-def _melfa() -> "Language":
-    from ..line_programs import for_correction
+def _melfa() -> "LineLanguage":
     from .melfa_basic import MELFA_BASIC
 
-    return for_correction(MELFA_BASIC)
+    return MELFA_BASIC
 
 
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":

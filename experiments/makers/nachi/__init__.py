@@ -8,8 +8,8 @@ from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Re
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 
@@ -34,11 +34,10 @@ def _read_slim(job: "ImportJob", points: PointNames = None) -> "Imported":
     )
 
 
-def _slim() -> "Language":
-    from ..line_programs import for_correction
+def _slim() -> "LineLanguage":
     from .slim import SLIM
 
-    return for_correction(SLIM)
+    return SLIM
 
 
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":

@@ -8,8 +8,8 @@ from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Re
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 _FILES = (".pgx", ".dtx", ".pjx")
@@ -35,11 +35,10 @@ def _read_val3(job: "ImportJob", points: PointNames = None) -> "Imported":
     )
 
 
-def _val3() -> "Language":
-    from ..line_programs import for_correction
+def _val3() -> "LineLanguage":
     from .val3 import VAL3
 
-    return for_correction(VAL3)
+    return VAL3
 
 
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":

@@ -8,8 +8,8 @@ from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Re
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 
@@ -28,11 +28,10 @@ def _read_tmscript(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_taught(TMSCRIPT, job, points=names_of(points), vendor="techman", note=note)
 
 
-def _tmscript() -> "Language":
-    from ..line_programs import for_correction
+def _tmscript() -> "LineLanguage":
     from .tmscript_language import TMSCRIPT
 
-    return for_correction(TMSCRIPT)
+    return TMSCRIPT
 
 
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":

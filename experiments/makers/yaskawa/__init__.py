@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
@@ -76,11 +76,10 @@ def _read_inform(job: "ImportJob", points: PointNames = None) -> "Imported":
     )
 
 
-def _inform() -> "Language":
-    from ..line_programs import for_correction
+def _inform() -> "LineLanguage":
     from .inform import INFORM
 
-    return for_correction(INFORM)
+    return INFORM
 
 
 def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
