@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..analysis.acceptance.acceptance_test import (
+    AIM,
     FALSE_ALARM,
     POWER,
     Acceptance,
@@ -13,6 +14,7 @@ from ..analysis.acceptance.acceptance_test import (
     Mistake,
 )
 from ..analysis.acceptance.measured_error import MeasuredError
+from ..analysis.acceptance.outlook import LackingTest
 from . import numbers
 from .wording import counted, label, listed
 
@@ -73,6 +75,28 @@ def noticed_sentence(offsets: Sequence[EnteredOffset]) -> str:
         " offset"
         f"{'.' if not lacking else _TOO_FEW}"
     )
+
+
+def narrow_sentence() -> str:
+    """Of a planned test whose power is enough, and less than a plan aims at."""
+    return (
+        f"A plan aims at {AIM:.0%}, so that a run that differs a little from it still passes. The postures"
+        " of this run do not reach that: record all of them with care, or calibrate with more measurements"
+        " (zerobeam plan optimal --shots N)."
+    )
+
+
+def lacking_test_sentence(lacking: LackingTest) -> str:
+    """A plan whose calibration leaves no acceptance test, and with how many measurements it would."""
+    limit = numbers.exact(lacking.tolerance, numbers.unit_of(lacking.unit))
+    text = (
+        f"A calibration by {counted(lacking.measurements, 'measurement')} is predicted to leave no acceptance"
+        f" test that can pass: it would notice that {label(lacking.name)} is off by the tolerance of {limit}"
+        f" with a probability of {probability_words(lacking.power)}, and needs {POWER:.0%}."
+    )
+    if lacking.needed is None:
+        return f"{text} No number of such measurements is enough: lower the noise, or widen the tolerance."
+    return f"{text} Some {lacking.needed} measurements of this kind would be enough (--shots)."
 
 
 def mistake_sentence(mistake: Mistake) -> str:

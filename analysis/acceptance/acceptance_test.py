@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy import stats
@@ -32,6 +32,7 @@ from .new_measurements import NewMeasurements, of_rows
 
 FALSE_ALARM = 0.01
 POWER = 0.8  # against an error of the tolerance in each offset that was entered
+AIM = 0.9  # of a plan: a run that is a little different from it still passes
 
 Acceptance = Literal["pass", "fail", "inconclusive"]
 FEWEST = 3
@@ -101,6 +102,29 @@ class PredictedResiduals:
         return len(self.residual)
 
 
+class Mode(Protocol):
+    """The mode of a calibration: `x` (p,), `covariance` (f, f) of the free parameters by their priors, and
+    `weight`, 1 / noise scale^2."""
+
+    @property
+    def x(self) -> Matrix: ...
+    @property
+    def covariance(self) -> Matrix: ...
+    @property
+    def weight(self) -> float: ...
+
+
+class Calibrated(Protocol):
+    """What the test takes of a calibration, solved or predicted."""
+
+    @property
+    def problem(self) -> Problem: ...
+    @property
+    def fit(self) -> Mode: ...
+    @property
+    def dof(self) -> int: ...
+
+
 class AcceptancePrediction:
     """New measurements as the calibration predicts them, with values entered.
 
@@ -109,11 +133,11 @@ class AcceptancePrediction:
     """
 
     def __init__(
-        self, solution: Solution, recorded: Problem, entered: Mapping[str, float], *, planned: bool = False
+        self, solution: Calibrated, recorded: Problem, entered: Mapping[str, float], *, planned: bool = False
     ) -> None:
         old = solution.problem
         self.entered = dict(entered)
-        new = NewMeasurements.of(solution, recorded)
+        new = NewMeasurements.of(old, solution.fit.x, recorded)
         parameters = new.problem.parameters
         x = new.problem.nominal()
         for i, name in enumerate(parameters.names):
@@ -169,11 +193,18 @@ class AcceptancePrediction:
     def power(self, shift: Matrix) -> float:
         """Probability that a shift (k,) of the whitened residuals is noticed."""
         k, away = len(shift), float(shift @ shift)
-        if k == 0:
+        if k == 0 or self.noise_dof == 0:
             return 0.0
         if self.noise_dof is None:
             return float(stats.ncx2.sf(self.critical(k) * k, k, away))
         return float(stats.ncf.sf(self.critical(k), k, self.noise_dof, away))
+
+    def power_against(self, predicted: PredictedResiduals, name: str, size: float) -> float:
+        """Probability that an offset which is off by `size`, deg (mm), is noticed."""
+        parameters = self.problem.parameters
+        i = parameters.index(name)
+        per_unit = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
+        return self.power(per_unit * size)
 
     def critical(self, k: int) -> float:
         """The limit of chi-squared over k: exceeded with the probability `FALSE_ALARM` without an error."""
@@ -231,14 +262,13 @@ def entered_offsets(
     tolerance: Mapping[str, float],
 ) -> tuple[EnteredOffset, ...]:
     """Each entered offset with the power of the test against an error of it; `tolerance` by unit: deg, mm."""
-    parameters, rows = prediction.problem.parameters, []
+    rows = []
     for name, value in prediction.entered.items():
-        row, i = solution[name], parameters.index(name)
+        row = solution[name]
         assert row.estimate is not None
         assert row.std is not None
-        along = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
         limit = tolerance[row.unit]
-        powers = prediction.power(along * limit), prediction.power(along * value)
+        powers = [prediction.power_against(predicted, name, size) for size in (limit, value)]
         rows.append(EnteredOffset(name, row.unit, row.estimate, value, row.std, limit, *powers))
     return tuple(rows)
 
@@ -275,6 +305,11 @@ class VerificationPlan:
     def enough(self) -> bool:
         return all(row.power >= POWER for row in self.offsets)
 
+    @property
+    def narrow(self) -> bool:
+        """Whether the power is enough, and less than a plan aims at."""
+        return self.enough and any(row.power < AIM for row in self.offsets)
+
 
 def choose(
     solution: Solution,
@@ -282,8 +317,8 @@ def choose(
     tolerance: Mapping[str, float],
     shots: int | None = None,
 ) -> VerificationPlan:
-    """As few postures as give the test its power (or `shots` of them), one after the other: each the one that
-    raises the weakest offset most."""
+    """As few postures as give the test the power that a plan aims at, else those that give it most; or
+    `shots` of them. They are taken one after the other, each the one that raises the weakest offset most."""
     problem = solution.problem
     candidates = np.unique(np.linspace(0, problem.shots - 1, _MOST_CANDIDATES).round().astype(int)).tolist()
     offsets_of_joints = problem.parameters.items[problem.parameters.block("offset")]
@@ -303,13 +338,17 @@ def choose(
 
     most = min(shots or MOST, problem.shots)
     rows = list(_farthest(problem.joints[candidates], candidates, min(FEWEST, most)))
+    tried = [list(rows)]
     while len(rows) < most:
-        if shots is None and score(rows)[0] >= POWER:
+        if shots is None and score(rows)[0] >= AIM:
             break
         rest = [row for row in candidates if row not in rows]
         if not rest:
             break
         rows.append(max(rest, key=lambda row: score([*rows, row])))
+        tried.append(list(rows))
+    if shots is None and score(rows)[0] < AIM:  # one more posture may also hide what a few show
+        rows = max(tried, key=score)
     rows = _placing(problem, rows)
     joints, targets, offsets = planned(sorted(rows))
     return VerificationPlan(tuple(sorted(rows)), joints, targets, offsets)

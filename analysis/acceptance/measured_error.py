@@ -108,7 +108,7 @@ def _calibrated_rows(
 def _errors(solution: Solution, recorded: Problem) -> tuple[Matrix, Matrix]:
     """(N,) the lengths of the residuals of nominal geometry without offsets, with targets and frames where
     they fit best, and their standard deviations by the noise; mm."""
-    old, new = solution.problem, NewMeasurements.of(solution, recorded)
+    old, new = solution.problem, NewMeasurements.of(solution.problem, solution.fit.x, recorded)
     problem = new.problem
     x = problem.nominal()
     for item in old.parameters.items:

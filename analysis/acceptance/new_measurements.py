@@ -15,7 +15,6 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.problem import Problem
 from ..diagnostics.hold_out import known_factors
 from ..diagnostics.predicted_run import carrying
-from ..solution import Solution
 
 _STEPS = 5  # Gauss and Newton's, for the places
 _STEPS_FROM_FAR = 15  # the same of what an instrument read, with no start that is near
@@ -29,9 +28,10 @@ class NewMeasurements:
     placed: Mask
 
     @classmethod
-    def of(cls, solution: Solution, recorded: Problem) -> NewMeasurements:
-        """Of a problem of the same robot, with instruments of the calibration."""
-        known, _ = known_factors(solution)
+    def of(cls, solved: Problem, x: Matrix, recorded: Problem) -> NewMeasurements:
+        """Of a problem of the same robot, with instruments of the calibration: its problem `solved`, its mode
+        `x` (p,)."""
+        known, _ = known_factors(solved, x)
         carried = carrying(known, replace(recorded, ties=()), set())
         parameters = carried.parameters
         new = np.array([name not in known.parameters.names for name in parameters.names], dtype=bool)

@@ -224,14 +224,13 @@ def fits_without(solution: Solution) -> tuple[FitWithoutPlacement, ...]:
     or for one placement."""
     if not solution.converged:
         return ()
-    problem, x = known_factors(solution)
+    problem, x = known_factors(solution.problem, solution.fit.x)
     every = placements(problem)
     return tuple(fit_without(problem, x, placement) for placement in every) if len(every) > 1 else ()
 
 
-def known_factors(solution: Solution) -> tuple[Problem, Matrix]:
-    """The problem and its mode, separate noise factors taken as known."""
-    problem, x = solution.problem, solution.fit.x
+def known_factors(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
+    """A problem and its mode `x` (p,), separate noise factors taken as known."""
     return problem.with_noise_of(x) if problem.noise.separate else (problem, x)
 
 
@@ -273,7 +272,7 @@ def leave_one_out(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Le
     """Each placement as the fit without it predicts it; None for less than two placements."""
     if not fits:
         return None
-    whole, _ = known_factors(solution)
+    whole, _ = known_factors(solution.problem, solution.fit.x)
     rows = tuple(
         judged(whole, [fit.placement], fit.problem, fit.x, fit.covariance, fit.weight)
         if fit.converged

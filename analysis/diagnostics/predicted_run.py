@@ -174,7 +174,7 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
     """The measurements of `recorded`, a problem of the same robot and instrument, as the solution predicts
     them."""
     fitted = solution.problem
-    known, _ = known_factors(solution)
+    known, _ = known_factors(solution.problem, solution.fit.x)
     placed = tuple(target for target in recorded.targets if target not in fitted.targets)
     facts = PredictedRun(name, sha256, recorded.targets, placed, recorded.shots, fitted.shots)
     if not solution.converged:

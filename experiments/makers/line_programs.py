@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from lark import Token, Tree
@@ -336,24 +337,10 @@ class LineProgram:
         if self.language.turns is not None and not position.configuration:
             self._problem(begin, f"{name} has no configuration")
             return False
-        poses = []
-        for option, which, known, frame in (
-            ("--tool", "tool", self.facts.tool, self.used[name][0]),
-            ("--frame", "frame", self.facts.frame, self.used[name][1]),
-        ):
-            if frame is None:
-                self._problem(
-                    begin,
-                    f"{name}: which {which} is active here is not known; set it in a line before the motion",
-                )
-                return False
-            pose = known(frame, self._pose_of(which, frame))
-            if pose is None:
-                of = f"{which} {frame} is not known" if frame else f"the program does not set the {which}"
-                name_of = f"{frame}=" if frame else ""
-                self._problem(begin, f"{name}: {of}; state {option} {name_of}{self.language.form}")
-                return False
-            poses.append(pose)
+        tool = self._known_pose(begin, name, "tool", self.used[name][0])
+        frame = self._known_pose(begin, name, "frame", self.used[name][1])
+        if tool is None or frame is None:
+            return False
 
         words = self.language.words
 
@@ -381,8 +368,8 @@ class LineProgram:
             name,
             position.line,
             self.language.pose(position.numbers[:6]),
-            poses[0],
-            poses[1],
+            tool,
+            frame,
             None,
             position.configuration,
             write,
@@ -391,6 +378,25 @@ class LineProgram:
             words=words,
         )
         return True
+
+    def _known_pose(
+        self, begin: int, target: str, which: Literal["tool", "frame"], name: str | None
+    ) -> Matrix | None:
+        """The pose of the tool or frame of a target; None where that is a problem."""
+        if name is None:
+            self._problem(
+                begin,
+                f"{target}: which {which} is active here is not known; set it in a line before the motion",
+            )
+            return None
+        pose_of = self.facts.tool if which == "tool" else self.facts.frame
+        pose = pose_of(name, self._pose_of(which, name))
+        if pose is None:
+            lacking = f"{which} {name} is not known" if name else f"the program does not set the {which}"
+            option: Literal["--tool", "--frame"] = "--tool" if which == "tool" else "--frame"
+            request = self.facts.require(option, name, self.language.form)
+            self._problem(begin, f"{target}: {lacking}; {request}")
+        return pose
 
     def _pose_of(self, which: str, name: str) -> Matrix | None:
         """The pose of a tool or frame that the program itself states; the null ones of the language too."""

@@ -175,6 +175,7 @@ class ProgramFacts:
     j3: J3 | None = None
     calls: frozenset[str] = frozenset()
     _in_program: dict[str, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
+    _required: dict[str, None] = field(default_factory=dict)
 
     def tool(self, name: str, declared: Matrix | None = None) -> Matrix | None:
         """The pose (4, 4) of a tool of the program, which may declare it itself; None where nothing says
@@ -188,6 +189,17 @@ class ProgramFacts:
     def has(self, option: Literal["--tool", "--frame"], name: str) -> None:
         """The program has this tool or frame, whether a target needs it or not."""
         self._in_program[option][name] = name
+
+    def require(self, option: Literal["--tool", "--frame"], name: str, form: str) -> str:
+        """Note that a tool or frame ("" for the one that is open) must be stated: "state --tool …"."""
+        stated = f"{option} {name}={form}" if name else f"{option} {form}"
+        self._required[stated] = None
+        return f"state {stated}"
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """The options that must be stated, each once: tools, then frames."""
+        return tuple(sorted(self._required, key=lambda option: option.startswith("--frame")))
 
     def leaves(self, name: str, written: str = "") -> bool:
         """Whether a target of the program (as `written` there) is to be left as it is."""

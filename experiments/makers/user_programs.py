@@ -146,7 +146,7 @@ def corrected_program(
     corrections = correct_targets(parsed, arms, facts.near)
     _claim_all(language, source, parsed)
     if parsed.problems:
-        raise _not_understood(parsed, parts, paths)
+        raise _not_understood(parsed, facts, parts, paths)
     facts.check_names()
     if not parsed.targets:
         raise BadInput(
@@ -239,20 +239,23 @@ def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
     return name, language.pose(stated_numbers(values, count, option, f"[NAME=]{language.form}"))
 
 
-def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:
-    """The error that names all problems, by file and line."""
+def _not_understood(
+    parsed: Parsed, facts: ProgramFacts, texts: Sequence[str], paths: Sequence[Path]
+) -> BadInput:
+    """The error that names the problems, by file and line, and all that is to be stated."""
     starts = np.cumsum([0, *(text.count("\n") for text in texts[:-1])]).tolist()
     sentences = []
     for line, sentence in sorted(dict.fromkeys(parsed.problems)):
         part = max(i for i, start in enumerate(starts) if line > start or not i)
         sentences.append(f"{paths[part].name} line {line - starts[part]}: {sentence}")
     shown = "\n           ".join(sentences[:_SHOWN])
+    requests = f"state {' '.join(facts.required)}; " if facts.required else ""
     more = f"\n           and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
     return BadInput(
         "the program cannot be corrected as a whole, so nothing is written",
         found=shown + more,
-        remedy="state what is asked for, rewrite these lines with fixed targets, or leave targets that are"
-        " right as they are (taught on this very arm) by --leave NAME",
+        remedy=f"{requests}rewrite lines that are not understood with fixed targets, or leave targets that"
+        " are right as they are (taught on this very arm) by --leave NAME",
         file=paths[0],
     )
 

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ...analysis.acceptance.outlook import LackingTest, lacking_test
 from ...analysis.design.continuous_design import Criterion
 from ...analysis.observability.check import Check
 from ...model.arrays import Progress
@@ -21,6 +22,7 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...model.kinematics.robot import Robot
 from ...words import numbers
+from ...words.acceptance import lacking_test_sentence
 from ...words.observability import no_plan_sentence, power_sentences
 from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan
@@ -75,7 +77,8 @@ class PlanRequest:
 
 @dataclass(frozen=True, eq=False)
 class MadePlan:
-    """A plan and the verdict of `check` on it; `proposal` is None for a pattern.
+    """A plan and the verdict of `check` on it; `proposal` is None for a pattern. `untested` says what an
+    acceptance test after an optimal plan lacks, where it cannot pass.
 
     `plan` and `checked` are None where no number of measurements reaches the tolerance; `file` is None then,
     and where none was asked for.
@@ -88,6 +91,7 @@ class MadePlan:
     proposal: Proposal | None
     fewest: Fewest | None
     removed: str | None
+    untested: LackingTest | None = None
 
     @property
     def sentences(self) -> list[str]:
@@ -114,7 +118,8 @@ class MadePlan:
                 " cannot: the best choice may be no better than this."
             )
         never = no_plan_sentence(made.hopeless)
-        return [*lines, *power_sentences(made.power), *([] if never is None else [never])]
+        untested = None if self.untested is None else lacking_test_sentence(self.untested)
+        return [*lines, *power_sentences(made.power), *(each for each in (never, untested) if each)]
 
     def as_json(self) -> dict[str, object]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
@@ -185,7 +190,14 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
         write_plan(file, header, rows, targets, means=means, constraints=kept, force=force)
         plan = read_plan(file)
     tell("check", 0.0)
-    return MadePlan(request.kind, plan, file, check_plan(plan), proposal, fewest, removed)
+    checked_plan = check_plan(plan)
+    untested = None
+    if proposal is not None and checked_plan.verdict == "pass":  # else there is none, as the verdict says
+        aimed, tolerance = checked_plan.aimed, header.tolerance
+        untested = lacking_test(
+            aimed.aimed.problem, aimed.x, {"deg": tolerance.offset_deg, "mm": tolerance.length_mm}
+        )
+    return MadePlan(request.kind, plan, file, checked_plan, proposal, fewest, removed, untested)
 
 
 def portions(request: PlanRequest) -> dict[str, Portion]:

@@ -12,6 +12,7 @@ from ...words.acceptance import (
     acceptance_reason,
     measured_sentence,
     mistake_sentence,
+    narrow_sentence,
     noticed_sentence,
 )
 from ...words.controllers import taken_by
@@ -44,6 +45,8 @@ def print_verification(console: Console, plan: VerificationPlan, vendor: str | N
     console.print(Text(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."))
     console.print(rich_table(noticed_table(plan.offsets)))
     console.print(Text(noticed_sentence(plan.offsets)))
+    if plan.narrow:
+        console.print(Text(narrow_sentence()))
     console.print(Text(_STEPS if taken_by(vendor) == "offsets" else _NOTHING_ENTERED))
 
 

@@ -48,7 +48,7 @@ def half_against_half(solution: Solution, first: Collection[str]) -> HalfAgainst
 
     BadInput where one half is empty or a name is none of a placement.
     """
-    problem, x = known_factors(solution)
+    problem, x = known_factors(solution.problem, solution.fit.x)
     every = placements(problem)
     names = [placement.name for placement in every]
     if not set(first) < set(names) or not first:

@@ -219,10 +219,9 @@ class Positions:
         declared = NULL if low == "tool0" else self._frames.get(low)
         frame = facts.tool(low, declared) if what == "tool" else facts.frame(low, declared)
         if frame is None:
-            option = "--tool" if what == "tool" else "--frame"
-            self.problem(
-                span(name)[0], f"the {what} {name} is not known; state {option} {name}=X,Y,Z,Q1,Q2,Q3,Q4"
-            )
+            option: Literal["--tool", "--frame"] = "--tool" if what == "tool" else "--frame"
+            request = facts.require(option, str(name), "X,Y,Z,Q1,Q2,Q3,Q4")
+            self.problem(span(name)[0], f"the {what} {name} is not known; {request}")
         return frame
 
     def _add_pose(self, key: str, tool: Matrix, frame: Matrix) -> bool:

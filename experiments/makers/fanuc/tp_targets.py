@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from lark import Token, Tree
@@ -298,17 +298,10 @@ class _Listing:
         if any(float(values[key]) for key in values if key[0] == "E"):
             self._problem(pos, f"{name} has positions of external axes, which may carry the robot")
             return
-        frames = []
-        for word, option, known, number in (
-            ("tool frame", "--tool", self.facts.tool, tool),
-            ("user frame", "--frame", self.facts.frame, user),
-        ):
-            frame = None if number == "F" else known(str(int(number)), NULL if int(number) == 0 else None)
-            if frame is None:
-                state = "" if number == "F" else f"; state {option} {number}=X,Y,Z,W,P,R"
-                self._problem(pos, f"{name}: {word} {number} is not known{state}")
-                return
-            frames.append(frame)
+        in_flange = self._known_pose(name, pos, "--tool", tool)
+        in_world = self._known_pose(name, pos, "--frame", user)
+        if in_flange is None or in_world is None:
+            return
         self.frames[name] = FrameNumbers(str(int(user)), str(int(tool)))
         written, stated_turns = configuration
         letters = " ".join(re.findall(r"[A-Z]", written))
@@ -326,12 +319,25 @@ class _Listing:
             name,
             self.source.line(pos),
             from_rpy([float(values[key]) for key in _POSE]),
-            frames[0],
-            frames[1],
+            in_flange,
+            in_world,
             lambda branch, joints: is_fanuc_configuration(letters, turns, branch, joints),
             f"{letters}, {stated_turns}",
             write,
         )
+
+    def _known_pose(
+        self, name: str, pos: int, option: Literal["--tool", "--frame"], number: Token
+    ) -> Matrix | None:
+        """The tool frame or user frame of a position; None where that is a problem."""
+        word, pose = "tool frame" if option == "--tool" else "user frame", None
+        if number != "F":
+            pose_of = self.facts.tool if option == "--tool" else self.facts.frame
+            pose = pose_of(str(int(number)), NULL if int(number) == 0 else None)
+        if pose is None:
+            request = "" if number == "F" else f"; {self.facts.require(option, str(number), 'X,Y,Z,W,P,R')}"
+            self._problem(pos, f"{name}: {word} {number} is not known{request}")
+        return pose
 
     def _edit(self, shown: Token, value: float) -> Edit:
         """A number in the room of the old one and of the blanks before it."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from lark import Token
@@ -243,26 +244,27 @@ class _KrlModule:
     def _known(self, position: Position, uses: list[int], word: str) -> Matrix | None:
         """The one tool or base that a target has at all its motions; None where that is a problem."""
         poses: list[Matrix] = []
+        complete = True
         for at in uses:
             for value in sorted(self._frames(at, word), key=str):
                 pose = self._pose(word, value)
                 if pose is None:
-                    option = "--tool" if word == "tool" else "--frame"
+                    option: Literal["--tool", "--frame"] = "--tool" if word == "tool" else "--frame"
                     numbered = value[0] == "number"
                     known = f"{word} {value[1]}" if numbered else f"the active {word}"
-                    key_of_option = f"{value[1]}=" if numbered else ""
                     why = f" ({value[1]})" if value[0] in ("open", "unknown") else ""
-                    self._problem(
-                        self.moves[at].pos,
-                        f"{known} is not known{why}; state {option} {key_of_option}X,Y,Z,A,B,C",
+                    request = self.source.facts.require(
+                        option, str(value[1]) if numbered else "", "X,Y,Z,A,B,C"
                     )
-                    return None
+                    self._problem(self.moves[at].pos, f"{known} is not known{why}; {request}")
+                    complete = False
+                    continue
                 poses.append(pose)
                 if not np.allclose(pose, poses[0], atol=1e-9):
                     written = self.source.written(position.key)
                     self._problem(self.moves[at].pos, f"{written} is used with different tools or bases")
                     return None
-        return poses[0]
+        return poses[0] if complete else None
 
     def _pose(self, word: str, value: Value) -> Matrix | None:
         pose_of = self.source.facts.tool if word == "tool" else self.source.facts.frame

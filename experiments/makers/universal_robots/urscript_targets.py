@@ -112,7 +112,7 @@ _REASONS = (  # why the grammar does not derive a statement that has these words
 )
 _OPENING = ("define", "thread", "if", "while")
 _JOINS = ("define", "thread", "elif", "else", "while", "end", "leaving")  # reached from elsewhere
-_NO_TCP = "the TCP is not known; state --tool X,Y,Z,RX,RY,RZ in metres and radians"
+_FORM = "X,Y,Z,RX,RY,RZ in metres and radians"
 
 
 def urscript_targets(source: Source) -> Parsed:
@@ -392,7 +392,8 @@ class _Script:
         if value.pose and not self.tcp_known:
             self.tcp_known, self.tcp = True, self.facts.tool("")
             if self.tcp is None:
-                self._problem(self.source.line(value.start), _NO_TCP)
+                request = self.facts.require("--tool", "", _FORM)
+                self._problem(self.source.line(value.start), f"the TCP is not known; {request}")
         if value.pose and self.tcp is None:
             return False
         numbers, line = value.numbers(self.bare), self.source.line(value.start)

@@ -141,7 +141,7 @@ def test_each_is_written_without_the_line_that_is_refused(tmp_path: Path, suffix
 def test_motions_that_are_not_understood(tmp_path: Path, suffix: str, line: str, said: str) -> None:
     with pytest.raises(BadInput) as refused:
         tried(tmp_path, suffix, line)
-    assert " ".join(str(refused.value).split()).count(said) == 1  # each line is named once
+    assert " ".join(str(refused.value.found).split()).count(said) == 1  # each line is named once
     assert "nothing is written" in str(refused.value)
 
 
@@ -195,6 +195,43 @@ def test_a_pose_needs_its_tool_and_joints_do_not(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"state --tool X,Y,Z,RX,RY,RZ"):
         tried(tmp_path, ".script", "movel(p[0.4, 0.2, 0.4, 0, 3.1, 0], a=1, v=1)", ProgramOptions(tools=()))
     assert "movej" in tried(tmp_path, ".script", "sleep(1)", ProgramOptions(tools=()))
+
+
+MANY = {
+    ".mod": [
+        "".join(f"MoveJ p1,v100,fine,t{i}\\WObj:=w{i};" for i in range(6)),
+        [f"{option}{i}=X,Y,Z,Q1,Q2,Q3,Q4" for option in ("--tool t", "--frame w") for i in range(6)],
+    ],
+    ".src": [
+        "\n".join(
+            f"BAS(#TOOL,{i})\nBAS(#BASE,{i + 1})\nLIN {{X 600,Y 0,Z 700,A 0,B 90,C 0}}" for i in range(1, 7)
+        ),
+        [
+            f"{option} {i + (option == '--frame')}=X,Y,Z,A,B,C"
+            for option in ("--tool", "--frame")
+            for i in range(1, 7)
+        ],
+    ],
+}
+
+
+@pytest.mark.parametrize("suffix", MANY)
+def test_all_tools_and_frames_that_are_missing_are_named_at_once(tmp_path: Path, suffix: str) -> None:
+    """More of them than problems are shown."""
+    line, required = MANY[suffix]
+    with pytest.raises(BadInput) as refused:
+        tried(tmp_path, suffix, line, ProgramOptions())
+    assert refused.value.remedy is not None
+    assert refused.value.remedy.startswith(f"state {' '.join(required)}; ")
+    assert re.search(r"and \d more", str(refused.value.found))
+
+
+def test_of_a_fanuc_position_both_frames_are_named(tmp_path: Path) -> None:
+    name, text, _ = PARTS[".ls"]
+    path, robot = tmp_path / "in.ls", load_robot(name)
+    path.write_text(text.format("J P[2] 100% FINE").replace("UF : 0, UT : 5", "UF : 3, UT : 5"))
+    with pytest.raises(BadInput, match=r"to do:\s+state --tool 5=X,Y,Z,W,P,R --frame 3=X,Y,Z,W,P,R; "):
+        corrected_program(robot, judged(robot), path, tmp_path / "out.ls", ProgramOptions(j3="ground"))
 
 
 def test_a_target_that_is_left_stays(tmp_path: Path) -> None:

@@ -158,3 +158,19 @@ def test_damaged_programs(count: int) -> None:
     facts = {"grip": TOOL}, {str(controller.FRAME): TABLE}
     positions = positions_read(DRL, ROBOT, lambda: ProgramFacts(*facts))
     assert count / 2 < refused(positions, text, lines_of(text, r"(\w+) = pos[jx]"), count) < count
+
+
+def test_tools_and_frames_that_are_missing_are_named_at_once(tmp_path: Path) -> None:
+    lines = f"movel({P}, ref=101)\nset_tcp('other')\nmovel({P}, ref=DR_WORLD)"
+    with pytest.raises(BadInput) as refused:
+        corrected(tmp_path, JOB.format(lines), ProgramOptions())
+    form = "X,Y,Z,A,B,C"
+    stated = [
+        f"--tool grip={form}",
+        f"--tool other={form}",
+        f"--frame 101={form}",
+        f"--frame DR_WORLD={form}",
+    ]
+    assert str(refused.value.remedy).startswith(f"state {' '.join(stated)}; ")
+    frames = [*FRAMES, "101=0,0,0,0,0,0"]
+    assert "movel" in corrected(tmp_path, JOB.format(lines), ProgramOptions(tools=TOOLS, frames=frames))
