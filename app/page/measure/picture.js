@@ -69,15 +69,10 @@ const arm = computed(() => {
   return { ...shown, name: `measurement ${sent.shot}`, skeleton: there ? sent.arm : shown.skeleton, tool: there ? sent.beam[0] : null, beam: there && sent.lit && sent.beam.length > 1 ? sent.beam : null, joints: now, reaches: true, violations: [] };
 });
 
-const marks = computed(() => {
-  const plan = planned.value;
-  return plan ? plan.checked.marks ?? [...new Map(plan.checked.scene.map((/** @type {any} */ one) => [one.target_name, { kind: "point", name: one.target_name, at: one.target }])).values()] : [];
-});
-
 /** @type {import("@preact/signals").ReadonlySignal<{scene: Scene3D, chosen: number | null} | null>} */
 export const picture = computed(() => {
   const plan = planned.value;
   if (!plan) return null;
   const now = arm.value, list = now ? [...postures.value, now] : postures.value;
-  return { scene: { of: `run ${plan.of}`, reach: plan.robot.reach_mm, arm: plan.robot, postures: list, marks: marks.value }, chosen: now ? list.length - 1 : null };
+  return { scene: { of: `run ${plan.of}`, reach: plan.robot.reach_mm, arm: plan.robot, postures: list, marks: plan.checked.marks }, chosen: now ? list.length - 1 : null };
 });

@@ -1,7 +1,7 @@
 // The scene without WebGL: flat, from the same bodies. Turned by the buttons and keys, not by hand.
 import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
-import { armBodies, floorGrid, jointLabels, lineBodies, toolBodies } from "./bodies.js";
+import { armBodies, floorLines, jointLabels, lineBodies, toolBodies } from "./bodies.js";
 import { coloursOf } from "./colours.js";
 import { FIRST_VIEW, FlatPen, flatCamera } from "./flat.js";
 import { drawLabels } from "./labels.js";
@@ -27,9 +27,7 @@ function drawStill(canvas, scene, chosen, view) {
   const points = extent(scene), colours = coloursOf(canvas), camera = flatCamera(points, room, view, 0.06 * scene.reach), flat = new FlatPen(pen, camera, colours);
   const floor = -(scene.arm.mounting.below_base_mm ?? 0), kinds = scene.arm.joints.map((joint) => joint.kind);
   const corner = (/** @type {(...v: number[]) => number} */ pick) => /** @type {Vec} */ ([0, 1, 2].map((i) => pick(...points.map((p) => p[i]))));
-  const { step, bounds: [[x0, x1], [y0, y1]] } = floorGrid(corner(Math.min), corner(Math.max), scene.reach);
-  for (let x = x0; x <= x1 + step / 2; x += step) flat.line([[x, y0, floor], [x, y1, floor]], 1, colours.line);
-  for (let y = y0; y <= y1 + step / 2; y += step) flat.line([[x0, y, floor], [x1, y, floor]], 1, colours.line);
+  for (const line of floorLines(corner(Math.min), corner(Math.max), scene.reach, floor)) flat.line(line, 1, colours.line);
   const own = chosen === null ? null : scene.postures[chosen];
   for (const posture of scene.postures) {
     if (posture === own) continue;

@@ -38,21 +38,13 @@ export class Grips {
     this.gizmo.addEventListener("objectChange", () => this.gripped(false));
     this.gizmo.addEventListener("mouseUp", () => this.gripped(true));
     this.gizmo.addEventListener("mouseUp", () => this.sync());
-    this.down = this.down.bind(this);
-    this.move = this.move.bind(this);
-    this.up = this.up.bind(this);
-    view.canvas.addEventListener("pointerdown", this.down);
-    view.canvas.addEventListener("pointermove", this.move);
-    view.canvas.addEventListener("pointerup", this.up);
-    view.canvas.addEventListener("pointercancel", this.up);
+    this.gone = new AbortController();
+    for (const [kind, heard] of /** @type {const} */ ([["pointerdown", this.down], ["pointermove", this.move], ["pointerup", this.up], ["pointercancel", this.up]]))
+      view.canvas.addEventListener(kind, heard.bind(this), { signal: this.gone.signal });
   }
 
   dispose() {
-    const { canvas } = this.view;
-    canvas.removeEventListener("pointerdown", this.down);
-    canvas.removeEventListener("pointermove", this.move);
-    canvas.removeEventListener("pointerup", this.up);
-    canvas.removeEventListener("pointercancel", this.up);
+    this.gone.abort();
     this.gizmo.detach();
     this.gizmo.dispose();
   }

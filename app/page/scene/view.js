@@ -1,7 +1,7 @@
 // The scene in three.js: camera, light, bodies, names. Drawn when something has changed, and not otherwise.
 import * as THREE from "three";
 import { OrbitControls } from "three/OrbitControls.js";
-import { armBodies, floorGrid, jointLabels, lineBodies, toolBodies } from "./bodies.js";
+import { armBodies, floorLines, jointLabels, lineBodies, toolBodies } from "./bodies.js";
 import { coloursOf, mixed } from "./colours.js";
 import { Grips } from "./grips.js";
 import { drawLabels } from "./labels.js";
@@ -22,6 +22,7 @@ const FIRST = { azimuth: -62, elevation: 20 };
 const SLOW_MS = 40; // a frame that takes longer is drawn coarser while the view moves
 const PAUSE_MS = 700; // between frames that do not follow each other: the view is at rest
 const COARSE = 0.5;
+const OVER_HEAD = 0.002; // rad from the vertical, where the view would have no side that is up
 
 /** Whether WebGL is drawn without a graphics card: then smooth edges cost more than they are worth. */
 function drawnBySoftware() {
@@ -79,7 +80,7 @@ export class View {
     this.times = [];
     this.grips = new Grips(this);
     this.orbit = new OrbitControls(this.camera, canvas);
-    Object.assign(this.orbit, { enableDamping: false, screenSpacePanning: true, zoomToCursor: true, zoomSpeed: 1.4 });
+    Object.assign(this.orbit, { enableDamping: false, screenSpacePanning: true, zoomToCursor: true, zoomSpeed: 1.4, minPolarAngle: OVER_HEAD, maxPolarAngle: Math.PI - OVER_HEAD });
     this.orbit.addEventListener("change", () => this.viewed());
     this.orbit.addEventListener("end", () => this.settle());
     this.dark = matchMedia("(prefers-color-scheme: dark)");
@@ -238,13 +239,7 @@ export class View {
     const { floor } = this.parts, low = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.min(...points.map((p) => p[i])))), high = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.max(...points.map((p) => p[i]))));
     for (const child of floor.children) if (child instanceof THREE.LineSegments) child.geometry.dispose();
     emptied(floor);
-    const { step, bounds: [[x0, x1], [y0, y1]] } = floorGrid(low, high, scene.reach), z = this.floor(scene);
-    /** @type {Vec[][]} */
-    const lines = [];
-    for (let x = x0; x <= x1 + step / 2; x += step) lines.push([[x, y0, z], [x, y1, z]]);
-    for (let y = y0; y <= y1 + step / 2; y += step) lines.push([[x0, y, z], [x1, y, z]]);
-    floor.add(thinLines(lines, this.materials.line("line")));
-    this.step = step;
+    floor.add(thinLines(floorLines(low, high, scene.reach, this.floor(scene)), this.materials.line("line")));
     this.axis = 0.22 * scene.reach;
     for (const axis of /** @type {Vec[]} */ ([[1, 0, 0], [0, 1, 0], [0, 0, 1]]))
       floor.add(solidObject({ shape: "line", points: [[0, 0, 0], times(axis, this.axis)], tone: "muted", wide: 1.6 }, this.materials, scene.reach));
@@ -299,7 +294,7 @@ export class View {
     this.drawFloor(this.scene, points);
     const centre = low.clone().add(high).multiplyScalar(0.5);
     const { azimuth, elevation } = from || (this.unfitted === false ? this.angles() : FIRST);
-    const a = THREE.MathUtils.degToRad(azimuth), e = THREE.MathUtils.degToRad(Math.max(-89.9, Math.min(89.9, elevation)));
+    const a = THREE.MathUtils.degToRad(azimuth), e = THREE.MathUtils.clamp(THREE.MathUtils.degToRad(elevation), OVER_HEAD - Math.PI / 2, Math.PI / 2 - OVER_HEAD);
     const towards = new THREE.Vector3(Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e));
     const right = new THREE.Vector3(-Math.sin(a), Math.cos(a), 0), up = towards.clone().cross(right);
     const tall = Math.tan(THREE.MathUtils.degToRad(FIELD / 2)) * 0.88, broad = tall * (this.wide / this.high);
@@ -329,18 +324,14 @@ export class View {
 
   /** @param {number} azimuth @param {number} elevation degrees to turn by */
   turn(azimuth, elevation) {
-    const { orbit, camera } = this, now = this.angles(), far = camera.position.distanceTo(orbit.target);
-    const a = THREE.MathUtils.degToRad(now.azimuth + azimuth), e = THREE.MathUtils.degToRad(Math.max(-89, Math.min(89, now.elevation + elevation)));
-    camera.position.copy(orbit.target).add(new THREE.Vector3(Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)).multiplyScalar(far));
-    orbit.update();
+    this.orbit.rotateLeft(-THREE.MathUtils.degToRad(azimuth));
+    this.orbit.rotateUp(THREE.MathUtils.degToRad(elevation));
     this.settle();
   }
 
   /** @param {number} factor above 1: nearer */
   zoom(factor) {
-    const { orbit, camera } = this;
-    camera.position.sub(orbit.target).divideScalar(factor).add(orbit.target);
-    orbit.update();
+    this.orbit.dollyIn(1 / factor);
     this.settle();
   }
 

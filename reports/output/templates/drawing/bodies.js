@@ -167,12 +167,16 @@ export function jointLabels(skeleton) {
 }
 
 /**
- * A floor of about ten lines each way: its round step, and lowest and highest x, lowest and highest y.
- * @param {Vec} low @param {Vec} high @param {number} reach
+ * A floor of about ten lines each way at the height `z`, a round step apart.
+ * @param {Vec} low @param {Vec} high @param {number} reach @param {number} z @returns {Vec[][]}
  */
-export function floorGrid(low, high, reach) {
+export function floorLines(low, high, reach, z) {
   const wide = Math.max(high[0] - low[0], high[1] - low[1], reach), rough = wide / 8, power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough) || rough;
-  const bounds = [0, 1].map((i) => [(low[i] + high[i] - wide) / 2, (low[i] + high[i] + wide) / 2].map((v, k) => (k ? Math.ceil(v / step) : Math.floor(v / step)) * step));
-  return { step, bounds };
+  const [xs, ys] = [0, 1].map((i) => {
+    const [first, last] = [-wide, wide].map((by) => (low[i] + high[i] + by) / 2 / step);
+    return Array.from({ length: Math.ceil(last) - Math.floor(first) + 1 }, (_, k) => (Math.floor(first) + k) * step);
+  });
+  const [x0, x1, y0, y1] = [xs[0], xs[xs.length - 1], ys[0], ys[ys.length - 1]];
+  return [...xs.map((x) => /** @type {Vec[]} */ ([[x, y0, z], [x, y1, z]])), ...ys.map((y) => /** @type {Vec[]} */ ([[x0, y, z], [x1, y, z]]))];
 }
