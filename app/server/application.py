@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from ...model.errors import BadInput, ZerobeamError
 from .folder import Folder
 from .guard import Access, Guard, refusal
-from .page import Page
+from .page import PageFiles
 from .requests import error_answer
 from .versions import Conflict, ConflictAnswer
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def application(folder: Folder, access: Access) -> Starlette:
     """The server of one folder."""
-    page, loading = Page(), _Loading(folder, access)
+    page, loading = PageFiles(), _Loading(folder, access)
 
     async def refuse(request: Request, error: Exception) -> Response:
         assert isinstance(error, ZerobeamError)

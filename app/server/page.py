@@ -32,7 +32,7 @@ _IMPORT = re.compile(rb'\bfrom\s*"([^"]+)"')
 _INDEX, _FIRST, _SHEETS = "index.html", "main.js", "sheets.css"
 
 
-class Page:
+class PageFiles:
     """Its files below /page: nothing else is ever sent from there."""
 
     def __init__(self) -> None:
@@ -73,15 +73,20 @@ def page_files() -> dict[str, bytes]:
     read[_SHEETS] = b"\n".join(read[name.decode()] for name in _SHEET.findall(index))
     links = [f'<link rel="stylesheet" href="/page/{_SHEETS}">']
     links += [f'<link rel="modulepreload" href="/page/{name}">' for name in _loaded_first(read)]
-    index = _MAP.sub(lambda found: found[0] + "\n".join([*links, ""]).encode(), _SHEET.sub(b"", index))
-    return read | {_INDEX: index}
+    head = _SHEET.sub(b"", index)
+    end = _import_map(head).end()
+    return read | {_INDEX: head[:end] + "\n".join([*links, ""]).encode() + head[end:]}
+
+
+def _import_map(index: bytes) -> re.Match[bytes]:
+    matched = _MAP.search(index)
+    assert matched is not None
+    return matched
 
 
 def _loaded_first(files: dict[str, bytes]) -> list[str]:
     """The modules that the first one imports, and those that these do."""
-    found = _MAP.search(files[_INDEX])
-    assert found is not None
-    addresses: dict[str, str] = json.loads(found[1])["imports"]
+    addresses: dict[str, str] = json.loads(_import_map(files[_INDEX])[1])["imports"]
     names = [_FIRST]
     for name in names:  # which grows meanwhile
         for imported in map(bytes.decode, _IMPORT.findall(files[name])):

@@ -1,6 +1,6 @@
 // The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of it.
 import { batch, computed, effect, signal } from "@preact/signals";
-import { get, getFile, latest, post, put, Refused } from "./api.js";
+import { getFile, latest, post, put, Refused } from "./api.js";
 import { failed, files, refresh, say, versionOf } from "./store.js";
 
 /**
@@ -280,7 +280,7 @@ effect(() => {
   const name = file.value, listed = files.value, version = versionOf(name);
   if (!name || !listed.length || disk.peek().version === null || version === disk.peek().version || conflict.peek() !== null) return;
   if (version === null) { conflict.value = "gone"; return; }
-  get(`/api/plan?file=${encodeURIComponent(name)}`).then((found) => {
+  getFile("plan", name).then((found) => {
     if (file.peek() !== name || found.version === disk.peek().version) return;
     arms.value = { ...arms.peek(), [robotKey(found.plan)]: found.robot };
     conflict.value = { version: found.version, content: found.plan };

@@ -2,7 +2,7 @@
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
-import { get } from "../core/api.js";
+import { getFile } from "../core/api.js";
 import { over } from "../core/jobs.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration, failed } from "../core/store.js";
@@ -81,7 +81,7 @@ function useAddress() {
     if (!file && underWay.value) go(toJob(name, "measure", followedFile.value), { replace: true });
     if (!isRun || file === followedFile.value) return;
     attempt(async () => {
-      const found = await get(`/api/run?file=${encodeURIComponent(file)}`);
+      const found = await getFile("run", file);
       if (route.value.file !== file || followedFile.value === file) return;
       record.value = found;
       if (found.plan) plan.value = found.plan;

@@ -1,6 +1,6 @@
 // What the scene shows of a run: the arm where it is sent, its beam, and the plan's postures.
 import { computed, effect, signal } from "@preact/signals";
-import { get, post, Refused } from "../core/api.js";
+import { getFile, post, Refused } from "../core/api.js";
 import { moved } from "../scene/turning.js";
 import { run } from "./running.js";
 
@@ -20,7 +20,7 @@ export async function preparePlan(file) {
   wanted = file;
   planned.value = null;
   try {
-    const found = await get(`/api/plan?file=${encodeURIComponent(file)}`);
+    const found = await getFile("plan", file);
     const checked = await post("/api/check", { plan: found.plan, file: found.file, scene: true, links: true });
     if (wanted === file) planned.value = { of: file, robot: found.robot, checked };
   } catch (error) {

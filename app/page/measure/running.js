@@ -1,6 +1,6 @@
 // The run under way, wherever on the page its reader is: begun, followed, answered, stopped, and found again after a reload.
 import { computed, signal } from "@preact/signals";
-import { get, Refused } from "../core/api.js";
+import { get, getFile, Refused } from "../core/api.js";
 import { begin, follow, outOf, over } from "../core/jobs.js";
 import { failed, fault, refresh, say } from "../core/store.js";
 import { counted, duration } from "../core/words.js";
@@ -33,9 +33,6 @@ const sent = signal([]);
 export const command = computed(() => (state.value?.command.length ? state.value.command : sent.value));
 /** The run file that is followed. */
 export const followedFile = computed(() => (state.value ? outOf(command.value) || run.value.file : ""));
-
-/** @param {string} file */
-const ofRun = (file) => get(`/api/run?file=${encodeURIComponent(file)}`);
 
 let painting = 0;
 /** @type {RunSeen} */
@@ -79,7 +76,7 @@ async function ended(followed, last) {
     const file = outOf(last.command); // as the app's folder has it: the run itself says its last part
     if (!newest.end && file && newest.file) {
       try {
-        const found = await ofRun(file);
+        const found = await getFile("run", file);
         newest = { ...newest, recorded: found.recorded, course: found.course, tolerances: found.tolerance, residuals: found.residuals };
       } catch (error) {
         if (!(error instanceof Refused)) throw error; // then the events have to do
@@ -98,7 +95,7 @@ async function ended(followed, last) {
 export async function fetchEarlier() {
   const of = job.value, file = followedFile.value;
   try {
-    const found = await ofRun(file);
+    const found = await getFile("run", file);
     if (job.value !== of) return;
     earlier.value = found.course;
     if (!newest.course.length) run.value = newest = { ...newest, tolerances: found.tolerance, residuals: found.residuals };

@@ -25,18 +25,14 @@ const ask = latest(async () => {
   return rows;
 }, (rows) => { without.value = new Map(rows.map((/** @type {any} */ row) => [row.posture, row.rest])); }, failed);
 
-/** How many times larger the uncertainty of the offsets is without a posture, at the most; Infinity where one is lost. @param {any} rest */
-function loss(rest) {
-  const rows = answer.value?.parameters.filter((/** @type {any} */ row) => row.group === "offset" && !row.held && row.std !== null) ?? [];
-  if (!rest) return null;
-  return Math.max(1, ...rows.map((/** @type {any} */ row) => (rest.std[row.name] === null ? Infinity : rest.std[row.name] / row.std)));
-}
+/** The offsets that the plan determines. */
+const determined = computed(() => answer.value?.parameters.filter((/** @type {any} */ row) => row.group === "offset" && !row.held && row.std !== null) ?? []);
+
+/** How many times larger their uncertainty is without a posture, at the most; Infinity where one is lost. @param {any} rest */
+const loss = (rest) => (rest ? Math.max(1, ...determined.value.map((/** @type {any} */ row) => (rest.std[row.name] === null ? Infinity : rest.std[row.name] / row.std))) : null);
 
 /** @param {any} rest */
-function lost(rest) {
-  const rows = answer.value?.parameters.filter((/** @type {any} */ row) => row.group === "offset" && !row.held && row.std !== null) ?? [];
-  return rows.filter((/** @type {any} */ row) => rest.std[row.name] === null).map((/** @type {any} */ row) => named(row.name));
-}
+const lost = (rest) => determined.value.filter((/** @type {any} */ row) => rest.std[row.name] === null).map((/** @type {any} */ row) => named(row.name));
 
 const rows = computed(() => (plan.value?.postures_deg ?? []).map((_, i) => {
   const scene = answer.value?.scene[i], off = answer.value?.postures[i], rest = without.value.get(i), factor = loss(rest);

@@ -3,12 +3,11 @@ import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { get } from "../core/api.js";
-import { begin, follow, over, well } from "../core/jobs.js";
+import { begin, follow, outOf, over, well } from "../core/jobs.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, refresh } from "../core/store.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { TextField } from "../parts/TextField.js";
-import { outOf } from "../core/jobs.js";
 import { history, loadHistory, showAnalysis } from "./state.js";
 
 /** @typedef {import("../core/jobs.js").Followed} Followed */

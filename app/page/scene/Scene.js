@@ -12,14 +12,15 @@ import { FIRST_VIEW, Still } from "./Still.js";
 const STEP_MM = 10; // that a key moves what is held
 const FLAT = "A flat picture: this browser has no WebGL.";
 
-/** Whether this browser draws in three dimensions at all. @returns {boolean} */
-function webgl() {
+/** What draws in three dimensions in this browser; null where nothing does. */
+function drawnBy() {
   try {
-    const context = new OffscreenCanvas(1, 1).getContext("webgl2");
+    const context = new OffscreenCanvas(1, 1).getContext("webgl2"), facts = context?.getExtension("WEBGL_debug_renderer_info");
+    const name = context && String(facts ? context.getParameter(facts.UNMASKED_RENDERER_WEBGL) : "");
     context?.getExtension("WEBGL_lose_context")?.loseContext();
-    return context !== null;
+    return name;
   } catch {
-    return false;
+    return null;
   }
 }
 
@@ -33,14 +34,15 @@ const heldName = (held) => (held.kind === "target" ? held.name : held.kind === "
  *   onJoint?: SceneActs["joint"], onBox?: SceneActs["box"]}} props
  */
 export function Scene({ scene, chosen, tools = {}, motion = null, caption, label, onChoose, onTarget, onFlange, onJoint, onBox }) {
-  const make = useSignal(/** @type {typeof import("./view.js").View|null} */ (null)), flat = useSignal(false);
+  const make = useSignal(/** @type {import("./Solid.js").Make|null} */ (null)), flat = useSignal(false);
   const held = useSignal(/** @type {Held|null} */ (null)), mode = useSignal("translate"), turn = useSignal(""), still = useSignal(FIRST_VIEW);
   const view = useRef(/** @type {import("./view.js").View|null} */ (null));
   const latest = useRef({ onChoose, onTarget, onFlange, onJoint, onBox });
   latest.current = { onChoose, onTarget, onFlange, onJoint, onBox };
   useEffect(() => {
-    if (!webgl()) flat.value = true;
-    else import("./view.js").then((module) => { make.value = module.View; }, () => { flat.value = true; });
+    const by = drawnBy();
+    if (by === null) flat.value = true;
+    else import("./view.js").then(({ View }) => { make.value = (...of) => new View(...of, /swiftshader|llvmpipe|software|basic render/i.test(by)); }, () => { flat.value = true; });
   }, []);
   /** @type {SceneActs} */
   const acts = useMemo(() => ({

@@ -3,9 +3,10 @@ import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 
 /** @typedef {import("./view.js").View} View */
+/** @typedef {(canvas: HTMLCanvasElement, names: HTMLCanvasElement, acts: import("./types.js").SceneActs) => View} Make */
 
 /**
- * @param {{make: typeof import("./view.js").View, scene: import("./types.js").Scene3D, chosen: number|null, tools: import("./types.js").Tools,
+ * @param {{make: Make, scene: import("./types.js").Scene3D, chosen: number|null, tools: import("./types.js").Tools,
  *   motion: import("./view.js").Motion|null, acts: import("./types.js").SceneActs, label: string, onView: (view: View|null) => void, onNone: () => void}} props
  */
 export function Solid({ make, scene, chosen, tools, motion, acts, label, onView, onNone }) {
@@ -16,7 +17,7 @@ export function Solid({ make, scene, chosen, tools, motion, acts, label, onView,
     /** @type {View} */
     let made;
     try {
-      made = new make(canvas.current, names.current, acts);
+      made = make(canvas.current, names.current, acts);
     } catch {
       onNone();
       return undefined;

@@ -3,20 +3,14 @@ import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { armBodies, floorLines, jointLabels, lineBodies, toolBodies } from "./bodies.js";
 import { coloursOf } from "./colours.js";
+import { extent, floorOf } from "./extent.js";
 import { FIRST_VIEW, FlatPen, flatCamera } from "./flat.js";
 import { drawLabels } from "./labels.js";
-import { boxBody, boxCorners, markBodies, markTone } from "./marks.js";
+import { boxBody, markBodies, markTone } from "./marks.js";
 import { plus, times } from "./vectors.js";
 
 /** @typedef {import("./vectors.js").Vec} Vec */
 /** @typedef {import("./types.js").Scene3D} Scene3D */
-
-/** @param {Scene3D} scene @returns {Vec[]} */
-function extent(scene) {
-  const floor = -(scene.arm.mounting.below_base_mm ?? 0);
-  return [[0, 0, 0], [0, 0, floor], ...scene.marks.map((mark) => mark.at), ...(scene.boxes || []).flatMap(boxCorners),
-    ...scene.postures.flatMap((p) => [...p.skeleton, ...(p.tool ? [p.tool] : []), ...(p.beam || []), ...(p.sights || []).flat()])];
-}
 
 /** @param {HTMLCanvasElement} canvas @param {Scene3D} scene @param {number|null} chosen @param {import("./flat.js").FlatView} view */
 function drawStill(canvas, scene, chosen, view) {
@@ -25,7 +19,7 @@ function drawStill(canvas, scene, chosen, view) {
   Object.assign(canvas, { width: Math.round(room.wide * ratio), height: Math.round(room.high * ratio) });
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   const points = extent(scene), colours = coloursOf(canvas), camera = flatCamera(points, room, view, 0.06 * scene.reach), flat = new FlatPen(pen, camera, colours);
-  const floor = -(scene.arm.mounting.below_base_mm ?? 0), kinds = scene.arm.joints.map((joint) => joint.kind);
+  const floor = floorOf(scene), kinds = scene.arm.joints.map((joint) => joint.kind);
   const corner = (/** @type {(...v: number[]) => number} */ pick) => /** @type {Vec} */ ([0, 1, 2].map((i) => pick(...points.map((p) => p[i]))));
   for (const line of floorLines(corner(Math.min), corner(Math.max), scene.reach, floor)) flat.line(line, 1, colours.line);
   const own = chosen === null ? null : scene.postures[chosen];

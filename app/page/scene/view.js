@@ -8,6 +8,7 @@ import { drawLabels } from "./labels.js";
 import { Materials, PaleArms, emptied, meshGeometry, poseMatrix, solidObject, thinLines } from "./solids.js";
 import { boxBody, boxCorners, markBodies, markTone } from "./marks.js";
 import { postureDistance } from "./turning.js";
+import { extent, floorOf } from "./extent.js";
 import { minus, plus, times } from "./vectors.js";
 
 /** @typedef {import("./vectors.js").Vec} Vec */
@@ -24,14 +25,6 @@ const PAUSE_MS = 700; // between frames that do not follow each other: the view 
 const COARSE = 0.5;
 const OVER_HEAD = 0.002; // rad from the vertical, where the view would have no side that is up
 
-/** Whether WebGL is drawn without a graphics card: then smooth edges cost more than they are worth. */
-function drawnBySoftware() {
-  const gl = new OffscreenCanvas(1, 1).getContext("webgl2"), facts = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name = gl && facts ? String(gl.getParameter(facts.UNMASKED_RENDERER_WEBGL)) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
-}
-
 /** @param {unknown[]|null} before @param {unknown[]} now */
 const same = (before, now) => before !== null && before.length === now.length && now.every((value, i) => value === before[i]);
 
@@ -39,14 +32,14 @@ export class View {
   /**
    * @param {HTMLCanvasElement} canvas @param {HTMLCanvasElement} overlay for the names
    * @param {import("./types.js").SceneActs} acts
+   * @param {boolean} software whether WebGL has no graphics card: then smooth edges cost more than they are worth
    */
-  constructor(canvas, overlay, acts) {
+  constructor(canvas, overlay, acts, software) {
     this.canvas = canvas;
     this.overlay = overlay;
     this.acts = acts;
     this.pen = /** @type {CanvasRenderingContext2D} */ (overlay.getContext("2d"));
-    this.software = drawnBySoftware();
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, alpha: false, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, alpha: false, powerPreference: "high-performance" });
     this.renderer.autoClear = false;
     this.renderer.info.autoReset = false;
     this.camera = new THREE.PerspectiveCamera(FIELD, 1, 1, 1e5);
@@ -134,11 +127,6 @@ export class View {
     return this.scene && this.chosen !== null ? this.scene.postures[this.chosen] : null;
   }
 
-  /** @param {Scene3D} scene */
-  floor(scene) {
-    return -(scene.arm.mounting.below_base_mm ?? 0);
-  }
-
   /** @param {Pick<ShownPosture, "skeleton"|"axes"|"links"|"tool"|"beam"|"sights"|"reaches">|null} posture */
   drawArm(posture) {
     const { arm, mesh } = this.parts, scene = this.scene;
@@ -209,7 +197,7 @@ export class View {
     emptied(marks);
     for (const mark of scene.marks) {
       const group = new THREE.Group();
-      for (const solid of markBodies(mark, scene.reach, this.floor(scene))) group.add(solidObject(solid, this.materials, scene.reach));
+      for (const solid of markBodies(mark, scene.reach, floorOf(scene))) group.add(solidObject(solid, this.materials, scene.reach));
       group.userData.target = mark.name;
       marks.add(group);
     }
@@ -239,7 +227,7 @@ export class View {
     const { floor } = this.parts, low = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.min(...points.map((p) => p[i])))), high = /** @type {Vec} */ ([0, 1, 2].map((i) => Math.max(...points.map((p) => p[i]))));
     for (const child of floor.children) if (child instanceof THREE.LineSegments) child.geometry.dispose();
     emptied(floor);
-    floor.add(thinLines(floorLines(low, high, scene.reach, this.floor(scene)), this.materials.line("line")));
+    floor.add(thinLines(floorLines(low, high, scene.reach, floorOf(scene)), this.materials.line("line")));
     this.axis = 0.22 * scene.reach;
     for (const axis of /** @type {Vec[]} */ ([[1, 0, 0], [0, 1, 0], [0, 0, 1]]))
       floor.add(solidObject({ shape: "line", points: [[0, 0, 0], times(axis, this.axis)], tone: "muted", wide: 1.6 }, this.materials, scene.reach));
@@ -272,12 +260,7 @@ export class View {
   points() {
     const scene = this.scene;
     if (!scene) return [[0, 0, 0]];
-    /** @type {Vec[]} */
-    const points = [[0, 0, 0], [0, 0, this.floor(scene)], [0, 0, 0.3 * scene.reach]];
-    for (const arm of scene.postures) points.push(...arm.skeleton, ...(arm.tool ? [arm.tool] : []), ...(arm.beam || []), ...(arm.sights || []).flat());
-    for (const mark of scene.marks) points.push(mark.at, ...(mark.outline || []), ...(mark.kind === "tracker" ? [/** @type {Vec} */ ([mark.at[0], mark.at[1], this.floor(scene)])] : []));
-    for (const box of scene.boxes || []) points.push(...boxCorners(box));
-    const links = this.posture()?.links;
+    const points = extent(scene), links = this.posture()?.links;
     if (links) for (const { link, vertices } of (scene.meshes || []).filter((one) => links[one.link])) {
       const { min, max } = new THREE.Box3().setFromArray(vertices.flat()).applyMatrix4(poseMatrix(links[link], new THREE.Matrix4()));
       points.push(...boxCorners({ min: /** @type {Vec} */ (min.toArray()), max: /** @type {Vec} */ (max.toArray()) }));
