@@ -81,11 +81,13 @@ def require_honest(arms: Outcome) -> None:
 
 
 @pytest.mark.parametrize("kind", CELLS)
+@pytest.mark.at_length(r"^(?!laser$|pose$|tracker$)")
 def test_offsets_of_exact_arms_are_as_uncertain_as_stated(kind: str) -> None:
     require_honest(outcome(kind, 6))
 
 
 @pytest.mark.parametrize("kind", ["tracker", "pose", "ballbar"])
+@pytest.mark.at_length(r"^(?!tracker$)")
 def test_a_reading_whose_std_is_understated_fails_the_same_check(kind: str) -> None:
     understated = outcome(kind, 6, understated=3.0)
     with pytest.raises(AssertionError):

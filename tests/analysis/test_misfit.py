@@ -167,6 +167,7 @@ def test_a_noise_factor_beyond_what_is_plausible(true: float, beyond: bool) -> N
     assert again.misfit is None
 
 
+@pytest.mark.long
 def test_a_factor_of_few_degrees_of_freedom_is_chance() -> None:
     """Seven numbers more than unknowns at most: a factor of a fifth happens, and shows nothing."""
     plan = good_plan(5, noise={"scale": "estimated"})

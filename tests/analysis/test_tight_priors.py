@@ -97,6 +97,7 @@ def test_a_reflector_beyond_its_sigma_is_named() -> None:
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(120, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_arms_within_their_tolerances_raise_no_alarm(count: int) -> None:
     by_group: dict[str, list[float]] = {}
     with one_blas_thread():

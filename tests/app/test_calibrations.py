@@ -53,6 +53,7 @@ def test_an_own_arm_is_named_from_the_new_folder(client: TestClient, root: Path)
     assert read_header(root / "cell 4/header.yaml").robot == "../sub/arm.yaml"
 
 
+@pytest.mark.long
 def test_places_are_about_the_arm(client: TestClient, root: Path) -> None:
     for name in built_in_robots():
         robot = load_robot(name)

@@ -33,6 +33,7 @@ def in_frame(tab: Tab) -> Tab:
     return tab.frame(root(tab.address))
 
 
+@pytest.mark.long
 def test_in_the_frame_of_the_page(server: App) -> None:
     with chromium().opened(server.address) as tab:
         wait(tab, "document.querySelector('.brand[aria-current]')")

@@ -97,6 +97,7 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
     assert "plan" in state["why_not"]
 
 
+@pytest.mark.long
 def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:
     """The control: with the other end open it would wait for lines for ever."""
     command = [*ZEROBEAM, "run", str(root / "plan.yaml"), "-o", str(root / "n.jsonl"), "--rig=manual"]

@@ -178,6 +178,7 @@ def test_the_draft_of_a_plan_that_is_gone_is_opened(folder: Path, address: str) 
     assert content(path)["postures_deg"][0][0] == 10
 
 
+@pytest.mark.long
 def test_a_save_that_meets_another_version_shows_both_and_takes_either(folder: Path, address: str) -> None:
     """Before the page has noticed the change by itself."""
     path = folder / "cell" / "late.yaml"

@@ -130,6 +130,7 @@ def _over_a_joint(tab: Tab) -> tuple[float, float]:
     raise AssertionError("no body of the arm is under the pointer anywhere")
 
 
+@pytest.mark.long
 def test_a_joint_is_turned_in_the_picture_and_undone(tab: Tab) -> None:
     before = tab.value(CONTENT)["postures_deg"]
     x, y = _over_a_joint(tab)

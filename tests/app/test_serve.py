@@ -54,6 +54,7 @@ def test_it_answers_many_and_ends_with_ctrl_c(started: App) -> None:
     assert (process.returncode, err) == (130, "stopped\n")
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_jobs_and_those_who_follow_them(started: App) -> None:
     address, process = started
     body = json.dumps({"command": ["analyse", "run.jsonl", "--ess", "100000"]}).encode()

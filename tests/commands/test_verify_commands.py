@@ -141,6 +141,7 @@ def verified(folder: Path, name: str, *how: object) -> Answer:
 
 
 @pytest.mark.parametrize("tool", HEADERS)
+@pytest.mark.at_length(r"^uncalibrated$")
 def test_the_arm_of_a_simulated_run_with_its_offsets_entered_passes(tool: str, tmp_path: Path) -> None:
     """From the plan to the acceptance test; a wrong offset and another arm fail."""
     run = calibrated(tmp_path, tool, shots=7 if tool == "laser" else 14)

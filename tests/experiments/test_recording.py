@@ -98,6 +98,7 @@ def silent(event: RunEvent) -> None:
 
 @posix
 @pytest.mark.parametrize("kills", [6, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
     tmp_path: Path, short_plan: Plan, kills: int
 ) -> None:
@@ -132,6 +133,7 @@ def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
         pytest.param(DEAF, (signal.SIGINT, signal.SIGTERM), id="both ignored", marks=pytest.mark.long),
     ],
 )
+@pytest.mark.at_length(r"^heard$")
 def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
     tmp_path: Path,
     plan: Plan,

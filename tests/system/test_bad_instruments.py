@@ -181,6 +181,7 @@ def require_named(kind: str, cause: str, *, exact: bool) -> None:
 
 
 @pytest.mark.parametrize(("kind", "cause"), [("ballbar", "metres"), ("tracker, frame known", "mirrored")])
+@pytest.mark.at_length(r"^tracker, frame known-mirrored$")
 def test_readings_that_are_wrong_alike_are_named(kind: str, cause: str) -> None:
     require_named(kind, cause, exact=True)
 

@@ -153,6 +153,7 @@ def _inputs(folder: Path) -> None:
         for how in ("a full disk", "a limit")
     ],
 )
+@pytest.mark.at_length(r"^(plan-a lim|report-a lim|batch-a full)")
 def test_a_file_that_finds_no_room_is_a_fault_and_one_message(
     what: str, how: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

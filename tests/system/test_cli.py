@@ -138,6 +138,7 @@ def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not(tmp_path:
 
 
 @pytest.mark.parametrize("loss", ["huber", "student"])
+@pytest.mark.at_length(r"^student")
 def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_path: Path, loss: str) -> None:
     pushed = tmp_path / "pushed.jsonl"
     pushed.write_text(run_text(None, one_changed(2, spot_mm=[1.5, -1.0])), encoding="utf-8")
@@ -217,6 +218,7 @@ def test_a_study_is_written_told_and_judged(
     assert (tmp_path / "study" / "coverage.csv").is_file()
 
 
+@pytest.mark.long
 def test_a_study_for_a_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[int, int]] = []
     monkeypatch.setattr("zerobeam.experiments.studies.coverage.coverage_study", study_of(seen, True))
@@ -273,6 +275,7 @@ def test_report_writes_the_folder_and_says_where(reported: tuple[Path, Answer]) 
     assert [path.name for path in folder.parent.iterdir()] == ["here"]
 
 
+@pytest.mark.long
 def test_report_prints_the_json_that_it_wrote(tmp_path: Path) -> None:
     run = exact_copy(X_PATTERN, tmp_path / "run.jsonl")
     told = zerobeam("report", run, "-o", tmp_path / "out", "--json", *FEW)

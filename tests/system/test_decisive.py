@@ -202,6 +202,7 @@ def case(name: str, folder: Path, request: pytest.FixtureRequest) -> Case:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in CASES]
 )
+@pytest.mark.at_length(r"^(dinova_1|three shots|joint 1 freed)")
 def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
     name: str, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:

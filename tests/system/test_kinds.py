@@ -136,6 +136,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.at_length(r"^(pose|known)$")
 def test_what_is_determined_is_right_and_the_rest_is_not_told(case: str, tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES[case])
     answer = zerobeam("analyse", run, "--ess", 100, "--json")
@@ -250,6 +251,7 @@ def verification(plan: Path, path: Path, of: dict[str, str], left_deg: float, st
 
 
 @pytest.mark.parametrize("case", ["tracker", "known", "pose", "ballbar", "mix"])
+@pytest.mark.at_length(r"^(known|pose|ballbar)$")
 def test_a_corrected_robot_is_verified_by_every_kind(case: str, tmp_path: Path) -> None:
     """It passes as entered, with the tracker moved; with half a degree left in joint 3 it fails. All lengths
     of the ball bar do not notice the tolerance, and it says so."""
@@ -305,6 +307,7 @@ def test_a_plan_of_several_instruments_has_its_page(tmp_path: Path) -> None:
     assert not re.search(r"\b(laser|beam|servo|PSD)\b", text)
 
 
+@pytest.mark.long
 def test_the_app_opens_and_fits_a_run_of_several_instruments(tmp_path: Path) -> None:
     written(tmp_path / "run.jsonl", *CASES["mix"])
     assert zerobeam("plan", "verify", tmp_path / "run.jsonl", "-o", tmp_path / "plan.yaml").status == 0

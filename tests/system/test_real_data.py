@@ -223,6 +223,7 @@ def test_the_two_pandas_are_one_make(panda_1: Analysed, panda_2: Analysed) -> No
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 @pytest.mark.parametrize("name", ["panda_2", "panda_1", "kuka_14"])
+@pytest.mark.at_length(r"separate$")
 def test_the_placements_of_every_arm_disagree(name: str, scale: str, request: pytest.FixtureRequest) -> None:
     """Whatever is said of the noise: the scatter within the placements is the yardstick."""
     run = read_run(request.getfixturevalue(name).run)

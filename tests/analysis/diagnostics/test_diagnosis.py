@@ -125,6 +125,7 @@ def test_a_placement_of_two_targets_is_left_out_as_one(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("scale", ["estimated", "separate"])
+@pytest.mark.at_length(r"^separate$")
 def test_an_estimated_noise_does_not_hide_the_exchange(scale: str, tmp_path) -> None:
     """The factor is of the stated noise whatever the header does with its scale."""
     _, run = simulated(good_plan(12, noise={"scale": scale}, geometry="exact"), TABLE_2)
@@ -135,6 +136,7 @@ def test_an_estimated_noise_does_not_hide_the_exchange(scale: str, tmp_path) -> 
     assert found[0].before > 100
 
 
+@pytest.mark.long
 def test_of_many_measurements_a_part_is_tried_first(tmp_path) -> None:
     _, run = simulated(good_plan(170, geometry="exact"), TABLE_2)
     (found,) = diagnose(of(Problem.from_run(swapped(3, 5)(run, tmp_path))))

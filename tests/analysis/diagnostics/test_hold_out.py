@@ -60,6 +60,7 @@ def p_values(shots, stated, count, names=("left",)):
 @pytest.mark.parametrize(
     ("shots", "names"), [(TWO, ["left"]), (THREE, ["left", "right"])], ids=["one", "two"]
 )
+@pytest.mark.at_length(r"^(two|calibrated-known|open)")
 def test_the_p_values_are_uniform(shots, names):
     """120 runs by Kolmogorov and Smirnov, at a level of 1e-3: D below 0.176."""
     p = p_values(shots, three_placements(shots), 120, names)
@@ -70,6 +71,7 @@ def test_the_p_values_are_uniform(shots, names):
     assert stats.kstest(wrong, "uniform").pvalue < LEVEL
 
 
+@pytest.mark.long
 def test_with_an_estimated_scale_they_are_uniform_as_well():
     """Twelve degrees of freedom of the scale are no known noise: F and not chi-squared."""
     p = p_values(TWO, three_placements(TWO, scale="estimated"), 120)

@@ -72,6 +72,7 @@ def test_the_leverages_sum_to_what_the_shots_determine():
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 @pytest.mark.parametrize("tool", [LASER, OPEN_LASER, PROBE])
+@pytest.mark.at_length(r"^tool1")
 def test_one_step_is_as_good_as_a_fit(tool, scale, monkeypatch):
     """With 60 measurements of different weights: to 5e-3 of a residual's std, where leaving one out moves the
     largest by a quarter of it at least. With separate factors a fit goes from their marginal mode to the

@@ -161,6 +161,7 @@ def test_noise_is_not_blamed_for_offsets():
         assert np.degrees(np.abs(fit.x - truth.x)[1:6]).max() < 2
 
 
+@pytest.mark.long
 def test_links_that_explain_every_residual_leave_the_noise_its_size():
     """Seven measurements of a typical arm: at the common mode of factors and all else there is no noise."""
     plan = good_plan(7, geometry=None, noise={"scale": "separate"})
@@ -209,6 +210,7 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
                 assert results.get(key) is None
 
 
+@pytest.mark.long
 def test_a_plan_that_tells_both_tells_both():
     _, run = simulated(two_lengths(WRIST, SPOT, noise={"scale": "separate"}), TABLE_2, seed=3)
     result = analyse(run_of(run.header, run.shots), ess=400).result

@@ -410,6 +410,7 @@ CASES = list(plans())
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("unit", [1 / 25.4, 0.001, 10.0])
+@pytest.mark.at_length(r"^(0\.001|10\.0)")
 def test_the_unit_of_length_does_not_matter(case, unit):
     """The same cell with every length in inches, metres, tenths of millimetres."""
     plan = plans()[case]

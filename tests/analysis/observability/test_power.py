@@ -172,6 +172,7 @@ def compared(count: int, runs: int) -> None:
         assert -4 * error - 0.04 < share - probability < 4 * error + more, (name, predicted[name])
 
 
+@pytest.mark.long
 def test_what_runs_of_an_uncertain_arm_notice_is_as_predicted() -> None:
     compared(12, 30)
 

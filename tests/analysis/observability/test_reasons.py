@@ -173,6 +173,7 @@ def cause_of(problem: Problem, identified: Identified, name: str) -> Cause | Non
 
 @pytest.mark.parametrize("jitter_deg", [0.0, 0.01, 0.04])  # of the stated noise, and more
 @pytest.mark.parametrize("case", DESIGNS)
+@pytest.mark.at_length(r"-0\.01$")
 def test_status_and_cause_are_those_of_exact_geometry(case: str, jitter_deg: float) -> None:
     design, advised = DESIGNS[case], set()
     for arm in ARMS:

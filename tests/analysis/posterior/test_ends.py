@@ -79,6 +79,7 @@ def test_ends_contradict_where_chance_does_not_explain_it():
     assert one.contradict(Ends(1.0, -2.12, 1.96, 10_000.0))
 
 
+@pytest.mark.long
 def test_those_of_a_run_are_those_of_many_more_draws():
     run = read_run(next(run.path for run in demo_runs() if run.name == "good"))
     solution = solve_run(Problem.from_run(run), run.header)

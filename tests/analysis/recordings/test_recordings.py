@@ -126,6 +126,7 @@ def test_the_correlation_is_that_of_the_ratio_that_was_found(solution: Solution,
         assert correlation(every[kept])[0] == found
 
 
+@pytest.mark.long
 def test_the_false_alarm_rate_is_as_stated(solution: Solution) -> None:
     runs = 400
     found = lagged(solution, 0.0, runs, 2)
@@ -253,6 +254,7 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.4])
+@pytest.mark.at_length(r"^0\.4$")
 def test_steps_are_not_found_where_there_are_none(solution: Solution, rho: float) -> None:
     """Correlated recordings must not raise the false alarms."""
     rng, runs = np.random.default_rng(5), 40
@@ -322,6 +324,7 @@ def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> N
     assert size(10 * columns) < 180 + 4 * np.sqrt(2 * 180) < size(None) / 2
 
 
+@pytest.mark.long
 def test_what_was_not_read_at_a_posture_is_no_evidence_of_a_step() -> None:
     """A tracker that reads one reflector or three in turn: of right models P(p < 0.1 in 4 of 8) is 0.005."""
     cell, robot = CELLS["tracker"], irb1600()

@@ -184,6 +184,7 @@ def offsets_come_back(folder: Path, plan: Plan, imported: Imported) -> RobotCali
 
 
 @pytest.mark.parametrize("robot", ARMS)
+@pytest.mark.at_length(r"^(irb120|ur10e|kr10_r1100_2|m10ia|tx2_60)$")
 def test_offsets_come_back_through_the_program_of_every_arm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, robot: str
 ) -> None:

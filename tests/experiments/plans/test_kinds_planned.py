@@ -74,6 +74,7 @@ def made(own: Header, **changes: object) -> Plan:
 
 
 @pytest.mark.parametrize("kind", INSTRUMENTS)
+@pytest.mark.at_length(r"^(pose|sphere)$")
 def test_a_plan_keeps_to_what_its_instrument_can_measure(kind):
     """Chosen for it, it is found sound by `check`; postures at random are not (the control)."""
     plan = made(header_of(kind))

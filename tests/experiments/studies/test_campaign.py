@@ -125,6 +125,7 @@ if __name__ == "__main__":
         pytest.param(signal.SIGKILL, [], False, id="a kill", marks=pytest.mark.long),
     ],
 )
+@pytest.mark.at_length(r"^Ctrl-C at the start$")
 def test_no_worker_is_left(how: signal.Signals, before: list[str], starting: bool, tmp_path: Path) -> None:
     """Ctrl-C reaches all processes of a terminal, workers that are still `starting` too; a kill only one."""
     script = tmp_path / "script.py"

@@ -56,6 +56,7 @@ def without_clock(answer):
     return {key: value for key, value in answer.items() if key != "seconds"}
 
 
+@pytest.mark.long
 def test_the_intervals_hold_what_they_promise(two):
     """At a chance of 1 % over all levels and offsets of an estimator."""
     answer, _ = two

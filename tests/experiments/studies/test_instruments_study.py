@@ -48,6 +48,7 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> instruments.InstrumentsS
         return instruments_study(file, 0, lambda stage, share: None, processes=1)
 
 
+@pytest.mark.long
 def test_more_measurements_know_more(answer: instruments.InstrumentsStudy) -> None:
     tracker = answer.setups[0]
     few, many = tracker.plans

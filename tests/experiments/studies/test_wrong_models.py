@@ -57,6 +57,7 @@ def test_an_arm_without_noise_and_backlash_is_what_the_model_has() -> None:
 
 
 @pytest.mark.parametrize("name", ["zero of J3 -30° off", "zero of J2 90° off"])
+@pytest.mark.at_length(r"^zero of J2")
 def test_a_zero_beyond_its_prior_is_named_though_others_take_up_more_of_the_links(name: str) -> None:
     (scenario,) = (one for one in scenarios() if one.name == name)
     for _, solution in wrong_models._solved(scenario, plan_of("irb1600", 12, 0), 3, 0):
@@ -69,6 +70,7 @@ def test_there_are_at_least_forty_wrong_models_each_with_a_name() -> None:
     assert len(names) == len(set(names)) > 40
 
 
+@pytest.mark.long
 def test_a_small_study_is_carried_out_and_shown() -> None:
     names = [one.name for one in scenarios()]
     chosen = [names[0], "sign of J3 reversed", "zero of J5 jumps by 0.5°"]

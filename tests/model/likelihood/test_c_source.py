@@ -240,6 +240,7 @@ def weighted_inputs(functions, rows):
 @needs_compiler
 @pytest.mark.parametrize("name", DESIGNED)
 @pytest.mark.parametrize("which", ["terms", "slopes"])
+@pytest.mark.at_length(r"^terms-|^slopes-(?!irb1600|gantry)")
 def test_sums_over_shots_by_both_paths(tmp_path, name, which):
     """Rows that fill the lanes and rows that do not, and each row as if it were alone. To 1e-12 of the
     largest of each output; measured with gcc on x86-64: not one bit of difference."""
@@ -263,6 +264,7 @@ def test_sums_over_shots_by_both_paths(tmp_path, name, which):
 
 @needs_compiler
 @pytest.mark.parametrize("name", DESIGNED)
+@pytest.mark.at_length(r"^(?!irb1600|gantry)")
 def test_rows_by_both_paths(tmp_path, name):
     functions = shot_functions(name, tmp_path)
     for which in ("linear", "placed", "seen", "place", "beam"):

@@ -220,6 +220,7 @@ def test_the_log_determinant_that_is_asked_for(case, log_det):
 
 @LOG_DETS
 @pytest.mark.parametrize("name", ["terms", "slopes"])
+@pytest.mark.at_length(r"-(modified|scara|bent)-")
 def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
     q, spot, free = case.hits()[0]
     variances = 4 * case.variances()

@@ -212,6 +212,7 @@ def test_the_axis_of_uncertainties_has_plain_numbers(uncertainties, ticks):
         assert f">{tick}<" in svg
 
 
+@pytest.mark.long
 def test_what_a_killed_batch_left_in_the_folder_of_a_run_is_in_nobodys_way(runs):
     """It was killed while it wrote a result.json, and refused its own folder ever after."""
     shutil.rmtree(runs / "tuesday")

@@ -33,6 +33,7 @@ def page_of(name: str) -> str:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.long) if name == "geometry" else name for name in EXAMPLES]
 )
+@pytest.mark.at_length(r"^(?!good$|hostile$|geometry$)")
 def test_it_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     text = page_of(name)
     page = Page(text)

@@ -53,6 +53,7 @@ def test_the_widest_tables_fit_on_paper(tmp_path: Path) -> None:
         assert tab.overflow() == 0
 
 
+@pytest.mark.long
 def test_all_files_are_there_over_those_of_before_and_stay_when_a_number_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

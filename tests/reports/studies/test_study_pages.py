@@ -107,6 +107,7 @@ def drawn_of(name: str) -> dict[str, Picture]:
     return made_once(f"figures of a study {name}", lambda: study_of(answer).pictures(answer))
 
 
+@pytest.mark.long
 def test_a_plan_of_coverage_has_one_page() -> None:
     answer = answer_of("agreeing")
     document = pdf(study_of(answer).page(answer), drawn_of("agreeing"))
@@ -254,6 +255,7 @@ def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", [name for name in MADE if name.startswith("hostile")])
+@pytest.mark.at_length(r"^hostile")
 def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
     answer, drawn = answer_of(name), drawn_of(name)
     view, study = study_page(answer), study_of(answer)

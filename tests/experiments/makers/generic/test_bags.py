@@ -53,6 +53,7 @@ def test_a_packed_bag_of_an_arm_that_rests_is_read(packed_bag: Callable[[str], P
 
 
 @pytest.mark.parametrize(("kind", "packed"), PACKED)
+@pytest.mark.long
 def test_a_bag_that_stands_for_far_more_than_its_size_is_refused(
     packed_bag: Callable[[str], Path], read: Read, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:

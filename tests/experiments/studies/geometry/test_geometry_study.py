@@ -56,6 +56,7 @@ def by_name(plan: GeometryPlan) -> dict[str, GeometryEstimator]:
     return {estimator.name: estimator for estimator in plan.estimators}
 
 
+@pytest.mark.long
 def test_intervals_hold_and_controls_are_detected(twelve: GeometryStudy) -> None:
     (plan,) = twelve.plans
     estimators = by_name(plan)
