@@ -28,6 +28,7 @@ def test_what_can_be_chosen(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("instrument", list(KINDS))
+@pytest.mark.one_in(3)
 def test_each_instrument_has_a_header(client: TestClient, root: Path, instrument: str) -> None:
     answer = client.post("/api/calibrations", json=WHOLE | {"instrument": instrument, "serial": "12-345"})
     assert answer.status_code == 201, answer.text

@@ -35,6 +35,7 @@ def asking(client: TestClient, job: str) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.long
 def test_a_run_by_hand_is_led_paused_and_gone_on_with(client: TestClient, root: Path) -> None:
     plan = good_plan(3)
     plan_file(root / "short.yaml", plan)

@@ -107,6 +107,7 @@ def test_a_folder_in_place_of_the_plan_loses_nothing(folder: Path, address: str)
     assert content(path)["postures_deg"][0][0] == 10
 
 
+@pytest.mark.long
 def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chosen(
     folder: Path, address: str
 ) -> None:
@@ -144,6 +145,7 @@ def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chos
             assert [text for text in tab.console if "WebGL" not in text and "412" not in text] == []
 
 
+@pytest.mark.long
 def test_taking_the_other_arms_plan_draws_that_arm_and_undo_brings_mine_back(
     folder: Path, address: str
 ) -> None:
@@ -162,6 +164,7 @@ def test_taking_the_other_arms_plan_draws_that_arm_and_undo_brings_mine_back(
         assert tab.on(lambda page: page.get_by_label("J1, °", exact=True).first.input_value()) == "10"
 
 
+@pytest.mark.long
 def test_the_draft_of_a_plan_that_is_gone_is_opened(folder: Path, address: str) -> None:
     path = folder / "cell" / "away.yaml"
     plan_file(path, good_plan(7))

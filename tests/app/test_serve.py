@@ -88,6 +88,7 @@ def test_without_the_extra_one_message_says_how_to_install_it(tmp_path: Path) ->
         assert 'pip install "zerobeam[app]"' in done.stderr
 
 
+@pytest.mark.long
 def test_other_commands_load_nothing_of_it(root: Path) -> None:
     told = "import sys; from zerobeam.cli import run; sys.argv[0] = 'zerobeam'; run(); print(*sys.modules)"
     command = [sys.executable, "-c", told, "check", str(root / "plan.yaml")]

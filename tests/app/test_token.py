@@ -60,6 +60,7 @@ def _routes(client: TestClient) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("headers", WRONG, ids=map(str, WRONG))
+@pytest.mark.one_in(3)
 def test_every_route_is_closed(stranger: TestClient, root: Path, headers: dict[str, str]) -> None:
     (root / "page.html").write_text("swordfish")
     before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}

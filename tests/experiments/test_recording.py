@@ -170,6 +170,7 @@ def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
 
 
 @pytest.mark.parametrize("kept_rows", [(6, 8), pytest.param((1, 3), marks=pytest.mark.long)])
+@pytest.mark.long
 def test_a_run_with_pictures_is_resumed_to_the_same_bytes(
     tmp_path: Path, plan: Plan, kept_rows: tuple[int, ...]
 ) -> None:
@@ -186,6 +187,7 @@ def test_a_run_with_pictures_is_resumed_to_the_same_bytes(
 
 
 @pytest.mark.parametrize("step", [3, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan, step: int) -> None:
     """After every row, or every third."""
     request = RunRequest("simulated", seed=2, camera=False, tolerance=0.03)
@@ -349,6 +351,7 @@ def test_a_recorded_run_is_replayed_to_the_same_answer(
         record(plan, tmp_path / "x.jsonl", RunRequest("replay"), silent)
 
 
+@pytest.mark.long
 def test_a_closing_shot_repeats_the_first_posture_and_is_replayed(tmp_path: Path, plan: Plan) -> None:
     closing = replace(QUICK, closing=True)
     answer = record(plan, tmp_path / "run.jsonl", closing, silent)

@@ -41,6 +41,7 @@ def run_of_plan(plan: Plan, truth: Truth, seed: int) -> Run:
 
 
 @pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.one_in(3)
 def test_readings_are_as_noisy_as_stated(name, tmp_path):
     """At the truth the whitened residuals of what was read are unit normals."""
     plan = plan_of_cell(CELLS[name], tmp_path)

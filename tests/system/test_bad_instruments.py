@@ -201,6 +201,7 @@ def test_readings_that_are_wrong_alike_are_named_at_length(kind: str, cause: str
     require_named(kind, cause, exact=exact)
 
 
+@pytest.mark.long
 def test_a_joint_with_the_wrong_sign_is_no_fault_of_the_readings() -> None:
     """Negative control: a misfit of another cause gets that cause."""
     arm = arm_of("dial", exact=True)

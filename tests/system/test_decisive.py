@@ -282,6 +282,7 @@ def pseudo_inverse_std(problem: Problem) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["x-pattern", "panda_1"])
+@pytest.mark.at_length(r"^panda_1")
 def test_no_output_of_a_check_claims_what_its_plan_cannot_tell(
     name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

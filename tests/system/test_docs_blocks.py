@@ -173,7 +173,7 @@ def test_most_pages_have_something_to_run() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(set(RUN) - SLOW))
-@pytest.mark.at_length(r"^docs/(?!files\.md|five|reference)")
+@pytest.mark.at_length(r"^docs/(?!files\.md)")
 def test_the_blocks_of_a_page_run_in_their_order(name: str, place: Callable[[str], Path]) -> None:
     assert carry_out(read(name), place(name), short=True, written=name == "README.md") >= 1
 

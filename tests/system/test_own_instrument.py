@@ -77,6 +77,7 @@ def analysed(run: Path, package: Path) -> dict[str, object]:
     return json.loads(done.stdout)
 
 
+@pytest.mark.long
 def test_a_kind_of_another_package_is_analysed_as_ours_are(package: Path, tmp_path: Path) -> None:
     write(tmp_path / "run.jsonl")
     answer = analysed(tmp_path / "run.jsonl", package)

@@ -175,7 +175,7 @@ def p_values(kind, count, error_deg=0.0):
 
 
 @pytest.mark.parametrize("kind", ["tracker", "plane"])
-@pytest.mark.at_length(r"^plane$")
+@pytest.mark.long
 def test_of_other_instruments_a_right_robot_agrees_and_a_wrong_one_does_not(kind):
     assert (p_values(kind, 2) > 1e-4).all()
     assert (p_values(kind, 2, 1.0) < FALSE_ALARM).all()

@@ -55,6 +55,7 @@ def true_errors(solution: Solution, x: Matrix, values: dict[str, float]) -> Matr
     )
 
 
+@pytest.mark.long
 def test_no_five_offsets_serve_better(arms: list[tuple[Solution, Matrix]]) -> None:
     """A direct search over the expected squared error of the TCP finds less than 1 % to gain."""
     solution, _ = arms[0]

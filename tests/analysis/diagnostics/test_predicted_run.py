@@ -64,7 +64,7 @@ COUNTED = [30, pytest.param(200, marks=pytest.mark.long)]
 @pytest.mark.parametrize("count", COUNTED)
 @pytest.mark.parametrize("noise", ["known", "estimated", pytest.param("separate", marks=pytest.mark.long)])
 @pytest.mark.parametrize("tool", [LASER, OPEN_LASER], ids=["calibrated", "open"])
-@pytest.mark.at_length(r"^(two|calibrated-known|open)")
+@pytest.mark.long
 def test_the_p_values_are_uniform(count: int, noise: str, tool: dict[str, Any]) -> None:
     """A common target, and one that only the other run has. Kolmogorov and Smirnov at a level of 1e-3.
 
@@ -83,6 +83,7 @@ def test_the_p_values_are_uniform(count: int, noise: str, tool: dict[str, Any]) 
     assert stats.kstest(np.array(p, dtype=float), "uniform").pvalue > LEVEL
 
 
+@pytest.mark.long
 def test_without_the_uncertainty_of_the_fit_they_would_not_be() -> None:
     """Negative control: few measurements fitted, errors held against their noise alone."""
     theirs, p = another({"psd": 12}), []

@@ -79,6 +79,7 @@ def test_the_factors_are_right_on_average(runs):
     assert low[0] == pytest.approx(np.log(1 - unknowns / numbers) / 2, abs=0.06)
 
 
+@pytest.mark.long
 def test_the_intervals_hold_the_truth(runs):
     """95 % of 40: at a chance of 1e-3 for each factor at least 33 hold it."""
     _, fits, _, _ = runs
@@ -184,6 +185,7 @@ def numbers_of(value, name):
     return []
 
 
+@pytest.mark.long
 def test_a_spot_noise_that_is_drowned_has_no_number():
     """A spot noise of a hundredth of what the joints do: nothing is claimed of it anywhere in the answer."""
     plan = good_plan(12, joint_deg=0.02, spot_mm=0.002, noise={"scale": "separate"})

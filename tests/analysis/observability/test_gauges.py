@@ -303,6 +303,7 @@ def test_the_x_pattern_stays_degenerate() -> None:
     assert identify(problem, problem.nominal()).status[1] != "unidentifiable"
 
 
+@pytest.mark.long
 def test_the_jitter_of_an_encoder_breaks_no_gauge() -> None:
     """A recorded X-Pattern, whose joint 1 only its noise moves, has the exact gauge of its plan. Negative
     control: joint 1 truly varies by 0.2 degrees, and the gauge is none."""

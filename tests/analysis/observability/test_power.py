@@ -65,6 +65,7 @@ def at_least(found: int, probability: float) -> bool:
     return found >= stats.binom.ppf(1e-3, RUNS, probability)
 
 
+@pytest.mark.long
 def test_the_power_is_a_lower_bound_of_what_simulations_notice(plan: Plan) -> None:
     problem, told = of(plan)
     joint = told["jump"].joint

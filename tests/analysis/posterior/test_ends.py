@@ -34,6 +34,7 @@ def drawn(seed, count=4000, density=log_density, proposal=PROPOSAL):
     return weighted_ends(x, density(x) - t.logpdf(x), proposal)
 
 
+@pytest.mark.long
 def test_they_are_those_of_the_density_and_their_error_is_as_told():
     found = np.array([drawn(seed) for seed in range(300)])
     std, low, high = true_ends()

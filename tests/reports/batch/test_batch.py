@@ -105,6 +105,7 @@ def test_a_result_is_that_of_analyse_without_the_posterior(done):
     assert stds == pytest.approx(known, rel=1e-9)
 
 
+@pytest.mark.long
 def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     (runs / "tuesday" / "misfit.jsonl").unlink()
     solved = []
@@ -155,6 +156,7 @@ def test_a_folder_with_other_things_is_left_alone(runs):
     assert [path.name for path in (runs / "out").iterdir()] == ["diary.txt"]
 
 
+@pytest.mark.long
 def test_the_tables_as_parquet(runs):
     parquet = pytest.importorskip("pyarrow.parquet")
     shutil.rmtree(runs / "tuesday")

@@ -35,6 +35,7 @@ WHOLE = {
 
 
 @pytest.mark.browser
+@pytest.mark.long
 def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
     file = tmp_path / "study.html"
     answer = typed(hostile())
@@ -47,6 +48,7 @@ def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
 
 
 @pytest.mark.browser
+@pytest.mark.long
 def test_the_widest_tables_fit_on_paper(tmp_path: Path) -> None:
     paths = write_study(tmp_path / "out", geometry_study())
     with chromium().opened(paths.html, PAPER) as tab:
