@@ -377,13 +377,19 @@ class Instrument(ABC):
 
     def on_flange(self, pose: Matrix, unknowns: Matrix, variant: str) -> Matrix:
         """(3,) the point on the flange."""
-        point, _ = self.ray(ca.SX(unknowns))
-        return np.asarray(pose[:3, :3] @ ca.evalf(point).full()[:, 0] + pose[:3, 3])
+        point, _ = self._ray(unknowns)
+        return np.asarray(pose[:3, :3] @ point.full()[:, 0] + pose[:3, 3])
 
     def direction_at(self, pose: Matrix, unknowns: Matrix) -> Matrix:
         """(3,) unit, of a beam."""
-        _, direction = self.ray(ca.SX(unknowns))
-        return np.asarray(pose[:3, :3] @ ca.evalf(direction).full()[:, 0])
+        _, direction = self._ray(unknowns)
+        return np.asarray(pose[:3, :3] @ direction.full()[:, 0])
+
+    @cached_property
+    def _ray(self) -> ca.Function:
+        """`ray` of numbers; made once, since every measurement is drawn."""
+        unknowns = ca.SX.sym("unknowns", len(self.unknowns))
+        return ca.Function("ray", [unknowns], [ca.densify(part) for part in self.ray(unknowns)])
 
     def sight(
         self, pose: Matrix, target: Matrix, unknowns: Matrix, reading: Matrix, variant: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import casadi as ca
@@ -103,6 +104,10 @@ class LaserBeam(FlangeTool):
 
     def nominal_beam(self) -> tuple[Matrix, Matrix, Matrix]:
         """Point (3,) mm, unit direction (3,) and basis (3, 2) of the beam as stated, in the flange frame."""
+        return self._stated_beam
+
+    @cached_property
+    def _stated_beam(self) -> tuple[Matrix, Matrix, Matrix]:
         exact = replace(self, is_calibrated=True, tolerated=False)
         point, direction, across = exact.beam_frame(ca.SX())
         return ca.DM(point).full()[:, 0], ca.DM(direction).full()[:, 0], ca.DM(across).full()

@@ -268,6 +268,7 @@ def test_a_check_and_an_analysis_agree_on_the_statuses():
         assert sum(a != b for a, b in zip(before, after, strict=True)) <= 1
 
 
+@pytest.mark.long
 def test_the_effective_number_is_that_by_which_the_measurements_count():
     """Where neighbouring measurements err alike, it says by how much their information was divided."""
     _, run = simulated(good_plan(40, spot_mm=0.3, joint_deg=0.001), TABLE_2, seed=3)

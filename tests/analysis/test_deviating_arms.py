@@ -86,6 +86,7 @@ def _largest_rms(count: int) -> float:
     return float(np.sqrt(1 + 3 * np.sqrt(2 / count)))
 
 
+@pytest.mark.long
 def test_without_the_key_intervals_hold_for_arms_as_they_are() -> None:
     typical = outcome(12, 24)
     assert typical.rms < _largest_rms(24)
@@ -96,6 +97,7 @@ def test_exact_geometry_is_refuted_by_the_same_arms() -> None:
     assert outcome(12, 24, geometry="exact").misfit.mean() > 0.9
 
 
+@pytest.mark.long
 def test_arms_that_deviate_three_times_as_much_are_noticed() -> None:
     assert outcome(12, 12, 3.0).misfit.mean() > 0.9
 
@@ -129,6 +131,7 @@ def _require_coverage(found: Outcome) -> None:
 
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+@pytest.mark.one_in(3)
 def test_intervals_hold_with_every_noise_scale(scale: str) -> None:
     _require_coverage(outcome(12, 8, 0.0, "exact", scale))
 

@@ -52,6 +52,7 @@ def linear(plan: Plan, scale: str = "known") -> LikelihoodFit:
 
 
 @pytest.mark.parametrize("scale", ["known", "estimated"])
+@pytest.mark.one_in(2)
 def test_p_values_of_runs_without_a_displacement(scale: str) -> None:
     """Those of one change point are uniform; Bonferroni's over all of them err on the safe side."""
     fit = linear(good_plan(10), scale)

@@ -33,6 +33,7 @@ def changed(path: Path, swapped: tuple[int, int] | None = None, **header: Any) -
 
 
 @pytest.mark.parametrize("swapped", [(0, 2), (1, 3)])
+@pytest.mark.long
 def test_of_exchanged_columns_with_geometry_the_misfit_is_said(
     tmp_path: Path, swapped: tuple[int, int]
 ) -> None:

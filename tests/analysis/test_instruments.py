@@ -81,11 +81,13 @@ def require_honest(arms: Outcome) -> None:
 
 
 @pytest.mark.parametrize("kind", CELLS)
+@pytest.mark.at_length(r"^(?!tracker$)")
 def test_offsets_of_exact_arms_are_as_uncertain_as_stated(kind: str) -> None:
     require_honest(outcome(kind, 6))
 
 
 @pytest.mark.parametrize("kind", ["tracker", "pose", "ballbar"])
+@pytest.mark.long
 def test_a_reading_whose_std_is_understated_fails_the_same_check(kind: str) -> None:
     understated = outcome(kind, 6, understated=3.0)
     with pytest.raises(AssertionError):
@@ -101,12 +103,14 @@ def test_two_hundred_arms_of_every_kind(kind: str) -> None:
         require_honest(outcome(kind, 200, understated=1.5, joint_deg=JOINT_DEG / 4))
 
 
+@pytest.mark.long
 def test_a_reflector_off_its_tight_sigma_is_noticed() -> None:
     known_frame = "tracker, frame known"
     assert outcome(known_frame, 3, off_mm=2.0).misfit.all()
     assert not outcome(known_frame, 3).misfit.any()
 
 
+@pytest.mark.long
 def test_right_angles_of_a_cube_make_offsets_better_known_and_a_wrong_one_is_noticed() -> None:
     """The same touches with three angles, with one, with none: u falls with each. A cube that is 0.1° off,
     taken for a right one, is a misfit; as the planes that it is made of it is none."""

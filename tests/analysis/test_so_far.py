@@ -60,6 +60,7 @@ PLANS: dict[str, Plan] = {
 
 
 @pytest.mark.parametrize("name", ["good", "x-pattern", "open probe", "estimated scale"])
+@pytest.mark.at_length(r"^(open probe|estimated scale)")
 def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     _, run = simulated(PLANS[name], {} if "probe" in name else TABLE_2, 2)
     told = so_far(Problem.from_run(run))
@@ -80,6 +81,7 @@ def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPat
     assert told.moved_target is None
 
 
+@pytest.mark.long
 def test_what_another_optimum_disagrees_about_is_not_known() -> None:
     """An X-Pattern of ten targets has two, 0.2 apart in log-posterior; a climb from zero sees one."""
     own = header(target=(900.0, 0.0, 0.0), prior={"offset_deg": 6.0})
@@ -101,6 +103,7 @@ def test_what_another_optimum_disagrees_about_is_not_known() -> None:
 
 
 @pytest.mark.parametrize("name", PLANS)
+@pytest.mark.at_length(r"^(open probe|y-pattern|two|x-pattern)")
 def test_shot_by_shot(name: str) -> None:
     """One shot tells nothing, and what cannot be told has no std at any number of shots."""
     told = growing(PLANS[name])

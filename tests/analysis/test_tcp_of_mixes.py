@@ -117,6 +117,7 @@ def compared(problems: tuple[Problem, Problem], count: int) -> None:
     assert mix.squares.mean() < 0.64 * alone.squares.mean() * 1.3
 
 
+@pytest.mark.long
 def test_four_points_of_a_tracker_lower_the_error_of_the_tcp_as_predicted(problems) -> None:
     compared(problems, 12)
 

@@ -47,6 +47,7 @@ def tight(misfit: Misfit | None) -> dict[str, TightPrior]:
     return {one.of: one for one in criteria if isinstance(one, TightPrior)}
 
 
+@pytest.mark.long
 def test_gravity_beyond_its_prior_is_named_with_what_the_prior_would_have_to_be() -> None:
     with one_blas_thread():
         solution = judge(fit_likelihood(measured(1, gravity_deg=0.25), starts=0))
@@ -72,6 +73,7 @@ def test_gravity_beyond_its_prior_is_named_with_what_the_prior_would_have_to_be(
     ],
 )
 @pytest.mark.parametrize("arms", [3, pytest.param(30, marks=pytest.mark.long)])
+@pytest.mark.at_length(r"^(?!3-gravity)")
 def test_what_a_tolerance_would_have_to_be(of: str, sizes: dict[str, float], key: str, arms: int) -> None:
     """By the logarithms of what is needed over what was drawn from, each over its standard error."""
     errors, named, (true,) = [], 0, sizes.values()
@@ -97,6 +99,7 @@ def test_a_reflector_beyond_its_sigma_is_named() -> None:
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(120, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_arms_within_their_tolerances_raise_no_alarm(count: int) -> None:
     by_group: dict[str, list[float]] = {}
     with one_blas_thread():

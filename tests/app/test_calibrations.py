@@ -28,6 +28,7 @@ def test_what_can_be_chosen(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("instrument", list(KINDS))
+@pytest.mark.one_in(3)
 def test_each_instrument_has_a_header(client: TestClient, root: Path, instrument: str) -> None:
     answer = client.post("/api/calibrations", json=WHOLE | {"instrument": instrument, "serial": "12-345"})
     assert answer.status_code == 201, answer.text
@@ -53,6 +54,7 @@ def test_an_own_arm_is_named_from_the_new_folder(client: TestClient, root: Path)
     assert read_header(root / "cell 4/header.yaml").robot == "../sub/arm.yaml"
 
 
+@pytest.mark.long
 def test_places_are_about_the_arm(client: TestClient, root: Path) -> None:
     for name in built_in_robots():
         robot = load_robot(name)

@@ -42,6 +42,7 @@ def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
     return load_robot(str(tmp_path / "slider.yaml"))
 
 
+@pytest.mark.one_in(3)
 def test_an_arm_moved_by_its_joints_is_where_its_kinematics_say(robot: Robot, tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     start, by = rng.uniform(-1, 1, (2, robot.n))
@@ -55,6 +56,7 @@ console.log(JSON.stringify(moved(input.from, input.by, input.kinds)));"""
         np.testing.assert_allclose(after[part], expected[part], atol=1e-6)
 
 
+@pytest.mark.one_in(3)
 def test_every_joint_is_joined_to_the_next_along_its_axes(robot: Robot, tmp_path: Path) -> None:
     """Each link's rods lead from its joint to the next without a gap, along an axis or across both."""
     arm = posture(robot, np.random.default_rng(3).uniform(-1, 1, robot.n))

@@ -48,6 +48,7 @@ def press(tab: Tab, name: str) -> None:
     tab.on(lambda page: page.get_by_role("button", name=name, exact=True).tap())
 
 
+@pytest.mark.long
 def test_what_a_tracker_reads_is_entered_as_it_is_asked_for(tmp_path: Path) -> None:
     """In the pendant's counting and in the instrument's order; what could be misread is not sent."""
     (tmp_path / "cell").mkdir()

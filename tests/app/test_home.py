@@ -140,6 +140,7 @@ def test_links_lead_nowhere(client: TestClient, root: Path) -> None:
     assert set(listed(client)) == {"."}
 
 
+@pytest.mark.long
 def test_five_hundred_runs_are_read_once(
     client: TestClient, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

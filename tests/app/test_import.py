@@ -86,6 +86,7 @@ def test_a_recording_that_takes_too_much_memory_ends_a_process_and_not_the_serve
     assert client.get("/api/files").is_success
 
 
+@pytest.mark.long
 def test_a_bag_that_stands_for_far_more_than_its_size_is_refused(client: TestClient, root: Path) -> None:
     pytest.importorskip("rosbags")
     from ros_bags import Bag

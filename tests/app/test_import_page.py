@@ -102,6 +102,7 @@ def imported(tab: Tab) -> None:
     wait(tab, "location.hash.startsWith('#/job/')", 60)
 
 
+@pytest.mark.long
 def test_a_dropped_table_is_mapped_as_the_person_takes_it_and_leads_to_its_result(folder: Path) -> None:
     with page(folder) as tab:
         drop(tab, ("shots.csv", SHOTS))

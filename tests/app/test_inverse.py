@@ -57,6 +57,7 @@ def test_out_of_reach_the_arm_points_there(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("name", built_in_robots())
+@pytest.mark.one_in(8)
 def test_no_joint_leaves_its_range(name: str) -> None:
     robot, rng = load_robot(name), np.random.default_rng(0)
     for _ in range(4):

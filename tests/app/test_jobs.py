@@ -45,6 +45,7 @@ def test_a_run_is_carried_out_followed_and_followed_again(client: TestClient, ro
     assert len(measured[0]) == len(measured[1]) > 0
 
 
+@pytest.mark.long
 def test_an_analysis_tells_its_progress_and_can_be_ended(client: TestClient) -> None:
     job = begun(client, "analyse", "run.jsonl", "--ess", "100000")
     other = begun(client, "analyse", "nowhere.jsonl")

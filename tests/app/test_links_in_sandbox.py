@@ -33,6 +33,7 @@ def in_frame(tab: Tab) -> Tab:
     return tab.frame(root(tab.address))
 
 
+@pytest.mark.long
 def test_in_the_frame_of_the_page(server: App) -> None:
     with chromium().opened(server.address) as tab:
         wait(tab, "document.querySelector('.brand[aria-current]')")
@@ -53,6 +54,7 @@ def test_in_the_frame_of_the_page(server: App) -> None:
         wait(in_frame(tab), "document.body?.textContent.includes('a token is needed')")
 
 
+@pytest.mark.long
 def test_in_a_tab_of_its_own(server: App) -> None:
     with chromium().opened(server.address) as tab:
         wait(tab, "document.querySelector('.brand[aria-current]')")

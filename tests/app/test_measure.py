@@ -35,6 +35,7 @@ def asking(client: TestClient, job: str) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.long
 def test_a_run_by_hand_is_led_paused_and_gone_on_with(client: TestClient, root: Path) -> None:
     plan = good_plan(3)
     plan_file(root / "short.yaml", plan)
@@ -97,6 +98,7 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
     assert "plan" in state["why_not"]
 
 
+@pytest.mark.long
 def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:
     """The control: with the other end open it would wait for lines for ever."""
     command = [*ZEROBEAM, "run", str(root / "plan.yaml"), "-o", str(root / "n.jsonl"), "--rig=manual"]

@@ -87,6 +87,7 @@ def unbroken(folder: Path, plan: str) -> bytes:
     return (folder / "unbroken.jsonl").read_bytes()
 
 
+@pytest.mark.long
 def test_time_left_is_a_bound_where_it_is_one(server: App) -> None:
     cases = {
         ("false", "null"): "about 12 s left.",

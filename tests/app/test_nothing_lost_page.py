@@ -109,6 +109,7 @@ def test_a_folder_in_place_of_the_plan_loses_nothing(folder: Path, address: str)
     assert content(path)["postures_deg"][0][0] == 10
 
 
+@pytest.mark.long
 def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chosen(
     folder: Path, address: str
 ) -> None:
@@ -146,6 +147,7 @@ def test_a_draft_of_another_arms_plan_is_shown_beside_the_file_until_one_is_chos
             assert [text for text in tab.console if "WebGL" not in text and "412" not in text] == []
 
 
+@pytest.mark.long
 def test_taking_the_other_arms_plan_draws_that_arm_and_undo_brings_mine_back(
     folder: Path, address: str
 ) -> None:
@@ -164,6 +166,7 @@ def test_taking_the_other_arms_plan_draws_that_arm_and_undo_brings_mine_back(
         assert tab.on(lambda page: page.get_by_label("J1, °", exact=True).first.input_value()) == "10"
 
 
+@pytest.mark.long
 def test_the_draft_of_a_plan_that_is_gone_is_opened(folder: Path, address: str) -> None:
     path = folder / "cell" / "away.yaml"
     plan_file(path, good_plan(7))
@@ -225,6 +228,7 @@ def downloaded(frame: Any, to: Path) -> Path:
     return to
 
 
+@pytest.mark.long
 def test_a_save_that_meets_another_version_shows_both_and_takes_either(folder: Path, address: str) -> None:
     """Before the page has noticed the change by itself."""
     path = folder / "cell" / "late.yaml"

@@ -231,6 +231,7 @@ def test_an_error_stands_in_place_of_the_numbers(address: str) -> None:
 
 
 @pytest.mark.parametrize("size", SCREENS)
+@pytest.mark.at_length(r"^(?!laptop)")
 def test_every_view_leaves_nobody_out_and_asks_its_server_alone(address: str, size: str) -> None:
     with plan(address, "cell/plan.yaml", SCREENS[size]) as tab:
         views = {"plan": CHECKED, "cell": "document.querySelector('.target input')"}

@@ -232,6 +232,7 @@ def test_the_table_has_every_field(client: TestClient) -> None:
 
 @pytest.mark.parametrize("name", [*NAMES, "", "."])
 @pytest.mark.usefixtures("unchanged")
+@pytest.mark.one_in(2)
 def test_no_request_leads_out(client: TestClient, there: Path, content: dict[str, Any], name: str) -> None:
     named = NAMES.get(name, name).replace("ABSOLUTE", str(there.parent / "outside.yaml"))
     for asked, ask in REQUESTS.items():
@@ -278,6 +279,7 @@ BEGINNINGS = {"plain": "", "byte order mark": "\ufeff", "blank lines": "\n \n"}
     "name", ["../outside.yaml", "/etc/x.yaml", "link.yaml", "way/outside.yaml", ".hidden.yaml"]
 )
 @pytest.mark.usefixtures("unchanged")
+@pytest.mark.one_in(3)
 def test_no_run_leads_out(client: TestClient, there: Path, name: str, start: str) -> None:
     (there / "named.jsonl").write_text(BEGINNINGS[start] + _named_in_run(name), encoding="utf-8")
     answers = [
@@ -360,6 +362,7 @@ def _commands() -> Iterator[tuple[list[str], dict[str, str], list[str]]]:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.usefixtures("unchanged")
+@pytest.mark.one_in(2)
 def test_no_word_of_a_job_leads_out(there: Path, name: str) -> None:
     """Each command, each of its files and options, in each way of stating one, alone and doubled."""
     folder, tried = Folder(there), 0
@@ -439,6 +442,7 @@ NAMED_BY = {
 
 @pytest.mark.parametrize("kind", NAMED_BY)
 @pytest.mark.parametrize("name", ["arm.yaml", "../outside.yaml"])
+@pytest.mark.at_length(r"^(?!arm\.yaml-run$)")
 def test_no_file_leads_a_job_out_of_the_folder(client: TestClient, there: Path, kind: str, name: str) -> None:
     """And the control: the same file, of the same arm below the folder."""
     file, command = NAMED_BY[kind]

@@ -85,6 +85,7 @@ def test_a_plan_is_compared_with_another(tab: Tab) -> None:
     assert float(ratio.removeprefix("× ")) < 1 if "°" in theirs else "→" in ratio
 
 
+@pytest.mark.long
 def test_an_obstacle_is_moved_in_the_list_and_in_the_picture_and_undone(tab: Tab) -> None:
     tab.value("location.hash = '#/job/cell/cell/cell/plan.yaml'")
     wait(tab, f"document.querySelector('.target input') && {PICTURE}")
@@ -130,6 +131,7 @@ def _over_a_joint(tab: Tab) -> tuple[float, float]:
     raise AssertionError("no body of the arm is under the pointer anywhere")
 
 
+@pytest.mark.long
 def test_a_joint_is_turned_in_the_picture_and_undone(tab: Tab) -> None:
     before = tab.value(CONTENT)["postures_deg"]
     x, y = _over_a_joint(tab)

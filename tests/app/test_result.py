@@ -96,6 +96,7 @@ def test_a_result_that_is_too_large_is_refused(client: TestClient, there: Path) 
     assert "too large" in error.json()["error"]["what"]
 
 
+@pytest.mark.long
 def test_without_a_measurement_it_is_what_analyse_says_of_the_others(client: TestClient, there: Path) -> None:
     """Of an exact arm; of a typical one the model of all measurements is kept (see below)."""
     header, *shots = (there / "good.jsonl").read_text().splitlines()

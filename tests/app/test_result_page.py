@@ -71,6 +71,7 @@ def quick(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield server.address
 
 
+@pytest.mark.long
 def test_a_measurement_is_left_out_and_taken_back(quick: str, reported: Path) -> None:
     stated = json.loads((reported / "good/result.json").read_text())
     with result(quick, "good") as tab:

@@ -54,6 +54,7 @@ def test_it_answers_many_and_ends_with_ctrl_c(started: App) -> None:
     assert (process.returncode, err) == (130, "stopped\n")
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_jobs_and_those_who_follow_them(started: App) -> None:
     address, process = started
     body = json.dumps({"command": ["analyse", "run.jsonl", "--ess", "100000"]}).encode()
@@ -87,6 +88,7 @@ def test_without_the_extra_one_message_says_how_to_install_it(tmp_path: Path) ->
         assert 'pip install "zerobeam[app]"' in done.stderr
 
 
+@pytest.mark.long
 def test_other_commands_load_nothing_of_it(root: Path) -> None:
     told = "import sys; from zerobeam.cli import run; sys.argv[0] = 'zerobeam'; run(); print(*sys.modules)"
     command = [sys.executable, "-c", told, "check", str(root / "plan.yaml")]

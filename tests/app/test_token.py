@@ -61,6 +61,7 @@ def _routes(client: TestClient) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("headers", WRONG, ids=map(str, WRONG))
+@pytest.mark.one_in(3)
 def test_every_route_is_closed(stranger: TestClient, root: Path, headers: dict[str, str]) -> None:
     (root / "page.html").write_text("swordfish")
     before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
@@ -177,6 +178,7 @@ def test_a_real_server_is_closed_to_who_has_no_token(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="no command line has the address there")
+@pytest.mark.long
 def test_the_browser_is_opened_without_the_token_in_its_command_line(tmp_path: Path) -> None:
     """Every account of a machine can read the command lines of all; this user alone reads the file."""
     (tmp_path / "dir").mkdir()

@@ -67,6 +67,7 @@ def test_a_file_is_replaced_by_its_version_alone(
 
 
 @pytest.mark.parametrize("kind", ["plan", "obstacles", "header"])
+@pytest.mark.long
 def test_a_file_that_was_deleted_is_not_made_again_unasked(
     client: TestClient, root: Path, kinds: Kinds, kind: str
 ) -> None:

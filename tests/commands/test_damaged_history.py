@@ -113,6 +113,7 @@ RESULTS = [
 
 
 @pytest.mark.parametrize(("column", "value"), RESULTS, ids=lambda own: str(own)[:40])
+@pytest.mark.one_in(3)
 def test_a_damaged_result_is_named_and_the_others_are_listed(plant: Path, column: str, value: object) -> None:
     run = damage(plant, "result", column, text_of(column, value))
     shown = zerobeam("history", "show", "A-1")
@@ -158,6 +159,7 @@ def test_what_counts_with_all_results_is_refused_until_the_result_is_added_anew(
 @pytest.mark.parametrize(
     ("column", "value"), [("at", "spring"), ("at", 7), ("what", "flood"), ("note", b"\xff"), ("what", 7)]
 )
+@pytest.mark.one_in(3)
 def test_a_damaged_event_is_named(plant: Path, column: str, value: object) -> None:
     damage(plant, "event", column, value)
     shown = zerobeam("history", "show", "A-1")

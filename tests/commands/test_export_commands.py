@@ -50,6 +50,7 @@ def poor(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.mark.parametrize("what", TEXTS)
+@pytest.mark.at_length(r"^urdf")
 def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
     file = tmp_path / "out"
     told = zerobeam("export", what, run.path, "-o", file)
@@ -88,6 +89,7 @@ def test_nothing_is_overwritten(what: str, run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", TEXTS)
+@pytest.mark.one_in(5)
 def test_what_is_refused_leaves_no_file(what: str, poor: Run, tmp_path: Path) -> None:
     file = tmp_path / "out"
     told = zerobeam("export", what, poor.path, "-o", file, "--allow-weak").refused()

@@ -82,6 +82,7 @@ def test_a_file_is_replaced_on_request_only(tmp_path, header):
     assert (tmp_path / "run.jsonl").read_bytes() != before
 
 
+@pytest.mark.long
 def test_what_is_read_is_never_replaced(tmp_path, header):
     assert imported(tmp_path, header, "--units", "deg").status == 0
     robot = zerobeam("export", "robot", tmp_path / "run.jsonl", "-o", tmp_path / "arm.yaml")
@@ -116,6 +117,7 @@ def plan(tmp_path, header="geometry: exact\n" + HEADER + TARGETS):
     return path
 
 
+@pytest.mark.long
 def test_a_rehearsal_shows_the_truth_and_is_replaced_by_another(tmp_path):
     asked = ["run", plan(tmp_path), "--rig", "simulated", "--no-camera", "-o", tmp_path / "rehearsal.jsonl"]
     told = zerobeam(*asked)
@@ -151,6 +153,7 @@ def test_a_probes_target_is_no_psd(tmp_path):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.one_in(3)
 def test_completion(shell):
     script = "import sys; sys.argv[0] = 'zerobeam'; from zerobeam.cli import main; main()"
     words = {"COMP_WORDS": "zerobeam ana", "COMP_CWORD": "1", "_TYPER_COMPLETE_ARGS": "zerobeam ana"}

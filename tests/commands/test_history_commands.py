@@ -69,6 +69,7 @@ def test_a_bad_file_is_named_and_the_others_are_added(kept: Path) -> None:
     assert told == {"added": 1, "replaced": 0, "already_there": 0, "refused": 0, "failed": []}
 
 
+@pytest.mark.long
 def test_a_run_is_solved_as_analyse_does_and_only_once(kept: Path) -> None:
     lines = next(demo.path for demo in demo_runs() if demo.name == "good").read_text().splitlines()
     header = json.loads(lines[0])
@@ -111,6 +112,7 @@ def test_without_the_extra_it_says_how_to_install_it() -> None:
         assert 'pip install "zerobeam[history]"' in zerobeam("history", "list").refused()
 
 
+@pytest.mark.long
 def test_drift_says_which_changes_are_real_and_what_was_logged(tmp_path: Path) -> None:
     db = tmp_path / "history.sqlite"
     for number in range(8):
@@ -150,6 +152,7 @@ def test_no_due_date_without_what_it_depends_on(tmp_path: Path) -> None:
     assert "delta2" not in [own["name"] for own in arm["offsets"]]
 
 
+@pytest.mark.long
 def test_an_arm_has_a_page(kept: Path) -> None:
     one = kept / "one"
     found = zerobeam("history", "report", "A-1", "-o", one, "--as-of", "2099-01-01", "--json").json

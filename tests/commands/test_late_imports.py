@@ -31,6 +31,7 @@ assert numpy.testing.__file__
 
 
 @pytest.mark.parametrize("program", [ATTRIBUTE, NAME, SUBMODULE, THREADS, REAL])
+@pytest.mark.one_in(5)
 def test_a_module_comes_when_it_is_used(program: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", START + program], capture_output=True, text=True, check=False

@@ -13,6 +13,7 @@ from zerobeam.experiments.new_robot import typed_vendor
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 
 
+@pytest.mark.long
 def test_the_built_in_robots_are_listed() -> None:
     lines = zerobeam("robot", "--list").out.splitlines()
     assert [line.split()[0] for line in lines[1:]] == list(built_in_robots())
@@ -142,6 +143,7 @@ def with_poses(arm: str) -> list[str]:
     return options
 
 
+@pytest.mark.long
 def test_a_file_is_checked_against_poses_of_the_pendant(tmp_path: Path) -> None:
     options = with_poses("gp7")
     right = zerobeam("robot", "gp7", *options)

@@ -107,6 +107,7 @@ def test_any_common_form_over_several_lines_and_radians(plan: Path, monkeypatch:
         (["help", TYPED[1]], "redo [measurement]"),
     ],
 )
+@pytest.mark.one_in(4)
 def test_what_is_doubtful_is_said_and_not_recorded(
     lines: list[str], said: str, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,6 +187,7 @@ WRIST = [(4, -137.022, False), (5, -22.6, True), (4, -87.022, True), (6, 25.1, T
 
 
 @pytest.mark.parametrize(("joint", "at", "asked"), WRIST)
+@pytest.mark.one_in(2)
 def test_a_joint_that_aims_is_asked_about_beyond_what_aiming_needs(
     joint: int, at: float, asked: bool, plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

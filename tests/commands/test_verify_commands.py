@@ -76,6 +76,7 @@ def test_what_determines_too_little_has_no_acceptance_test(tmp_path):
 
 
 @pytest.mark.parametrize(("vendor", "words"), [("doosan", "takes offsets. This plan"), ("abb", "Enter the")])
+@pytest.mark.one_in(2)
 def test_a_plan_for_a_controller_that_takes_no_offsets_says_so(
     vendor: str, words: str, tmp_path: Path
 ) -> None:
@@ -141,6 +142,7 @@ def verified(folder: Path, name: str, *how: object) -> Answer:
 
 
 @pytest.mark.parametrize("tool", HEADERS)
+@pytest.mark.long
 def test_the_arm_of_a_simulated_run_with_its_offsets_entered_passes(tool: str, tmp_path: Path) -> None:
     """From the plan to the acceptance test; a wrong offset and another arm fail."""
     run = calibrated(tmp_path, tool, shots=7 if tool == "laser" else 14)
@@ -203,6 +205,7 @@ def test_a_typical_arm_with_its_values_entered_passes(tmp_path: Path) -> None:
     assert verified(tmp_path, "other.jsonl").json["verdict"] == "fail"
 
 
+@pytest.mark.long
 def test_an_arm_that_is_not_known_or_not_corrected_is_refused(tmp_path: Path) -> None:
     run = calibrated(tmp_path)
 
@@ -230,6 +233,7 @@ def test_an_arm_that_is_not_known_or_not_corrected_is_refused(tmp_path: Path) ->
     assert not (tmp_path / "no.jsonl").exists()
 
 
+@pytest.mark.long
 def test_an_arm_of_a_cell_is_taken_with_its_cell(tmp_path: Path) -> None:
     """Backlash and stated offsets are the cell's: the offsets are corrected, the rest stays."""
     cell = tmp_path / "cell.yaml"

@@ -199,6 +199,7 @@ def test_the_own_plan_is_seen_by_its_cell() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGINT for another process")
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.at_length(r"^2")
 def test_the_command_serves_until_it_is_ended(how: signal.Signals) -> None:
     """Even if it was started by one who ignores both."""
     ports = ["--port", "0", "--egm-port", "0", "--sensor-port", "0"]

@@ -98,6 +98,7 @@ def silent(event: RunEvent) -> None:
 
 @posix
 @pytest.mark.parametrize("kills", [6, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
     tmp_path: Path, short_plan: Plan, kills: int
 ) -> None:
@@ -132,6 +133,7 @@ def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
         pytest.param(DEAF, (signal.SIGINT, signal.SIGTERM), id="both ignored", marks=pytest.mark.long),
     ],
 )
+@pytest.mark.at_length(r"^heard$")
 def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
     tmp_path: Path,
     plan: Plan,
@@ -168,6 +170,7 @@ def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
 
 
 @pytest.mark.parametrize("kept_rows", [(6, 8), pytest.param((1, 3), marks=pytest.mark.long)])
+@pytest.mark.long
 def test_a_run_with_pictures_is_resumed_to_the_same_bytes(
     tmp_path: Path, plan: Plan, kept_rows: tuple[int, ...]
 ) -> None:
@@ -184,6 +187,7 @@ def test_a_run_with_pictures_is_resumed_to_the_same_bytes(
 
 
 @pytest.mark.parametrize("step", [3, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan, step: int) -> None:
     """After every row, or every third."""
     request = RunRequest("simulated", seed=2, camera=False, tolerance=0.03)
@@ -347,6 +351,7 @@ def test_a_recorded_run_is_replayed_to_the_same_answer(
         record(plan, tmp_path / "x.jsonl", RunRequest("replay"), silent)
 
 
+@pytest.mark.long
 def test_a_closing_shot_repeats_the_first_posture_and_is_replayed(tmp_path: Path, plan: Plan) -> None:
     closing = replace(QUICK, closing=True)
     answer = record(plan, tmp_path / "run.jsonl", closing, silent)

@@ -41,6 +41,7 @@ def run_of_plan(plan: Plan, truth: Truth, seed: int) -> Run:
 
 
 @pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.one_in(3)
 def test_readings_are_as_noisy_as_stated(name, tmp_path):
     """At the truth the whitened residuals of what was read are unit normals."""
     plan = plan_of_cell(CELLS[name], tmp_path)
@@ -96,6 +97,7 @@ def test_a_frame_stands_somewhere_and_is_level(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["tracker", "tracker + plane + ballbar"])
+@pytest.mark.at_length(r"^(?!tracker$)")
 def test_a_plan_is_rehearsed_from_the_file_to_the_file(name, tmp_path):
     plan = plan_of_cell(CELLS[name], tmp_path, count=10)
     events = []

@@ -47,6 +47,7 @@ def unconverged(good: zb.Analysed) -> zb.Analysed:
     return zb.analyse(run, ess=100)
 
 
+@pytest.mark.long
 def test_values_to_enter_are_those_of_the_first_page(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
     assert good.enter == good.to_json()["enter"]["values"]
     assert x_pattern.enter == {}
@@ -130,6 +131,7 @@ def test_hostile_names_stay_names(good: zb.Analysed) -> None:
 
 
 @pytest.mark.parametrize("name", ["offsets", "residuals", "posterior"])
+@pytest.mark.one_in(3)
 def test_a_figure_shows_and_saves_itself(good: zb.Analysed, name: str, tmp_path: Path) -> None:
     figure = getattr(good.plot, name)()
     assert isinstance(figure, Figure)

@@ -34,6 +34,7 @@ def test_runs_and_their_files_compare_the_same(runs, tmp_path) -> None:
     assert [run.name for run in mine.runs] == ["simulated (1)", "simulated (2)", "simulated (3)"]
 
 
+@pytest.mark.long
 def test_it_shows_and_writes_itself(runs, tmp_path) -> None:
     found = zb.compare(runs)
     assert len(repr(found).splitlines()) < 15

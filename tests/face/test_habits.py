@@ -42,6 +42,7 @@ def x_pattern() -> zb.Analysed:
     return zb.analyse(zb.Run.from_arrays(**EXACT, joints=joints, unit="rad"), ess=100)
 
 
+@pytest.mark.long
 def test_tables_show_themselves(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
     lines = repr(good.offsets).splitlines()
     assert lines[0].startswith("Joint offsets")

@@ -37,6 +37,7 @@ def test_the_best_plan_is_checked(best: zb.OptimalPlan) -> None:
     assert best.check._repr_html_() == best._repr_html_()
 
 
+@pytest.mark.long
 def test_a_header_file_says_the_same(best: zb.OptimalPlan, tmp_path) -> None:
     (tmp_path / "header.yaml").write_text(
         "robot: irb1600\ntool: {kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}\n"
@@ -66,6 +67,7 @@ def test_a_degenerate_plan_has_no_number_where_there_is_none() -> None:
     assert "<script" not in found._repr_html_()
 
 
+@pytest.mark.long
 def test_a_simulated_run_has_the_offsets_that_were_stated(best: zb.OptimalPlan) -> None:
     run = zb.simulate(best.plan, {"delta2": 0.3, "delta4": -0.2}, seed=1)
     assert run.header.provenance["true delta2 (deg)"] == 0.3
@@ -102,6 +104,7 @@ def test_without_offsets_they_are_random(best: zb.OptimalPlan) -> None:
         ({"tolerance": 1e-9, "max_shots": 8}, "tolerance"),
     ],
 )
+@pytest.mark.at_length(r"^changes14")
 def test_a_bad_argument_of_an_optimal_plan_is_named(changes, argument) -> None:
     with pytest.raises(zb.BadInput) as caught:
         zb.optimal_plan(**{"header": HEADER, "target": TARGET, "candidates": 100, **changes})

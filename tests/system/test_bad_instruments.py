@@ -181,6 +181,7 @@ def require_named(kind: str, cause: str, *, exact: bool) -> None:
 
 
 @pytest.mark.parametrize(("kind", "cause"), [("ballbar", "metres"), ("tracker, frame known", "mirrored")])
+@pytest.mark.at_length(r"^tracker, frame known-mirrored$")
 def test_readings_that_are_wrong_alike_are_named(kind: str, cause: str) -> None:
     require_named(kind, cause, exact=True)
 
@@ -200,6 +201,7 @@ def test_readings_that_are_wrong_alike_are_named_at_length(kind: str, cause: str
     require_named(kind, cause, exact=exact)
 
 
+@pytest.mark.long
 def test_a_joint_with_the_wrong_sign_is_no_fault_of_the_readings() -> None:
     """Negative control: a misfit of another cause gets that cause."""
     arm = arm_of("dial", exact=True)

@@ -136,6 +136,7 @@ def tracker_peers(tracker_table):
     return tracker_table.tracker_peers
 
 
+@pytest.mark.long
 def test_data_without_noise_give_the_parameters_back(tracker_table, tracker_peers):
     """Rows of Denavit and Hartenberg, as pybotics has them, to 1e-9 rad and mm."""
     truth = tracker_peers.simulated(np.random.default_rng(3), 40, (0.0, 0.0), held=1, beta=False)
@@ -170,6 +171,7 @@ def test_the_peers_start_is_the_best_frame_of_nominal_links(tracker_peers):
     assert data.sigma > noise[1]
 
 
+@pytest.mark.long
 def test_a_simulated_tracker_set_is_solved_within_its_uncertainty(tracker_table, tracker_peers):
     """And joints that never move are unidentifiable."""
     rng, robot = np.random.default_rng(6), tracker_table.load_robot("irb1600", BENCHMARKS)

@@ -50,6 +50,7 @@ def plan(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", ["--help", "robot irb1600 --json", "check"])
+@pytest.mark.at_length(r"^(check|--help)")
 def test_a_command_whose_output_nobody_reads(command: str, plan: Path) -> None:
     """As a shell has it: 128 and the number of SIGPIPE; not 1, a verdict."""
     with closed_pipe() as nowhere:
@@ -59,11 +60,13 @@ def test_a_command_whose_output_nobody_reads(command: str, plan: Path) -> None:
 
 @full
 @pytest.mark.parametrize("command", ["--help", "robot irb1600 --json"])
+@pytest.mark.at_length(r"^robot")
 def test_a_command_whose_output_finds_no_room(command: str) -> None:
     with open("/dev/full", "wb") as nowhere:
         assert told(command.split(), nowhere.fileno()) == (3, NO_ROOM)
 
 
+@pytest.mark.long
 def test_messages_that_nobody_reads_change_no_status(plan: Path) -> None:
     plan.write_text("none")
     with closed_pipe() as nowhere:
@@ -71,6 +74,7 @@ def test_messages_that_nobody_reads_change_no_status(plan: Path) -> None:
 
 
 @pytest.mark.parametrize("events", [["--json-lines"], pytest.param([], marks=pytest.mark.long)])
+@pytest.mark.long
 def test_a_run_whose_output_nobody_reads_is_recorded_to_its_end(events: list[str], plan: Path) -> None:
     file = plan.with_name("run.jsonl")
     with closed_pipe() as nowhere:
@@ -92,6 +96,7 @@ def test_a_run_whose_output_finds_no_room_is_recorded_to_its_end(plan: Path) -> 
 
 
 @pytest.mark.parametrize(("command", "status"), [("robot irb1600", 0), ("robot nothing", 2)])
+@pytest.mark.at_length(r"^robot irb")
 def test_a_command_without_any_streams_has_its_status(command: str, status: int) -> None:
     shell = ["sh", "-c", 'exec "$@" >&- 2>&-', "sh"]
     with child([*shell, *ZEROBEAM, *command.split()]) as process:
@@ -153,6 +158,7 @@ def _inputs(folder: Path) -> None:
         for how in ("a full disk", "a limit")
     ],
 )
+@pytest.mark.long
 def test_a_file_that_finds_no_room_is_a_fault_and_one_message(
     what: str, how: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

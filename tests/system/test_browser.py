@@ -124,6 +124,7 @@ def test_the_accessibility_checker_has_no_serious_finding(report: Path, size: st
 @pytest.mark.parametrize(
     "name", [name if name == "x_pattern" else pytest.param(name, marks=pytest.mark.long) for name in EXAMPLES]
 )
+@pytest.mark.long
 def test_so_it_is_for_runs_that_tell_little(name: str, tmp_path: Path) -> None:
     file = written(tmp_path, EXAMPLES[name])
     assert findings(file, PHONE) == []

@@ -88,6 +88,7 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 # --- what is asked for is answered --------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_installed_command_answers(tmp_path: Path) -> None:
     told = process("--version")
     assert told == Answer(0, f"zerobeam {package.__version__}\n", "")
@@ -121,6 +122,7 @@ def test_analyse_prints_for_people_without_json() -> None:
     assert "\x1b" not in told.out
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not(tmp_path: Path) -> None:
     """A process each: within one, arrays that lie otherwise in memory are added up to another last bit."""
     (run := tmp_path / "run.jsonl").write_text(run_text(), encoding="utf-8")
@@ -138,6 +140,7 @@ def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not(tmp_path:
 
 
 @pytest.mark.parametrize("loss", ["huber", "student"])
+@pytest.mark.long
 def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_path: Path, loss: str) -> None:
     pushed = tmp_path / "pushed.jsonl"
     pushed.write_text(run_text(None, one_changed(2, spot_mm=[1.5, -1.0])), encoding="utf-8")
@@ -154,6 +157,7 @@ def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_pat
     assert zerobeam("analyse", good, "--json", *FEW).json["robust"] is None
 
 
+@pytest.mark.long
 def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
     two = tmp_path / "two.jsonl"
     shots = [{**shot, "target": "near"} for shot in SHOTS]
@@ -173,6 +177,7 @@ def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
     assert "no target of that name" in zerobeam("analyse", two, "--hold-out", "fa").refused()
 
 
+@pytest.mark.long
 def test_another_run_is_predicted(tmp_path: Path) -> None:
     good, other = exact_copy(GOOD, tmp_path / "good.jsonl"), tmp_path / "other.jsonl"
     lines = good.read_text(encoding="utf-8").splitlines()
@@ -204,6 +209,7 @@ def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., Any]:
 
 
 @pytest.mark.parametrize(("agrees", "status"), [(True, 0), pytest.param(False, 1, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_a_study_is_written_told_and_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agrees: bool, status: int
 ) -> None:
@@ -217,6 +223,7 @@ def test_a_study_is_written_told_and_judged(
     assert (tmp_path / "study" / "coverage.csv").is_file()
 
 
+@pytest.mark.long
 def test_a_study_for_a_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[int, int]] = []
     monkeypatch.setattr("zerobeam.experiments.studies.coverage.coverage_study", study_of(seen, True))
@@ -273,6 +280,7 @@ def test_report_writes_the_folder_and_says_where(reported: tuple[Path, Answer]) 
     assert [path.name for path in folder.parent.iterdir()] == ["here"]
 
 
+@pytest.mark.long
 def test_report_prints_the_json_that_it_wrote(tmp_path: Path) -> None:
     run = exact_copy(X_PATTERN, tmp_path / "run.jsonl")
     told = zerobeam("report", run, "-o", tmp_path / "out", "--json", *FEW)
@@ -290,6 +298,7 @@ def test_run_records_a_plan_that_can_be_analysed(tmp_path: Path, plans: dict[str
     assert zerobeam("analyse", file, "--json", *FEW).status == 0
 
 
+@pytest.mark.long
 def test_run_prints_one_answer_or_every_event(tmp_path: Path, plans: dict[str, Path]) -> None:
     asked = ("run", plans["good"], "--seed", "3", "--no-camera")
     answer = zerobeam(*asked, "-o", tmp_path / "a.jsonl", "--json")
@@ -313,6 +322,7 @@ def test_run_ends_with_the_status_of_its_verdict(tmp_path: Path, plans: dict[str
     assert "delta2" in untold
 
 
+@pytest.mark.long
 def test_run_adapts_within_a_tolerance_and_says_what_that_saved(
     tmp_path: Path, plans: dict[str, Path]
 ) -> None:
@@ -582,6 +592,7 @@ def test_a_file_that_is_a_folder_or_not_there(command: str, tmp_path: Path) -> N
     assert "did you mean 'good.jsonl'?" in zerobeam(command, tmp_path / "god.jsonl").refused()
 
 
+@pytest.mark.long
 def test_a_torn_last_line_is_told_and_the_rest_used(tmp_path: Path) -> None:
     file = tmp_path / "run.jsonl"
     file.write_text(run_text() + '{"shot":7,"target":"ps', encoding="utf-8")
@@ -723,6 +734,7 @@ def test_bad_usage_is_told_with_the_usage(
         ),
     ],
 )
+@pytest.mark.long
 def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -791,6 +803,7 @@ def test_commands_and_options_change_on_purpose() -> None:
 
 
 @pytest.mark.parametrize("name", commands())
+@pytest.mark.one_in(3)
 def test_every_command_has_help_that_names_its_options(name: str) -> None:
     told = zerobeam(*name.split()[1:], "--help")
     assert (told.status, told.err) == (0, "")
@@ -810,6 +823,7 @@ def test_no_command_is_bad_usage_with_help() -> None:
     assert "Usage: zerobeam" in told.out + told.err
 
 
+@pytest.mark.long
 def test_two_swapped_columns_of_the_demo_are_a_misfit(tmp_path: Path) -> None:
     """Joints 4 and 6 the wrong way round: no pass, no offset identified, nothing for a controller."""
     bad = tmp_path / "swapped.jsonl"

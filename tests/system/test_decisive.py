@@ -202,6 +202,7 @@ def case(name: str, folder: Path, request: pytest.FixtureRequest) -> Case:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in CASES]
 )
+@pytest.mark.at_length(r"^(dinova_1|three shots|joint 1 freed)")
 def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
     name: str, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,6 +282,7 @@ def pseudo_inverse_std(problem: Problem) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["x-pattern", "panda_1"])
+@pytest.mark.at_length(r"^panda_1")
 def test_no_output_of_a_check_claims_what_its_plan_cannot_tell(
     name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

@@ -173,10 +173,12 @@ def test_most_pages_have_something_to_run() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(set(RUN) - SLOW))
+@pytest.mark.at_length(r"^docs/(?!files\.md)")
 def test_the_blocks_of_a_page_run_in_their_order(name: str, place: Callable[[str], Path]) -> None:
     assert carry_out(read(name), place(name), short=True, written=name == "README.md") >= 1
 
 
+@pytest.mark.long
 def test_an_instrument_of_the_page_of_instruments(place: Callable[[str], Path]) -> None:
     """Of the pages left out: one kind, from the header to the answer."""
     name = "docs/how-to/instruments.md"

@@ -264,6 +264,7 @@ def offsets_for_the_controller(folder: Path, arm: Arm) -> None:
 
 
 @pytest.mark.parametrize("name", ["lrmate_200id", "gp7"])
+@pytest.mark.long
 def test_an_arm_whose_base_frame_is_above_its_mounting_face(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -136,6 +136,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.at_length(r"^(?!mix$|one reflector$)")
 def test_what_is_determined_is_right_and_the_rest_is_not_told(case: str, tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES[case])
     answer = zerobeam("analyse", run, "--ess", 100, "--json")
@@ -153,12 +154,14 @@ def test_what_is_determined_is_right_and_the_rest_is_not_told(case: str, tmp_pat
     assert frames == ([f"{label}.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")] if label else [])
 
 
+@pytest.mark.long
 def test_readings_that_are_off_are_a_misfit(tmp_path: Path) -> None:
     stiff = TRACKER | {"sigma_mm": 0.002}
     run = written(tmp_path / "run.jsonl", {"leica": stiff}, {"leica": "tracker"}, noise={"joint_deg": 0.0005})
     assert zerobeam("analyse", run, "--ess", 100, "--json").json["verdict"] == "misfit"
 
 
+@pytest.mark.long
 def test_the_page_of_a_run_without_a_laser_speaks_of_none(tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES["mix"])
     told = zerobeam("report", run, "--ess", 100, "-o", tmp_path / "report")
@@ -172,6 +175,7 @@ def test_the_page_of_a_run_without_a_laser_speaks_of_none(tmp_path: Path) -> Non
     assert "length of bar" in text
 
 
+@pytest.mark.long
 def test_the_page_of_a_run_without_a_target_says_so(tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES["known"])
     zerobeam("report", run, "--ess", 100, "-o", tmp_path / "report")
@@ -180,6 +184,7 @@ def test_the_page_of_a_run_without_a_target_says_so(tmp_path: Path) -> None:
     assert "base frame (x, y, z): ." not in page
 
 
+@pytest.mark.long
 def test_stated_angles_of_a_cube_are_in_the_answer(tmp_path: Path) -> None:
     run = cube_run(tmp_path / "run.jsonl")
     answer = zerobeam("analyse", run, "--ess", 100, "--json").json
@@ -204,6 +209,7 @@ def test_what_is_for_a_laser_or_probe_refuses_what_is_none(tmp_path: Path) -> No
     assert not (tmp_path / "plan.yaml").exists()
 
 
+@pytest.mark.long
 def test_residuals_of_a_pose_are_a_length_and_an_angle(tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES["pose"])
     answer = zerobeam("analyse", run, "--ess", 100, "--json").json
@@ -218,6 +224,7 @@ def test_residuals_of_a_pose_are_a_length_and_an_angle(tmp_path: Path) -> None:
     assert 0.005 < fit["rms_deg"] < 0.03
 
 
+@pytest.mark.long
 def test_of_a_mix_only_what_was_read_is_a_residual(tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES["mix"])
     answer = zerobeam("analyse", run, "--ess", 100, "--json").json
@@ -250,6 +257,7 @@ def verification(plan: Path, path: Path, of: dict[str, str], left_deg: float, st
 
 
 @pytest.mark.parametrize("case", ["tracker", "known", "pose", "ballbar", "mix"])
+@pytest.mark.long
 def test_a_corrected_robot_is_verified_by_every_kind(case: str, tmp_path: Path) -> None:
     """It passes as entered, with the tracker moved; with half a degree left in joint 3 it fails. All lengths
     of the ball bar do not notice the tolerance, and it says so."""
@@ -276,6 +284,7 @@ def plain(page: Path) -> str:
     return re.sub(r"<[^>]+>", " ", re.sub(r"<(style|script|svg).*?</\1>", " ", text, flags=re.DOTALL))
 
 
+@pytest.mark.long
 def test_a_certificate_names_the_instruments_of_its_run(tmp_path: Path) -> None:
     pytest.importorskip("cryptography")
     about = {"robot serial": "A-1", "when": "2026-03-01", "tracker serial": "T 7", "ball bar": "B 9"}
@@ -295,6 +304,7 @@ def test_a_certificate_names_the_instruments_of_its_run(tmp_path: Path) -> None:
         assert not re.search(rf"\b{word}\b", text, re.IGNORECASE), word
 
 
+@pytest.mark.long
 def test_a_plan_of_several_instruments_has_its_page(tmp_path: Path) -> None:
     run = written(tmp_path / "run.jsonl", *CASES["mix"])
     assert zerobeam("plan", "verify", run, "-o", tmp_path / "plan.yaml").status == 0
@@ -305,6 +315,7 @@ def test_a_plan_of_several_instruments_has_its_page(tmp_path: Path) -> None:
     assert not re.search(r"\b(laser|beam|servo|PSD)\b", text)
 
 
+@pytest.mark.long
 def test_the_app_opens_and_fits_a_run_of_several_instruments(tmp_path: Path) -> None:
     written(tmp_path / "run.jsonl", *CASES["mix"])
     assert zerobeam("plan", "verify", tmp_path / "run.jsonl", "-o", tmp_path / "plan.yaml").status == 0

@@ -41,6 +41,7 @@ def near(solution: zb.Analysed, true: dict[str, float]) -> bool:
     return all(abs(row.estimate - true[row.name]) < 5 * row.u for row in rows)
 
 
+@pytest.mark.long
 def test_from_arrays_to_a_report(tmp_path, monkeypatch, capsys) -> None:
     names = carried_out("from_arrays_to_report", tmp_path, monkeypatch)
     assert names["degenerate"]["delta2"].estimate is None

@@ -119,6 +119,7 @@ def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return folder
 
 
+@pytest.mark.at_length(r"(with geometry|x-pattern)$")
 def test_no_number_is_made_up(report: Path) -> None:
     answer = json.loads((report / "result.json").read_text(encoding="utf-8"))
     page = " ".join(Page((report / "report.html").read_text(encoding="utf-8")).text)

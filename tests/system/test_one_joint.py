@@ -52,6 +52,7 @@ def run_file(folder: Path, stated: dict[str, Any], name: str = "run.jsonl", **mo
 
 
 @pytest.mark.parametrize("held", [None, []], ids=["held by default", "free"])
+@pytest.mark.at_length(r"^(prismatic laser|revolute laser|revolute probe-free|prismatic probe-free)")
 def test_no_offset_of_one_joint_is_told_as_known(
     stated: dict[str, Any], tmp_path: Path, held: list[str] | None
 ) -> None:
@@ -65,6 +66,7 @@ def test_no_offset_of_one_joint_is_told_as_known(
 
 
 @pytest.mark.parametrize("stated", ["revolute laser", "prismatic probe"], indirect=True)
+@pytest.mark.long
 def test_every_command_answers_or_refuses_in_one_message(stated: dict[str, Any], tmp_path: Path) -> None:
     run = run_file(tmp_path, stated)
     with_geometry = run_file(tmp_path, stated, "other.jsonl", geometry={})

@@ -77,6 +77,7 @@ def analysed(run: Path, package: Path) -> dict[str, object]:
     return json.loads(done.stdout)
 
 
+@pytest.mark.long
 def test_a_kind_of_another_package_is_analysed_as_ours_are(package: Path, tmp_path: Path) -> None:
     write(tmp_path / "run.jsonl")
     answer = analysed(tmp_path / "run.jsonl", package)
@@ -87,6 +88,7 @@ def test_a_kind_of_another_package_is_analysed_as_ours_are(package: Path, tmp_pa
     assert any(row["name"] == "eye.eye.x" for row in answer["parameters"])
 
 
+@pytest.mark.long
 def test_pictures_of_something_else_are_a_misfit(package: Path, tmp_path: Path) -> None:
     write(tmp_path / "run.jsonl", wrong_mm=5.0)
     assert analysed(tmp_path / "run.jsonl", package)["verdict"] == "misfit"

@@ -99,6 +99,7 @@ def test_the_wheel_names_the_command_and_carries_the_licence(wheel: Path) -> Non
         assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
 
 
+@pytest.mark.long
 def test_the_installed_command_starts_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "venv", with_pip=False)
     scripts = tmp_path / "venv" / ("Scripts" if sys.platform == "win32" else "bin")

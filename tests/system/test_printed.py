@@ -114,6 +114,7 @@ CASES: dict[str, tuple[Made, int]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.at_length(r"^(analyse_(joint|noise|tolerance|pushed|two|uncal)|run_(x|adaptive|bumped))")
 def test_it_is_printed_word_for_word(name: str, tmp_path: Path) -> None:
     made, status = CASES[name]
     told = zerobeam(*made(tmp_path))

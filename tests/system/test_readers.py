@@ -146,6 +146,7 @@ often = settings(
 
 
 @pytest.mark.parametrize("kind", VALUES)
+@pytest.mark.one_in(3)
 def test_any_value_in_a_document(kind: str, tmp_path: Path) -> None:
     text, reader = VALUES[kind]
     whole = YAML(typ="safe", pure=True).load(text)
@@ -162,6 +163,7 @@ def test_any_value_in_a_document(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", [*TEXTS, *VALUES])
+@pytest.mark.one_in(3)
 def test_any_text_in_a_file(kind: str, tmp_path: Path) -> None:
     text, reader = (TEXTS | VALUES)[kind]
     path = tmp_path / "file"

@@ -119,12 +119,14 @@ def test_a_profile_counts_measurements_by_their_effective_number(kuka: Solution)
     np.testing.assert_allclose(np.diff(ends), np.diff(linear), rtol=0.1)
 
 
+@pytest.mark.long
 def test_a_split_of_panda_1_disagrees_with_nominal_geometry(run: Runs) -> None:
     problem = Problem.from_run(stated(run["panda_1"], None))
     nominal = judge(fit_likelihood(problem, starts=0))
     assert rms(compared(nominal, 1)) >= 2
 
 
+@pytest.mark.long
 def test_nominal_geometry_is_a_misfit_of_kuka_14_and_left_as_it_is(run: Runs) -> None:
     """The errors of the geometry correlate the residuals: that must not excuse them."""
     nominal = answer(run["kuka_14"], None)

@@ -92,6 +92,7 @@ def dinova_1(shared_data: Path) -> Analysed:
     return analysed(shared_data, DINOVA_1)
 
 
+@pytest.mark.long
 def test_the_import_of_panda_2_tells_what_it_took(panda_2: Analysed) -> None:
     assert "18 files, 559 measurements" in panda_2.import_told.out
     assert "angles in radians, converted to degrees" in panda_2.import_told.out
@@ -174,6 +175,7 @@ def test_panda_2_lack_of_fit_is_said_plainly(panda_2: Analysed) -> None:
 
 
 @pytest.mark.parametrize(("place", "holds"), [("mid-high", True), ("high", False), ("front_right", False)])
+@pytest.mark.long
 def test_panda_2_without_one_placement(panda_2: Analysed, place: str, holds: bool) -> None:
     """Trained on the other placements: where the model misses is said, and elsewhere that it holds."""
     held = hold_out(Problem.from_run(read_run(panda_2.run)), [f"{place}_*"])
@@ -203,6 +205,7 @@ def test_a_third_of_panda_2_gives_the_same_offsets(panda_2: Analysed) -> None:
         assert abs(math.degrees(third.x[i]) - whole["estimate"]) < 4 * spread
 
 
+@pytest.mark.long
 def test_panda_1(panda_1: Analysed) -> None:
     assert panda_1.answer["inputs"]["shots"] == 182
     assert panda_1.fit["rms_mm"] == pytest.approx(1.19, abs=0.01)
@@ -223,6 +226,7 @@ def test_the_two_pandas_are_one_make(panda_1: Analysed, panda_2: Analysed) -> No
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 @pytest.mark.parametrize("name", ["panda_2", "panda_1", "kuka_14"])
+@pytest.mark.at_length(r"^(?!panda_1-known$)")
 def test_the_placements_of_every_arm_disagree(name: str, scale: str, request: pytest.FixtureRequest) -> None:
     """Whatever is said of the noise: the scatter within the placements is the yardstick."""
     run = read_run(request.getfixturevalue(name).run)
@@ -269,6 +273,7 @@ def test_dinova_1_whose_misfit_is_said_loudly(dinova_1: Analysed) -> None:
     assert all(49.7 < socket < 50.3 for socket in dinova_1.sockets())
 
 
+@pytest.mark.long
 def test_dinova_1_beyond_its_limits_is_told_with_the_joint_and_the_shots(dinova_1: Analysed) -> None:
     (told,) = (note for note in dinova_1.answer["notes"] if "outside its limits" in note)
     assert told.startswith("joint 6 is outside its limits (-119.748 to 119.748 deg), up to -157.128")
@@ -280,6 +285,7 @@ LEFT_OUT = [(PANDA_2, 0.986), (PANDA_1, 1.573), (KUKA_14, 0.671)]
 
 
 @pytest.mark.parametrize(("arm", "rms_mm"), LEFT_OUT, ids=[arm.name for arm, _ in LEFT_OUT])
+@pytest.mark.at_length(r"^(?!panda_1$)")
 def test_each_placement_as_the_others_predict_it(arm: Arm, rms_mm: float, shared_data: Path) -> None:
     """Against an independent prototype of offsets only, whose noise settings differ a little."""
     _, run = recorded(shared_data, arm)
@@ -294,6 +300,7 @@ def test_each_placement_as_the_others_predict_it(arm: Arm, rms_mm: float, shared
     assert max((row.u or 0.0) / (found[row.name].u or 1.0) for row in knife.offsets) > 2
 
 
+@pytest.mark.long
 def test_panda_2_without_the_placement_that_slipped(shared_data: Path) -> None:
     _, run = recorded(shared_data, PANDA_2)
     problem = Problem.from_run(read_run(run)).without_targets(["high_0", "high_1"])
@@ -308,6 +315,7 @@ def test_panda_2_without_the_placement_that_slipped(shared_data: Path) -> None:
     assert plain.p_value < 1e-6
 
 
+@pytest.mark.long
 def test_the_steps_that_were_found_by_hand(shared_data: Path) -> None:
     """panda_2: high_0 from its ninth measurement on for some eight."""
     for arm, target, first, last in ((PANDA_2, "high_0", 9, 16),):

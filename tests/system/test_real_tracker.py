@@ -101,6 +101,7 @@ def test_the_import_names_the_pose_whose_joints_were_not_read(name: str, count: 
         pytest.param("B", (0.95, 1.60), 0.45, 1, marks=pytest.mark.long),
     ],
 )
+@pytest.mark.long
 def test_the_other_half_of_a_series(
     name: str, offsets_mm: tuple[float, float], whole_mm: float, every: int, series: Series
 ) -> None:
@@ -141,6 +142,7 @@ def test_as_a_person_asks_for_it(name: str, series: Series) -> None:
         pytest.param("B", 1, marks=pytest.mark.long),
     ],
 )
+@pytest.mark.long
 def test_nominal_geometry_is_a_misfit_whatever_is_said_of_the_noise(
     name: str, every: int, series: Series
 ) -> None:
@@ -156,6 +158,7 @@ def test_nominal_geometry_is_a_misfit_whatever_is_said_of_the_noise(
     assert not any(isinstance(one, NominalContradicted) for one in series.solved(name, every).contradictions)
 
 
+@pytest.mark.long
 def test_tolerances_that_are_too_small_are_named_with_what_they_would_have_to_be(series: Series) -> None:
     tolerance = {"length_mm": 0.05, "angle_deg": 0.01}
     header = {"gravity": True, "harmonics": True, "tolerance": tolerance}
@@ -176,6 +179,7 @@ def test_tolerances_that_are_too_small_are_named_with_what_they_would_have_to_be
 
 
 @pytest.mark.parametrize("every", [EVERY, LONG])
+@pytest.mark.long
 def test_outliers_are_named(every: int, series: Series) -> None:
     run = series.run("B")
     rows = sorted({*range(0, len(run.shots), every), 854, 855})

@@ -59,6 +59,7 @@ def jittered(plan: Plan, seed: int) -> Plan:
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.one_in(4)
 def test_a_jitter_of_joint_1_is_no_information(seed: int) -> None:
     """What varies by its noise alone is at rest: the gauge of the paper, exactly."""
     answer = check(jittered(pattern_plan("x"), seed))

@@ -43,6 +43,7 @@ def with_special_functions() -> set[str]:
     return set(done.stdout.split())
 
 
+@pytest.mark.long
 def test_check_loads_special_functions_no_sampler_and_no_figures(tmp_path: Path) -> None:
     names = loaded("check", plan_file(tmp_path / "plan.yaml", good_plan(7)))
     assert "numpy" in names
@@ -90,6 +91,7 @@ def test_analyse_loads_what_it_computes_with_and_no_figures() -> None:
 
 
 @pytest.mark.parametrize("word", ["--help", "--version", "nothing"])
+@pytest.mark.one_in(3)
 def test_without_a_command_all_are_there(word: str) -> None:
     command = [sys.executable, "-c", "from zerobeam.cli import main; main()", word]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

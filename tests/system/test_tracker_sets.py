@@ -54,6 +54,7 @@ def run_file(path: Path, robot: str, joints: np.ndarray, measured: list[dict[str
 
 
 @pytest.mark.parametrize("loss", ["student", pytest.param("huber", marks=pytest.mark.long)])
+@pytest.mark.long
 def test_two_percent_of_outliers_are_found_and_said(loss: str, tmp_path: Path) -> None:
     rng, count = np.random.default_rng(2), 150
     arm = recorded(Cell(TRACKER, {}, ONE_EACH), count, rng, exact=True, joint_deg=JOINT_DEG, lost_deg=0.0)
@@ -78,6 +79,7 @@ def test_two_percent_of_outliers_are_found_and_said(loss: str, tmp_path: Path) -
 
 @pytest.mark.parametrize("joints", [6, 7])
 @pytest.mark.parametrize("moving", [True, False])
+@pytest.mark.at_length(r"^(False|True-6)")
 def test_joints_that_never_move_are_unidentifiable(joints: int, moving: bool, tmp_path: Path) -> None:
     """Of joints 3 to the last; where all move, only the last is not determined beside free reflectors."""
     rng, count = np.random.default_rng(4), 40

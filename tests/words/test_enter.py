@@ -42,6 +42,7 @@ def values(before: TcpError | None = BEFORE, after: TcpError | None = AFTER) -> 
     return replace(passed(), entered=entered, entered_geometry=None)
 
 
+@pytest.mark.long
 def test_the_error_is_stated_with_what_it_was() -> None:
     sentence = (enter_sentence(values()) or "").replace("\u00a0", " ")
     assert "0.61 mm instead of 3.0 mm" in sentence

@@ -97,6 +97,7 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
     assert said.action.command == "zerobeam export rapid run.jsonl -o offsets.mod"
 
 
+@pytest.mark.long
 def test_a_pass_of_no_robot_has_nothing_to_enter() -> None:
     result = analysed("good").result
     said = message(result)
@@ -107,6 +108,7 @@ def test_a_pass_of_no_robot_has_nothing_to_enter() -> None:
 
 
 @pytest.mark.parametrize(("tcp_mm", "met", "colour"), [(0.5, "is not met", "weak"), (50.0, "is met", "pass")])
+@pytest.mark.one_in(2)
 def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, met, colour) -> None:
     result = zb.analyse(measured(required={"tcp_mm": tcp_mm}), ess=100).result
     said = message(result)
@@ -133,6 +135,7 @@ def test_a_degenerate_run_names_the_mechanism_and_plans_with_its_own_header() ->
     assert not header.provenance
 
 
+@pytest.mark.long
 def test_a_misfit_names_its_cause_and_nothing_follows_from_the_wrong_model() -> None:
     result = analysed("swapped").result
     said = message(result)
@@ -158,6 +161,7 @@ def test_a_misfit_names_its_cause_and_nothing_follows_from_the_wrong_model() -> 
 
 
 @pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.at_length(r"^1")
 def test_a_target_that_moved_is_a_misfit_with_its_place_and_its_remedy(seed: int) -> None:
     run = displaced(3.0, seed)
     found = zb.analyse(run, ess=100)

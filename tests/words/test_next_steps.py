@@ -11,6 +11,7 @@ from zerobeam.words.next_steps import next_steps
 
 
 @pytest.mark.parametrize(("number", "verdict"), [(0, "pass"), (1, "degenerate")])
+@pytest.mark.one_in(2)
 def test_values_are_offered_of_a_pass_alone(number: int, verdict: str) -> None:
     found = zb.analyse(zb.read_run(demo_runs()[number].path), ess=100)
     assert found.verdict == verdict

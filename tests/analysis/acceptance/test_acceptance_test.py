@@ -97,6 +97,7 @@ def spots_for(problem, x, wanted):
     return problem.spots + np.linalg.solve(by, wanted[..., None])[..., 0]
 
 
+@pytest.mark.long
 def test_false_alarms_are_as_rare_as_stated():
     p = [answer(seed=seed).p_value for seed in range(150)]
     share = float(np.mean(np.array(p) < 0.2))
@@ -111,6 +112,7 @@ def answer(**how):
 
 
 @pytest.mark.parametrize("tests", [40, pytest.param(300, marks=pytest.mark.long)])
+@pytest.mark.at_length(r"^40$")
 def test_the_power_is_that_of_the_count(tests):
     stated = {own.name: own.power for own in answer(rows=range(5)).offsets}
     noticed = [answer(rows=range(5), error={"delta2": 0.1}, seed=s).verdict == "fail" for s in range(tests)]
@@ -177,6 +179,7 @@ def p_values(kind, count, error_deg=0.0):
 
 
 @pytest.mark.parametrize("kind", ["tracker", "plane"])
+@pytest.mark.long
 def test_of_other_instruments_a_right_robot_agrees_and_a_wrong_one_does_not(kind):
     assert (p_values(kind, 2) > 1e-4).all()
     assert (p_values(kind, 2, 1.0) < FALSE_ALARM).all()

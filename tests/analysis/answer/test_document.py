@@ -16,6 +16,7 @@ OFFSET = {"name": "delta2", "status": "identified", "estimate": 1.0, "std": 0.1,
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.at_length(r"^(misfit|hostile|geometry|separate|uncalibrated|held_out|outlier)$")
 def test_what_is_written_is_read_back(name: str) -> None:
     result, text = EXAMPLES[name], dumps(to_json(EXAMPLES[name]))
     document = from_json(text)

@@ -94,6 +94,7 @@ def test_different_readings_of_the_slope_are_those_furthest_out():
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("seed", range(8))
+@pytest.mark.one_in(4)
 def test_all_choices_of_few(criterion, seed):
     candidates = random_candidates(seed)
     best, rows = brute_force(candidates, 3, criterion)
@@ -106,6 +107,7 @@ def test_all_choices_of_few(criterion, seed):
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize(("seed", "size"), [(0, 3.0), (1, 3.0), (2, 3.0), (3, 0.3)])
+@pytest.mark.one_in(3)
 def test_no_weights_are_below_the_bound(criterion, seed, size):
     candidates = random_candidates(seed, count=40, size=size)  # with 0.3 the prior is a good part of it
     found = continuous(candidates, (5,), criterion)
@@ -124,6 +126,7 @@ def test_no_weights_are_below_the_bound(criterion, seed, size):
 
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.one_in(4)
 def test_a_bound_for_different_shots_is_closer_and_holds(criterion, seed):
     """Of a candidate that is better than all others by far only one can be taken."""
     candidates = random_candidates(seed)
@@ -152,6 +155,7 @@ def test_shares_are_capped(shots):
 
 
 @pytest.mark.parametrize("criterion", ["A", "D", "E"])
+@pytest.mark.one_in(3)
 def test_so_many_of_each_group_are_chosen(criterion):
     """The best of all choices of two of one group and one of the other; without groups there is a better."""
     roots = random_candidates(3).roots
@@ -267,6 +271,7 @@ def test_nuisance_is_eliminated_as_by_schur():
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.at_length(r"^E")
 def test_the_seed_fixes_the_choice(criterion):
     candidates = random_candidates(10, count=200)
     one, two = (design(candidates, (6,), criterion, seed=5) for _ in range(2))
@@ -304,6 +309,7 @@ def test_a_gauge_is_no_singular_case():
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.one_in(3)
 def test_no_exchange_of_two_improves_the_choice(seed):
     candidates = random_candidates(seed, count=30)
     rng = np.random.default_rng(seed)

@@ -149,6 +149,7 @@ def test_a_slide_is_off_by_its_own_error_in_millimetres():
 
 
 @pytest.mark.parametrize("kinds", ["pprr", "rpp"])
+@pytest.mark.one_in(2)
 def test_arms_with_slides(kinds):
     """Numbers for any arm; the first joint's offset has no part in them, a slide's neither."""
     n = len(kinds)
@@ -317,6 +318,7 @@ def random_postures(problem, count, seed):
 
 @pytest.mark.parametrize("count", [400, pytest.param(5000, marks=pytest.mark.long)], ids=["short", "long"])
 @pytest.mark.parametrize("scale", ["known", "estimated"])
+@pytest.mark.one_in(2)
 def test_the_radius_holds_the_truth_behind_simulated_runs(scale, count):
     """The whole chain: simulated runs, each fitted, each looked at in a posture of its own."""
     truth, problem, recorded, spots = many_runs(good_plan(7, noise={"scale": scale}), TABLE_2, count, seed=31)

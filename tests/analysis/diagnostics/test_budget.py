@@ -160,6 +160,7 @@ def moved(fit, **changes):
 
 
 @pytest.mark.parametrize("tool", ["laser", "open laser"])
+@pytest.mark.one_in(2)
 def test_what_was_stated_moves_the_estimate_by_its_sensitivity(tool):
     """Central differences of the fit itself, by each stated number."""
     fit = fitted(tool=tool)
@@ -237,6 +238,7 @@ def test_one_source_alone_scatters_the_estimate_by_its_contribution(draws):
 
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+@pytest.mark.one_in(3)
 def test_the_expanded_uncertainty_is_the_interval_of_the_result(scale):
     _, run = simulated(good_plan(8, noise={"scale": scale}), TABLE_2, seed=6)
     result = analyse(run, ess=100).result

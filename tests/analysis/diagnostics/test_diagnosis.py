@@ -47,11 +47,13 @@ def spoilt(name, spoil, tmp_path) -> Solution:
 
 
 @pytest.mark.parametrize("name", ["good", "uncalibrated", "x-pattern"])
+@pytest.mark.one_in(3)
 def test_right_data_need_no_explanation(name: str) -> None:
     assert diagnose(of(Problem.from_run(demo(name)))) == ()
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.one_in(3)
 def test_noise_alone_needs_no_explanation(seed: int) -> None:
     tool = LASER if seed % 2 else OPEN_PROBE
     _, problem = simulated_problem(good_plan(8, seed=seed, tool=tool), TABLE_2, seed=seed)
@@ -117,6 +119,7 @@ def test_one_wrong_measurement_is_found_and_not_taken_for_a_moved_target(tmp_pat
     assert (found[0].cause, found[0].measurements, found[0].targets) == ("measurements", (3,), ("psd",))
 
 
+@pytest.mark.long
 def test_a_placement_of_two_targets_is_left_out_as_one(tmp_path) -> None:
     corruption = next(each for each in CORRUPTIONS if each.cause == "placement")
     found = diagnose(of(Problem.from_run(exact(corruption.spoilt(tmp_path)))))
@@ -125,6 +128,7 @@ def test_a_placement_of_two_targets_is_left_out_as_one(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("scale", ["estimated", "separate"])
+@pytest.mark.long
 def test_an_estimated_noise_does_not_hide_the_exchange(scale: str, tmp_path) -> None:
     """The factor is of the stated noise whatever the header does with its scale."""
     _, run = simulated(good_plan(12, noise={"scale": scale}, geometry="exact"), TABLE_2)
@@ -135,6 +139,7 @@ def test_an_estimated_noise_does_not_hide_the_exchange(scale: str, tmp_path) -> 
     assert found[0].before > 100
 
 
+@pytest.mark.long
 def test_of_many_measurements_a_part_is_tried_first(tmp_path) -> None:
     _, run = simulated(good_plan(170, geometry="exact"), TABLE_2)
     (found,) = diagnose(of(Problem.from_run(swapped(3, 5)(run, tmp_path))))
@@ -145,6 +150,7 @@ def test_of_many_measurements_a_part_is_tried_first(tmp_path) -> None:
     assert (found.cause, found.measurements) == ("measurements", (40,))
 
 
+@pytest.mark.long
 def test_two_things_at_once_are_said_to_be_more_than_one(tmp_path) -> None:
     """With an exchange in an arm that is not as drawn, to undo it leaves far less, yet more than noise."""
     _, run = simulated(good_plan(12, geometry="exact"), TABLE_2)
@@ -237,6 +243,7 @@ def of_another_arm(seed: int, factor: float = 1.0) -> Solution:
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
+@pytest.mark.one_in(3)
 def test_links_within_tolerance_are_named_and_nothing_else(seed: int) -> None:
     solution = of_another_arm(seed)
     assert solution.verdict == "misfit"
@@ -247,6 +254,7 @@ def test_links_within_tolerance_are_named_and_nothing_else(seed: int) -> None:
     assert "with link geometry estimated" in explanation_sentence(found)
 
 
+@pytest.mark.long
 def test_links_far_beyond_tolerance_are_no_explanation() -> None:
     assert "geometry" not in {own.cause for own in diagnose(of_another_arm(4, 30.0)) if own.agrees}
 

@@ -55,6 +55,7 @@ def true_errors(solution: Solution, x: Matrix, values: dict[str, float]) -> Matr
     )
 
 
+@pytest.mark.long
 def test_no_five_offsets_serve_better(arms: list[tuple[Solution, Matrix]]) -> None:
     """A direct search over the expected squared error of the TCP finds less than 1 % to gain."""
     solution, _ = arms[0]
@@ -133,6 +134,7 @@ def test_a_controller_that_takes_links_gains_more(arms: list[tuple[Solution, Mat
     assert 0 < np.abs(left).max() < 1.0
 
 
+@pytest.mark.long
 def test_the_uncertainty_is_that_of_what_serves_the_arm_best(arms: list[tuple[Solution, Matrix]]) -> None:
     """By the values of arms at random from the posterior: the fit repeated for each."""
     solution, _ = arms[0]

@@ -60,6 +60,7 @@ def p_values(shots, stated, count, names=("left",)):
 @pytest.mark.parametrize(
     ("shots", "names"), [(TWO, ["left"]), (THREE, ["left", "right"])], ids=["one", "two"]
 )
+@pytest.mark.long
 def test_the_p_values_are_uniform(shots, names):
     """120 runs by Kolmogorov and Smirnov, at a level of 1e-3: D below 0.176."""
     p = p_values(shots, three_placements(shots), 120, names)
@@ -70,6 +71,7 @@ def test_the_p_values_are_uniform(shots, names):
     assert stats.kstest(wrong, "uniform").pvalue < LEVEL
 
 
+@pytest.mark.long
 def test_with_an_estimated_scale_they_are_uniform_as_well():
     """Twelve degrees of freedom of the scale are no known noise: F and not chi-squared."""
     p = p_values(TWO, three_placements(TWO, scale="estimated"), 120)
@@ -80,6 +82,7 @@ def test_with_an_estimated_scale_they_are_uniform_as_well():
     assert (p < 0.01).sum() <= few < (stats.chi2.sf(9 * ratio, 9) < 0.01).sum()
 
 
+@pytest.mark.long
 def test_what_the_fit_leaves_open_is_in_the_check():
     """Few shots fitted, many held out: without the fit's covariance the misses would be far too long."""
     shots = {"psd": 5, "left": 12}
@@ -268,6 +271,7 @@ def test_each_row_is_the_hold_out_of_the_placement(solution: Solution) -> None:
     assert found.rms_mm == pytest.approx(np.sqrt(sum(squares) / solution.problem.shots))
 
 
+@pytest.mark.long
 def test_the_rms_to_expect_is_that_of_many_runs() -> None:
     """Five measurements for the offsets: what they leave open is most of what is expected of the others."""
     shots = {"psd": 5, "left": 12}

@@ -72,6 +72,7 @@ def test_the_leverages_sum_to_what_the_shots_determine():
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 @pytest.mark.parametrize("tool", [LASER, OPEN_LASER, PROBE])
+@pytest.mark.at_length(r"^tool1|separate|^tool2-known")
 def test_one_step_is_as_good_as_a_fit(tool, scale, monkeypatch):
     """With 60 measurements of different weights: to 5e-3 of a residual's std, where leaving one out moves the
     largest by a quarter of it at least. With separate factors a fit goes from their marginal mode to the
@@ -153,6 +154,7 @@ def test_an_estimated_scale_is_in_the_stds(way):
     np.testing.assert_allclose(other.leave_one_out, one.leave_one_out, rtol=0.1, atol=0.05)
 
 
+@pytest.mark.long
 def test_one_step_is_as_good_as_a_fit_for_what_a_tracker_read():
     """To 5e-3 of the largest change by leaving one out."""
     cell = CELLS["tracker"]

@@ -64,6 +64,7 @@ COUNTED = [30, pytest.param(200, marks=pytest.mark.long)]
 @pytest.mark.parametrize("count", COUNTED)
 @pytest.mark.parametrize("noise", ["known", "estimated", pytest.param("separate", marks=pytest.mark.long)])
 @pytest.mark.parametrize("tool", [LASER, OPEN_LASER], ids=["calibrated", "open"])
+@pytest.mark.long
 def test_the_p_values_are_uniform(count: int, noise: str, tool: dict[str, Any]) -> None:
     """A common target, and one that only the other run has. Kolmogorov and Smirnov at a level of 1e-3.
 
@@ -82,6 +83,7 @@ def test_the_p_values_are_uniform(count: int, noise: str, tool: dict[str, Any]) 
     assert stats.kstest(np.array(p, dtype=float), "uniform").pvalue > LEVEL
 
 
+@pytest.mark.long
 def test_without_the_uncertainty_of_the_fit_they_would_not_be() -> None:
     """Negative control: few measurements fitted, errors held against their noise alone."""
     theirs, p = another({"psd": 12}), []
@@ -94,6 +96,7 @@ def test_without_the_uncertainty_of_the_fit_they_would_not_be() -> None:
     assert stats.kstest(p, "uniform").pvalue < LEVEL
 
 
+@pytest.mark.long
 def test_the_errors_are_as_long_as_is_expected() -> None:
     """Mean squares over 40 runs of 22 numbers, correlated by the fit: their standard error is below 10 %."""
     squares = []
@@ -253,6 +256,7 @@ def test_a_pass_is_in_doubt_where_another_run_contradicts_it(wrong_run: Analysis
     assert action == "Enter nothing yet: look for what differs in the held-out run."
 
 
+@pytest.mark.long
 def test_halves_of_a_real_arm_predict_each_other(shared_data: Any) -> None:
     """Every other placement of a recording predicts the rest: with links estimated better than nominal."""
     whole = read_run(recorded(shared_data, PANDA_1)[1])

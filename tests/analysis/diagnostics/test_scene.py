@@ -74,6 +74,7 @@ def test_the_ellipsoid_is_wider_where_the_noise_is_estimated() -> None:
 
 
 @pytest.mark.parametrize("count", [30, pytest.param(400, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_the_ellipsoid_holds_the_place_as_often_as_it_says(count: int) -> None:
     plan = good_plan(6, noise={"scale": "estimated"})
     inside, by_chance, by_half = 0, 0, 0
@@ -170,6 +171,7 @@ def solved(kind, count=24):
     return solve_run(problem, header), arm
 
 
+@pytest.mark.long
 def test_lines_of_sight_end_where_the_tracker_and_the_socket_are():
     solution, arm = solved("tracker + plane + ballbar", 28)
     drawn = scene(solution)
@@ -196,6 +198,7 @@ def test_lines_of_sight_end_where_the_tracker_and_the_socket_are():
     }
 
 
+@pytest.mark.long
 def test_planes_and_balls_are_outlined_where_they_were_touched():
     solution, _ = solved("plane")
     outlines = {outline.target: outline.lines for outline in scene(solution).outlines}

@@ -116,6 +116,7 @@ def test_one_offset_has_the_answer_of_a_grid() -> None:
         assert arm.weights @ np.log(arm.rates[:, 0]) == pytest.approx(exact, abs=4 * 0.8 / math.sqrt(ENOUGH))
 
 
+@pytest.mark.long
 def test_an_arm_with_two_results_borrows_from_the_others() -> None:
     random = np.random.default_rng(6)
     many = [drift(walked(random, (0.1, 0.1), 10)) for _ in range(8)]
@@ -227,6 +228,7 @@ def coverage(fleets: int, arms: int, results: int) -> tuple[list[int], int, int]
     return held, wrong, false
 
 
+@pytest.mark.long
 def test_intervals_of_some_models_hold() -> None:
     held, _, _ = coverage(4, 3, 6)
     assert held[0] + held[1] >= 5  # of 8: fewer with a chance of 4e-4

@@ -68,6 +68,7 @@ def test_of_three_the_odd_one_is_named() -> None:
     assert [own.against for own in rest] == [("C",), ("A",)]  # without the biased one
 
 
+@pytest.mark.long
 def test_the_odd_one_is_named_though_it_has_few_results() -> None:
     """By the contrasts alone the others of this fleet are named: each is far from a mean with C in it."""
     found = instrument_biases(simulated(14, 4.0, arms=4, results=7)[0], seed=14)
@@ -85,6 +86,7 @@ def test_the_odd_one_is_named_though_it_has_few_results() -> None:
         (["AA..BB"], (("A",), ("B",))),
     ],
 )
+@pytest.mark.one_in(2)
 def test_what_is_confounded_is_not_determined(
     orders: list[str], expected: tuple[tuple[str, ...], ...]
 ) -> None:
@@ -181,6 +183,7 @@ def test_a_jump_at_a_change_of_instrument_says_so() -> None:
     assert change_at(found.drift.series, "AAAAAAAA", jump.after, jump.offset) is None
 
 
+@pytest.mark.long
 def test_a_jump_of_one_arm_at_a_change_is_not_taken_for_a_bias() -> None:
     random = np.random.default_rng(9)
     arms = [measured(walked(random, STEADY, 6), "AAABBB") for _ in range(2)]
@@ -239,6 +242,7 @@ def judged(fleets: int, size_u: float, *, arms: int = 5, results: int = 8) -> tu
     return held, alarms, right, wrong
 
 
+@pytest.mark.long
 def test_some_intervals_hold_without_an_alarm() -> None:
     held, alarms, _, _ = judged(2, 0.0, arms=3, results=5)
     assert held >= 1  # of 2: none with a chance of 0.0025

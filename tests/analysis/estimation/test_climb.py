@@ -37,6 +37,7 @@ def climbs(problem, sets, rows=5, seed=1):
 @needs_compiler
 @pytest.mark.parametrize("case", PLAIN)
 @pytest.mark.parametrize("sets", [1, 4])
+@pytest.mark.at_length(r"^1-prismatic")
 def test_the_same_slopes(case, sets):
     one, two, x = climbs(PROBLEMS[case], sets)
     v = one.coordinates.from_parameters(x, one.of)
@@ -100,6 +101,7 @@ def test_without_compiled_kernels_it_climbs_in_python():
 @needs_compiler
 @pytest.mark.parametrize("case", [case for case in PLAIN if case != "prismatic, open probe"])
 @pytest.mark.parametrize("steps", [200, 1])
+@pytest.mark.one_in(3)
 def test_the_same_top(case, steps):
     """Newton's steps from the mode, and after a climb of one step: there some rows end in Python."""
     one, two, x = climbs(PROBLEMS[case], 4, rows=20)

@@ -75,6 +75,7 @@ def by_scipy(problem, start, moving):
     return x
 
 
+@pytest.mark.one_in(3)
 def test_it_is_the_least_squares_of_all_parameters_at_once(run):
     """By scipy over offsets, tool and targets together: to 1e-3 stds (weights settle to 1e-6 prior stds, and
     the smallest std is some 1e-3 of its prior's)."""

@@ -192,6 +192,7 @@ def test_estimated_noise_widens_the_stds():
     np.testing.assert_allclose((wide.z - narrow.z) / wide.std, 0, atol=0.05)
 
 
+@pytest.mark.long
 def test_the_truth_under_an_estimated_scale():
     """Mahalanobis distances over 5 are F(5, 32) each: the mean of 30 by the central limit theorem."""
     distances = []
@@ -261,6 +262,7 @@ def test_the_best_of_all_starts_wins():
 
 
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+@pytest.mark.one_in(3)
 def test_fifty_runs_at_once_are_fifty_fits(scale):
     """Row by row the fit of a problem with those recordings alone: 1e-9 of a posterior std."""
     x, problem, joints, spots = many_runs(good_plan(12, noise={"scale": scale}), TABLE_2, 50, seed=21)

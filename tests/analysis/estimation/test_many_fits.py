@@ -66,6 +66,7 @@ def test_those_of_one_shape_go_together(monkeypatch: pytest.MonkeyPatch):
     assert sorted(sizes) == [2, 2, 3]
 
 
+@pytest.mark.long
 def test_fits_side_by_side_have_each_its_own_readings():
     """What an instrument reads differs between runs as their joints do."""
     cell, runs = replace(CELLS["tracker"], turns=((("leica", "R1", None),),)), []

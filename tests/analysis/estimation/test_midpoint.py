@@ -231,6 +231,7 @@ def naive(problem, fits):
 
 
 @pytest.mark.parametrize("case", ["laser", "two targets", "open laser", "probe", "probe of a rough seat"])
+@pytest.mark.at_length(r"^(?!laser$)")
 def test_the_sandwich_is_the_scatter_of_many_runs(case):
     """200 simulated runs: the Mahalanobis distances of the fits from the truth by the stated covariance, g
     parameters each, are chi-squared with 200 g degrees of freedom; so are the squares over the variances of

@@ -31,10 +31,19 @@ def two_lengths(joint_deg, spot_mm, **changes):
 
 @pytest.fixture(scope="module")
 def runs():
+    return fitted(RUNS)
+
+
+@pytest.fixture(scope="module")
+def one_run():
+    return fitted(1)
+
+
+def fitted(count):
     """Of each run: the fit, the common mode of noise and all else, and the mode of the noise where all else
     is known; what the factors really were is TRUE."""
     truly = two_lengths([1.5 * v for v in WRIST], 0.7 * SPOT)
-    x, _, joints, spots = many_runs(truly, TABLE_2, RUNS, seed=1)
+    x, _, joints, spots = many_runs(truly, TABLE_2, count, seed=1)
     problem = Problem.from_plan(two_lengths(WRIST, SPOT, noise={"scale": "separate"}))
     fits, common, oracle = [], [], []
     for run in zip(joints, spots, strict=True):
@@ -79,6 +88,7 @@ def test_the_factors_are_right_on_average(runs):
     assert low[0] == pytest.approx(np.log(1 - unknowns / numbers) / 2, abs=0.06)
 
 
+@pytest.mark.long
 def test_the_intervals_hold_the_truth(runs):
     """95 % of 40: at a chance of 1e-3 for each factor at least 33 hold it."""
     _, fits, _, _ = runs
@@ -90,6 +100,7 @@ def test_the_intervals_hold_the_truth(runs):
     assert (np.abs(np.log(ratio)) < 3.5 / np.sqrt(2 * RUNS)).all()
 
 
+@pytest.mark.long
 def test_the_offsets_stds_are_those_of_their_errors(runs):
     """Mahalanobis distances of five offsets: 200 degrees of freedom of chi-squared, a little more for the
     unknown noise."""
@@ -105,9 +116,9 @@ def test_the_offsets_stds_are_those_of_their_errors(runs):
     assert total * 1.5**2 > 1.1 * high
 
 
-def test_it_is_the_mode_of_the_marginal(runs):
+def test_it_is_the_mode_of_the_marginal(one_run):
     """Laplace's formula on a grid of the two factors in plain numpy: the rest by a fit at each of them."""
-    problem, fits, _, _ = runs
+    problem, fits, _, _ = one_run
     fit = fits[0]
     x, covariance, settled = marginal_noise(problem, fit.x)
     assert settled
@@ -161,6 +172,7 @@ def test_noise_is_not_blamed_for_offsets():
         assert np.degrees(np.abs(fit.x - truth.x)[1:6]).max() < 2
 
 
+@pytest.mark.long
 def test_links_that_explain_every_residual_leave_the_noise_its_size():
     """Seven measurements of a typical arm: at the common mode of factors and all else there is no noise."""
     plan = good_plan(7, geometry=None, noise={"scale": "separate"})
@@ -183,6 +195,7 @@ def numbers_of(value, name):
     return []
 
 
+@pytest.mark.long
 def test_a_spot_noise_that_is_drowned_has_no_number():
     """A spot noise of a hundredth of what the joints do: nothing is claimed of it anywhere in the answer."""
     plan = good_plan(12, joint_deg=0.02, spot_mm=0.002, noise={"scale": "separate"})
@@ -209,6 +222,7 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
                 assert results.get(key) is None
 
 
+@pytest.mark.long
 def test_a_plan_that_tells_both_tells_both():
     _, run = simulated(two_lengths(WRIST, SPOT, noise={"scale": "separate"}), TABLE_2, seed=3)
     result = analyse(run_of(run.header, run.shots), ess=400).result
@@ -218,9 +232,9 @@ def test_a_plan_that_tells_both_tells_both():
         assert rows[name].interval95[0] < 1.0 < rows[name].interval95[1]
 
 
-def test_at_known_factors_the_rest_has_the_curvature_of_known_noise(runs):
+def test_at_known_factors_the_rest_has_the_curvature_of_known_noise(one_run):
     """The covariance given the factors (Schur's complement) is that of a fit at that noise."""
-    problem, fits, _, _ = runs
+    problem, fits, _, _ = one_run
     x, covariance, _ = marginal_noise(problem, fits[0].x)
     known, values = problem.with_noise_of(x)
     information = Density(known).slopes(values[None]).information[0]

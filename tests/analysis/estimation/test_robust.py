@@ -150,6 +150,7 @@ def test_the_scale_by_the_median_hardly_feels_one_outlier(loss):
 
 
 @pytest.mark.parametrize("loss", ["huber", pytest.param("student", marks=pytest.mark.long)])
+@pytest.mark.long
 def test_clean_runs_have_no_outliers(loss):
     """A scale from a few misses, which the fit has made small, must not make outliers of the others.
 
@@ -246,6 +247,7 @@ def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     assert min(row.std for row in answer.parameters) > 0
 
 
+@pytest.mark.long
 def test_the_answer_names_the_outlier_by_its_number_in_the_file():
     _, run = simulated(good_plan(12, tool=OPEN_LASER), TABLE_2, seed=3)
     shots = list(run.shots)
@@ -261,6 +263,7 @@ def test_the_answer_names_the_outlier_by_its_number_in_the_file():
     assert calm.noise_scale is None
 
 
+@pytest.mark.long
 def test_with_separate_noise_factors():
     """The factors stay as they were fitted and are no parameters of the robust fit."""
     plan = good_plan(16, spot_mm=0.3, noise={"scale": "separate"})

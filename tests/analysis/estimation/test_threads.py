@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import sys
 import scipy.special
@@ -28,6 +30,7 @@ with threadpool_limits(limits=3, user_api="blas"):
 """
 
 
+@pytest.mark.long
 def test_one_thread_within_in_every_library_that_is_loaded() -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -270,6 +270,7 @@ QUICK_WITH_GEOMETRY = KINDS.filter(lambda kind: kind.shots < 10 and kind.joints 
 @example(  # axes 1 and 2 coincide: near by few targets are within reach, and all shots are in few postures
     kind=Kind(3, 3, False, False, False, False, 0, 5, True)
 )
+@pytest.mark.long
 def test_no_gauge_is_called_known_with_geometry(kind: Kind) -> None:
     assume(compare_with_geometry(kind))
 
@@ -302,6 +303,7 @@ def test_the_x_pattern_stays_degenerate() -> None:
     assert identify(problem, problem.nominal()).status[1] != "unidentifiable"
 
 
+@pytest.mark.long
 def test_the_jitter_of_an_encoder_breaks_no_gauge() -> None:
     """A recorded X-Pattern, whose joint 1 only its noise moves, has the exact gauge of its plan. Negative
     control: joint 1 truly varies by 0.2 degrees, and the gauge is none."""
@@ -392,6 +394,7 @@ def test_next_to_nothing_is_a_hundredth_of_the_prior() -> None:
         assert unresolved(problem, rows / mpf(10) ** 6) == expected
 
 
+@pytest.mark.long
 def test_a_verdict_that_is_wrong_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Negative control: a null space that is overlooked, and one that is not there."""
     kind = Kind(4, 6, False, True, True, False, 1, 8, False)
@@ -429,6 +432,7 @@ def test_columns_that_are_spanned_by_hand() -> None:
     assert spanned(matrix, others, ZERO) == [True, False, True]
 
 
+@pytest.mark.long
 def test_a_verdict_that_is_wrong_is_noticed_with_geometry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Negative control: gauges of offsets, and then of links alone, that are given a finite std."""
     kind = Kind(305703, 5, False, False, True, False, 1, 12, False)

@@ -109,6 +109,7 @@ def test_a_gauge_that_is_overlooked_is_noticed(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     "kind", ["tracker", "pose", "plane", "sphere", "ballbar, zero free", "dial", "laser, free", "probe"]
 )
+@pytest.mark.at_length(r"^(?!pose$)")
 def test_the_judge_and_the_package_have_the_same_model_of_each_kind(kind: str) -> None:
     """Products of the columns of both Jacobians: the judge may turn its rows, and has a rotation of nine
     numbers, and a square in place of a distance to a ball."""

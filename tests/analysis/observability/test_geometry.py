@@ -128,6 +128,7 @@ def test_the_last_offset_of_such_tools_is_as_far_off_as_stated() -> None:
 
 
 @pytest.mark.parametrize("arms", [4, pytest.param(40, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_gravity_counts_with_one_target(arms: int) -> None:
     """Each joint deflects by 0.05° where its torque is largest, the prior's standard deviation, and one PSD
     was used: no rung is dropped, so that no arm of four is a misfit (two of forty at most), and z is within 4

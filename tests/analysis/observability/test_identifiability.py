@@ -121,6 +121,7 @@ def within_chi_square_bounds(errors, chance=0.001):
     return ((variances > low) & (variances < high)).all()
 
 
+@pytest.mark.long
 def test_predicted_stds_against_monte_carlo():
     errors = monte_carlo(200, 1000)
     assert within_chi_square_bounds(errors)
@@ -148,6 +149,7 @@ MONTE_CARLO = {
 
 
 @pytest.mark.parametrize("case", ["random, open laser", "optimal"])
+@pytest.mark.at_length(r"^optimal")
 def test_predicted_stds_of_other_plans(case):
     assert within_chi_square_bounds(monte_carlo(60, 7000, MONTE_CARLO[case]()))
 
@@ -410,6 +412,7 @@ CASES = list(plans())
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("unit", [1 / 25.4, 0.001, 10.0])
+@pytest.mark.at_length(r"^(0\.001|10\.0)")
 def test_the_unit_of_length_does_not_matter(case, unit):
     """The same cell with every length in inches, metres, tenths of millimetres."""
     plan = plans()[case]
@@ -457,6 +460,7 @@ def offsets_alike(plan, other):
     [rotation_about("z", 0.7), random_pose(np.random.default_rng(6), 400.0)],
     ids=["turned about joint 1", "anywhere"],
 )
+@pytest.mark.one_in(2)
 def test_another_base_frame_does_not_matter(pose, case):
     plan = plans()[case]
     offsets_alike(plan, in_base(plan, pose))

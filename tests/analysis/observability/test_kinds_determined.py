@@ -147,6 +147,7 @@ def scale_left(kind: str) -> float:
         *((kind, True) for kind in ("tracker", "pose", "sphere", "ballbar", "dial", "laser + tracker")),
     ],
 )
+@pytest.mark.one_in(3)
 def test_the_scale_is_known_where_a_length_is_measured(kind: str, measures_lengths: bool) -> None:
     """All lengths of arm, tool and world larger by one factor read the same on a beam, a point, a face."""
     assert (scale_left(kind) > 1e-6) == measures_lengths

@@ -65,6 +65,7 @@ def at_least(found: int, probability: float) -> bool:
     return found >= stats.binom.ppf(1e-3, RUNS, probability)
 
 
+@pytest.mark.long
 def test_the_power_is_a_lower_bound_of_what_simulations_notice(plan: Plan) -> None:
     problem, told = of(plan)
     joint = told["jump"].joint
@@ -172,6 +173,7 @@ def compared(count: int, runs: int) -> None:
         assert -4 * error - 0.04 < share - probability < 4 * error + more, (name, predicted[name])
 
 
+@pytest.mark.long
 def test_what_runs_of_an_uncertain_arm_notice_is_as_predicted() -> None:
     compared(12, 30)
 

@@ -34,6 +34,7 @@ def drawn(seed, count=4000, density=log_density, proposal=PROPOSAL):
     return weighted_ends(x, density(x) - t.logpdf(x), proposal)
 
 
+@pytest.mark.long
 def test_they_are_those_of_the_density_and_their_error_is_as_told():
     found = np.array([drawn(seed) for seed in range(300)])
     std, low, high = true_ends()
@@ -79,6 +80,7 @@ def test_ends_contradict_where_chance_does_not_explain_it():
     assert one.contradict(Ends(1.0, -2.12, 1.96, 10_000.0))
 
 
+@pytest.mark.long
 def test_those_of_a_run_are_those_of_many_more_draws():
     run = read_run(next(run.path for run in demo_runs() if run.name == "good"))
     solution = solve_run(Problem.from_run(run), run.header)

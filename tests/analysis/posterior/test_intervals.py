@@ -53,6 +53,7 @@ def two_targets():
     return simulated(placed_plan(places, {"a": 8, "b": 8}), TABLE_2, seed=3)[1]
 
 
+@pytest.mark.long
 def test_weak_parameters_are_told_by_all_three_ways(weak):
     run, result = weak
     statuses = {row.name: row.status for row in result.parameters}
@@ -96,6 +97,7 @@ def test_on_a_good_run_there_is_nothing_to_tell():
     assert result.intervals == ()
 
 
+@pytest.mark.long
 def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
     """Made so: ends of the profile that are off by 0.2 of the width, then by 0.05."""
     _, run = simulated(good_plan(12), TABLE_2, seed=2)
@@ -177,6 +179,7 @@ def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
     assert {row.std for row in result.robust.parameters} == {None}
 
 
+@pytest.mark.long
 def test_a_robust_fit_is_there_when_asked_for():
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
     assert analyse(run, ess=400).result.robust is None
@@ -211,6 +214,7 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
     assert any("did not converge" in note for note in notes(result))
 
 
+@pytest.mark.long
 def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
     with compiled_at_once():  # to the last bit
         calm = analyse(two_targets, ess=400).result
@@ -246,6 +250,7 @@ def test_a_name_that_is_not_there_is_said_before_the_long_part(two_targets, refu
     assert set(message) <= {"fit"}
 
 
+@pytest.mark.long
 def test_one_seed_gives_the_same_file_twice(two_targets):
     """The JSON, bytes and all, but for the seconds of the sampling."""
 

@@ -55,6 +55,7 @@ emcee.moves.KDEMove()
     [START + KDE_MOVE, START + LATER, EARLIER, AT_ONCE],
     ids=["move", "later", "earlier", "threads"],
 )
+@pytest.mark.long
 def test_the_whole_of_emcee_and_of_scipy_stats_is_there(program: str) -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -85,6 +85,7 @@ def variance_by(move, steps=800, walkers=32):
     return float((chains**2).mean()), np.sqrt(2 / ess)
 
 
+@pytest.mark.long
 def test_the_sign_of_the_factors():
     """field.md: right 0.997, wrong sign 0.52, without factors 0.685 (at its own nu); bounds from the ESS."""
     for ahead in (1, 300):
@@ -199,6 +200,7 @@ def test_a_badly_scaled_correlated_normal():
 
 
 @pytest.mark.parametrize("bend", [0.5, 1.5])
+@pytest.mark.at_length(r"^1")
 def test_a_banana(bend):
     """x ~ N(0, 1), y = bend x^2 + N(0, 0.1): a sheet as thin as that is sampled in bent coordinates."""
 
@@ -311,6 +313,7 @@ def test_two_modes_out_of_reach_do_not_pass(monkeypatch):
     assert sampled.rhat.max() > 1.5
 
 
+@pytest.mark.long
 def test_walkers_that_hardly_move_do_not_pass(monkeypatch):
     """Spikes everywhere, and no way from one to the next."""
     monkeypatch.setattr(sampler, "BUDGET", 100_000)
@@ -362,6 +365,7 @@ def test_more_is_drawn_where_more_is_asked():
     assert 0 < shares[-1] <= 1
 
 
+@pytest.mark.long
 def test_a_run_that_goes_on_in_mapped_coordinates_has_not_nearly_ended(monkeypatch):
     """What the plain run has told leaves room for the larger part of the work, which has advances."""
     monkeypatch.setattr(sampler, "_PLAIN_STEPS", 60)
@@ -383,6 +387,7 @@ def test_a_run_that_goes_on_in_mapped_coordinates_has_not_nearly_ended(monkeypat
     assert shares[-1] <= 0.99
 
 
+@pytest.mark.long
 def test_the_budget_is_kept(monkeypatch):
     """Evaluations are counted, and end."""
     monkeypatch.setattr(sampler, "BUDGET", 600_000)

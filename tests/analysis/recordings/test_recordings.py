@@ -93,6 +93,7 @@ def lagged(solution: Solution, rho: float, runs: int, seed: int) -> list[list[Re
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.6])
+@pytest.mark.one_in(3)
 def test_the_correlation_is_unbiased(solution: Solution, rho: float) -> None:
     runs = 200
     found = lagged(solution, rho, runs, 1)
@@ -126,6 +127,7 @@ def test_the_correlation_is_that_of_the_ratio_that_was_found(solution: Solution,
         assert correlation(every[kept])[0] == found
 
 
+@pytest.mark.long
 def test_the_false_alarm_rate_is_as_stated(solution: Solution) -> None:
     runs = 400
     found = lagged(solution, 0.0, runs, 2)
@@ -182,6 +184,7 @@ def test_the_size_of_the_noise_does_not_matter(solution: Solution) -> None:
 
 
 @pytest.mark.parametrize("rho", [0.3, 0.5])
+@pytest.mark.one_in(2)
 def test_chi_squared_at_the_effective_number_raises_no_false_alarm(solution: Solution, rho: float) -> None:
     """N / kappa - rank degrees of freedom are too few where postures are random, but the sum of correlated
     squares varies less than chi-squared does. The fit is the linearised one."""
@@ -208,6 +211,7 @@ def test_the_saddle_point_against_simulation(weights: list[float]) -> None:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6, -0.9])
+@pytest.mark.one_in(3)
 def test_what_is_needed_of_a_covariance_without_the_matrix(solution: Solution, rho: float) -> None:
     """Traces, products and draws against the covariance of the errors of all recordings, written out."""
     recorded = recordings(solution.fit)
@@ -253,6 +257,7 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.4])
+@pytest.mark.long
 def test_steps_are_not_found_where_there_are_none(solution: Solution, rho: float) -> None:
     """Correlated recordings must not raise the false alarms."""
     rng, runs = np.random.default_rng(5), 40
@@ -322,6 +327,7 @@ def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> N
     assert size(10 * columns) < 180 + 4 * np.sqrt(2 * 180) < size(None) / 2
 
 
+@pytest.mark.long
 def test_what_was_not_read_at_a_posture_is_no_evidence_of_a_step() -> None:
     """A tracker that reads one reflector or three in turn: of right models P(p < 0.1 in 4 of 8) is 0.005."""
     cell, robot = CELLS["tracker"], irb1600()

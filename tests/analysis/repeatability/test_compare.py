@@ -219,6 +219,7 @@ def test_holm_raises_the_least_most() -> None:
     assert holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
 
 
+@pytest.mark.long
 def test_p_values_are_uniform_with_known_and_with_estimated_noise() -> None:
     """Simulated answers: 400 triples; the noise of each run estimated from 6 numbers."""
     rng, count = np.random.default_rng(4), 400

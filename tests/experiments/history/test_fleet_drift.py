@@ -74,6 +74,7 @@ def mixed(one: StoredResult) -> tuple[list[ArmDrift], FleetDrift]:
     return arms, fleet_drift(arms)
 
 
+@pytest.mark.long
 def test_the_joint_that_walks_fast_is_named(mixed: tuple[list[ArmDrift], FleetDrift]) -> None:
     _, found = mixed
     assert [(own.model, own.offset) for own in found.models if own.drifts] == [("irb1600", "delta3")]
@@ -101,6 +102,7 @@ def test_the_biased_instrument_is_named_and_a_jump_says_so(mixed: tuple[list[Arm
         assert "instrument changed, a possible cause: " in texts(list(drift_blocks(own)))
 
 
+@pytest.mark.long
 def test_an_instrument_that_measured_everything_is_not_determined(one: StoredResult) -> None:
     found = fleet_drift([arm(one, f"{k}", "AAA") for k in range(2)])
     assert found.biases == ()
@@ -114,6 +116,7 @@ def test_an_instrument_that_measured_everything_is_not_determined(one: StoredRes
     assert "1 result without an instrument" in said
 
 
+@pytest.mark.long
 def test_arms_with_few_results_borrow_and_say_so(one: StoredResult) -> None:
     found = fleet_drift(
         [arm(one, "few", "AA"), *(arm(one, f"many {k}", "AAAAA", rate=1.0) for k in range(4))]

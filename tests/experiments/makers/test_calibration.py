@@ -40,6 +40,7 @@ RUNS: dict[str, Callable[[], Run]] = {
 
 
 @pytest.mark.parametrize("name", RUNS)
+@pytest.mark.one_in(5)
 def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Up to rounding, which is another in Python's climb than in C's; without the sampling."""
     run = RUNS[name]()

@@ -186,6 +186,7 @@ def offsets_come_back(folder: Path, plan: Plan, imported: Imported) -> RobotCali
 
 
 @pytest.mark.parametrize("robot", ARMS)
+@pytest.mark.at_length(r"^(?!irb1600$)")
 def test_offsets_come_back_through_the_program_of_every_arm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, robot: str
 ) -> None:
@@ -217,6 +218,7 @@ CONTROLLERS = {controller.KIND: controller for controller in _MODULES}
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.one_in(7)
 def test_the_circle_of_a_language_of_lines(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:

@@ -55,6 +55,7 @@ def calibrated_poses(run: Run, answer: RobotCalibration) -> Matrix:
     return moved.fk(postures(run.robot) + [own.internal for own in answer.offsets], "rad")
 
 
+@pytest.mark.long
 def test_a_robot_file_has_the_kinematics_of_the_calibrated_model(
     run: Run, answer: RobotCalibration, tmp_path: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_a_urdf_takes_links_into_its_origins(tmp_path: Path) -> None:
         robot_text(run, answer)
 
 
+@pytest.mark.long
 def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
     tmp_path: Path, refused: Callable[..., BadInput]
 ) -> None:
@@ -133,6 +135,7 @@ def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
     np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, without), atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_urdf_without_a_place_for_the_last_link_is_written_without_it_and_says_so(tmp_path: Path) -> None:
     ref = {"urdf": urdf_file(tmp_path).name, "base": "base", "tip": "l6"}
     run = geometry_run(tmp_path, ref, {"link2.a": 0.3})
@@ -164,6 +167,7 @@ def test_what_is_unidentifiable_is_as_in_the_estimate_of_all_and_has_no_number(
     assert without.rms_mm[1] > answer.rms_mm[1]
 
 
+@pytest.mark.long
 def test_values_for_nominal_geometry_are_not_the_estimates(run: Run, answer: RobotCalibration) -> None:
     """Whatever holds offsets alone gets one and the same, whatever holds links the estimates."""
     values = values_to_enter(solve_run(Problem.from_run(run), run.header))
@@ -200,6 +204,7 @@ def test_every_controller_s_file_has_the_values_to_enter(
             assert text.count(value) >= 2
 
 
+@pytest.mark.long
 def test_a_program_gets_what_depends_on_the_posture_too(tmp_path: Path) -> None:
     run = geometry_run(tmp_path, gravity=True, harmonics=True)
     answer = told(run, "postures")
@@ -214,6 +219,7 @@ def test_a_program_gets_what_depends_on_the_posture_too(tmp_path: Path) -> None:
     assert np.abs(bent - joints).max() > 1e-6
 
 
+@pytest.mark.long
 def test_a_controller_s_file_says_what_it_leaves_out(run: Run) -> None:
     answer = told(run, "offsets")
     text = rapid_text(answer)
@@ -228,6 +234,7 @@ def test_a_controller_s_file_says_what_it_leaves_out(run: Run) -> None:
     assert csv_text(answer).count("\n") == 7
 
 
+@pytest.mark.long
 def test_gravity_and_harmonics_are_in_no_robot_but_in_the_json(tmp_path: Path) -> None:
     run = geometry_run(tmp_path, gravity=True, harmonics=True)
     answer = told(run)

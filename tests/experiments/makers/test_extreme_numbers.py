@@ -99,6 +99,7 @@ def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("command", FORMATS)
+@pytest.mark.one_in(4)
 def test_an_extreme_number_is_one_message(command: str, tmp_path: Path) -> None:
     assert _tried(command, 12, tmp_path) == []
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from cells import good_plan
 from command_line import plan_file
 from recorded_logs import HEADER, POSTURES
@@ -66,6 +67,7 @@ main()
 """
 
 
+@pytest.mark.long
 def test_a_made_up_maker_is_one_new_file(tmp_path: Path) -> None:
     folder = tmp_path / "makers" / "acme"
     folder.mkdir(parents=True)

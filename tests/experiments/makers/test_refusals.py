@@ -138,6 +138,7 @@ def test_each_is_written_without_the_line_that_is_refused(tmp_path: Path, suffix
         (".script", "set_tcp(p[0, 0, 0.2, 0, 0, 0])", "more than one TCP"),
     ],
 )
+@pytest.mark.one_in(3)
 def test_motions_that_are_not_understood(tmp_path: Path, suffix: str, line: str, said: str) -> None:
     with pytest.raises(BadInput) as refused:
         tried(tmp_path, suffix, line)
@@ -145,6 +146,7 @@ def test_motions_that_are_not_understood(tmp_path: Path, suffix: str, line: str,
     assert "nothing is written" in str(refused.value)
 
 
+@pytest.mark.long
 def test_joints_near_by_are_those_of_the_pendant(tmp_path: Path) -> None:
     """A configuration that a FANUC cannot have there, and J3 counted from the ground."""
     robot = load_robot("lrmate_200id")

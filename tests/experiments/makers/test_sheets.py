@@ -45,6 +45,7 @@ def numbers(text, pattern):
     return [float(value) for value in re.findall(pattern, text, flags=re.MULTILINE)]
 
 
+@pytest.mark.long
 def test_universal_robots(run, offsets):
     found, values = offsets
     text = SHEETS["ur"](run, found)

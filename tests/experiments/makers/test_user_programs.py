@@ -26,6 +26,7 @@ ARMS = {
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.one_in(5)
 def test_the_true_arm_reaches_what_the_program_means(tmp_path: Path, name: str) -> None:
     robot, language = load_robot(name), ARMS[name]
     program = UserProgram(language, robot, varied(robot, 10))
@@ -47,6 +48,7 @@ def test_the_true_arm_reaches_what_the_program_means(tmp_path: Path, name: str) 
 
 
 @pytest.mark.parametrize("name", ["irb1600", "kr6_r900", "lrmate_200id", "ur5e"])
+@pytest.mark.one_in(4)
 def test_a_byte_order_mark_stays_at_the_beginning(tmp_path: Path, name: str) -> None:
     robot, language = load_robot(name), ARMS[name]
     program = UserProgram(language, robot, varied(robot, 4))
@@ -59,6 +61,7 @@ def test_a_byte_order_mark_stays_at_the_beginning(tmp_path: Path, name: str) -> 
 
 
 @pytest.mark.parametrize("name", ["irb1600", "kr6_r900", "lrmate_200id", "ur5e"])
+@pytest.mark.one_in(4)
 def test_all_else_stays_byte_for_byte(tmp_path: Path, name: str) -> None:
     robot, language = load_robot(name), ARMS[name]
     program = UserProgram(language, robot, varied(robot, 4))
@@ -80,6 +83,7 @@ def test_all_else_stays_byte_for_byte(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["irb120", "kr6_r900"])
+@pytest.mark.one_in(2)
 def test_links_that_deviate_are_corrected_too(tmp_path: Path, name: str) -> None:
     robot, language = load_robot(name), ARMS[name]
     joints = list(robot.joints)

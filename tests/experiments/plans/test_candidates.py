@@ -126,6 +126,7 @@ def test_the_counts_add_up(tool):
         (LASER, TARGET, {}, [LID], "have a box in the beam's way"),
     ],
 )
+@pytest.mark.at_length(r"^tool0")
 def test_where_nothing_is_left_it_says_what_took_how_many(tool, place, changes, boxes, reason):
     obstacles = Obstacles(floor_mm=None if boxes else 0.0, boxes=boxes)
     own = candidates(header(tool), irb1600(), place, 20, view=View(**changes), obstacles=obstacles, seed=1)

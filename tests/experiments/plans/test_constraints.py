@@ -148,6 +148,7 @@ def test_the_numbers_of_a_violation_are_those_of_the_arm(made: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.at_length(r"^[12]")
 def test_what_chooses_postures_judges_them_too(seed: int) -> None:
     """A candidate that is chosen breaks nothing; those that another constraint would remove do."""
     stated = StatedConstraints(

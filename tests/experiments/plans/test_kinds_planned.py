@@ -74,6 +74,7 @@ def made(own: Header, **changes: object) -> Plan:
 
 
 @pytest.mark.parametrize("kind", INSTRUMENTS)
+@pytest.mark.at_length(r"^(?!plane$)")
 def test_a_plan_keeps_to_what_its_instrument_can_measure(kind):
     """Chosen for it, it is found sound by `check`; postures at random are not (the control)."""
     plan = made(header_of(kind))
@@ -88,6 +89,7 @@ def test_a_plan_keeps_to_what_its_instrument_can_measure(kind):
 
 
 @pytest.mark.parametrize("kind", ["plane", "sphere", "ballbar"])
+@pytest.mark.long
 def test_it_determines_more_than_postures_at_random(kind):
     own = header_of(kind)
     robot = load_robot("irb1600", Path("."))
@@ -103,6 +105,7 @@ def test_it_determines_more_than_postures_at_random(kind):
     assert best.value < 0.7 * np.mean(np.diag(inverse)[columns]) * unit
 
 
+@pytest.mark.long
 def test_the_touch_is_on_the_face():
     """Tips of the plan touch within the radius of each face, from outside."""
     own = header_of("plane")
@@ -121,6 +124,7 @@ def test_the_touch_is_on_the_face():
 CUBE = [{"between": ["top", "side"], "deg": 90, "sigma_deg": 0.003}]
 
 
+@pytest.mark.long
 def test_the_right_angles_of_a_cube_count_in_a_plan():
     """By the planner's information the offsets are as uncertain as by the full Jacobian with its ties."""
     robot, loose = load_robot("irb1600", Path(".")), {}
@@ -149,12 +153,14 @@ def test_the_right_angles_of_a_cube_count_in_a_plan():
     assert (without / planned(tied)).max() > 1.1  # the control: the angle says something of the offsets
 
 
+@pytest.mark.long
 def test_a_cube_is_planned():
     plan = made(header_of("plane", angles=CUBE), candidates=60)
     assert set(plan.targets) == set(FACES)
     assert not check_plan(plan).violations
 
 
+@pytest.mark.long
 def test_a_face_with_an_angle_that_the_best_plan_leaves_out_is_named(refused):
     far = {"far": {**FACES["side"], "guess_mm": [850, 0, 250], "sigma_mm": 5000, "sigma_deg": 60}}
     header = header_of("plane", targets=FACES | far, angles=[{**CUBE[0], "between": ["top", "far"]}])
@@ -162,6 +168,7 @@ def test_a_face_with_an_angle_that_the_best_plan_leaves_out_is_named(refused):
     assert "leaves out" in str(refused(make_plan, request, None, lambda stage, share: None))
 
 
+@pytest.mark.long
 def test_a_reflector_faces_the_tracker():
     """Candidates for R1 have it within its acceptance; for R2, which is turned by hand, anyhow."""
     own, robot = header_of("tracker"), load_robot("irb1600", Path("."))
@@ -180,6 +187,7 @@ def test_a_reflector_faces_the_tracker():
     assert largest[0] <= 40.001 < 90 < largest[1]
 
 
+@pytest.mark.long
 def test_what_stands_in_the_line_of_sight_is_seen():
     """A box before the tracker leaves no posture; one behind it changes nothing."""
     own, robot = header_of("tracker"), load_robot("irb1600", Path("."))
@@ -222,6 +230,7 @@ def _apart(points, a, b):
     return float(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1).min())
 
 
+@pytest.mark.long
 def test_seven_psd_measurements_and_four_tracker_points(tmp_path):
     own = header_of("tracker", tool=True)
     file = tmp_path / "mix.yaml"
@@ -289,6 +298,7 @@ def test_what_cannot_be_planned_is_said(kinds, changes, what, refused):
     assert what in str(refused(make_plan, request, None, lambda stage, share: None))
 
 
+@pytest.mark.long
 def test_targets_that_two_instruments_could_measure_are_named(refused):
     own = header_of("ballbar", tool=True)
     shares = {"tool": Portion(4), "ballbar": Portion(4)}

@@ -39,6 +39,7 @@ def made(file: Path, **changes: Any) -> MadePlan:
 
 
 @pytest.mark.parametrize("kind", ["x", "y", "optimal"])
+@pytest.mark.one_in(3)
 def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
     file = tmp_path / "plan.yaml"
     answer = made(file, kind=kind).as_json()
@@ -62,6 +63,7 @@ def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
         assert answer["removed"] is None
 
 
+@pytest.mark.long
 def test_without_a_file_it_is_the_same_plan(tmp_path: Path) -> None:
     written = made(tmp_path / "plan.yaml")
     plan = make_plan(plan_request(), None, lambda stage, share: None)
@@ -90,6 +92,7 @@ def test_no_file_is_written_over(tmp_path: Path) -> None:
         ({"kind": "x", "target": (5000.0, 0.0, 0.0)}, "X-Pattern cannot be made"),
     ],
 )
+@pytest.mark.at_length(r"^changes6")
 def test_what_cannot_be_is_refused_and_nothing_written(
     changes: dict[str, Any], expected: str, tmp_path: Path
 ) -> None:
@@ -144,6 +147,7 @@ def test_a_header_with_another_target_is_refused(tmp_path: Path) -> None:
     assert stated.sigma_mm == 50
 
 
+@pytest.mark.long
 def test_another_robot_and_its_path_as_seen_from_the_plan(tmp_path: Path) -> None:
     """Seven joints, the first prismatic; the robot file stands beside the header, the plan elsewhere."""
     (tmp_path / "cell").mkdir()
@@ -164,6 +168,7 @@ def test_another_robot_and_its_path_as_seen_from_the_plan(tmp_path: Path) -> Non
     assert answer["travel_s"] is None
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
     files = [tmp_path / f"{i}.yaml" for i in range(3)]
     for file, seed in zip(files, (4, 4, 5), strict=True):

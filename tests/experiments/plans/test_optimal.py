@@ -51,6 +51,7 @@ def checked_std(own, postures, names):
     return {name: parameters[name].std for name in names}
 
 
+@pytest.mark.long
 def test_an_offset_that_no_shot_tells_does_not_swamp_the_criterion():
     """delta6 of a free probe tip is a gauge: its prior would be nearly all of the mean variance."""
     own_planner, own = planner(OPEN_PROBE, count=500)
@@ -68,6 +69,7 @@ def test_an_offset_that_no_shot_tells_does_not_swamp_the_criterion():
 
 
 @pytest.mark.parametrize("criterion", ["A", "D", "E"])
+@pytest.mark.at_length(r"^(?!D)")
 def test_check_finds_the_predicted_std_in_the_written_plan(tmp_path, criterion):
     own_planner, own = planner(count=400)
     proposal = own_planner.optimal(7, criterion)
@@ -84,6 +86,7 @@ def test_check_finds_the_predicted_std_in_the_written_plan(tmp_path, criterion):
 
 
 @pytest.mark.parametrize("tool", [{**LASER, "calibrated": False}, PROBE, {**PROBE, "calibrated": False}])
+@pytest.mark.one_in(3)
 def test_other_tools(tool):
     own_planner, own = planner(tool, count=500)
     proposal = own_planner.optimal(9, starts=2)
@@ -148,6 +151,7 @@ def test_the_fewest_shots_that_will_do_are_taken():
         ({"held": ["delta2"]}, "the measurements carry almost no information about delta1"),
     ],
 )
+@pytest.mark.at_length(r"^changes[02]")
 def test_what_limits(changes, limit):
     own_planner, _ = planner(count=300, **changes)
     answer = own_planner.fewest(1e-4, 6)

@@ -53,6 +53,7 @@ def worst(found: Check, *without: str) -> float:
     return max(std for std in stds if std is not None)
 
 
+@pytest.mark.long
 def test_seven_measurements_are_no_degenerate_plan_although_their_numbers_are_fewer_than_unknowns() -> None:
     """14 numbers for 25 unknowns: the tolerances are knowledge."""
     found = checked(proposed(7, True))
@@ -65,6 +66,7 @@ def test_seven_measurements_are_no_degenerate_plan_although_their_numbers_are_fe
 
 
 @pytest.mark.parametrize("shots", [7, 12])
+@pytest.mark.long
 def test_a_plan_for_uncertain_geometry_holds_up_better_under_it(shots: int) -> None:
     # That of J6 is set by the tool's tolerance, whatever the plan.
     deviating, exact = (worst(checked(proposed(shots, free)), "delta6") for free in (True, False))
@@ -90,6 +92,7 @@ def printed(shots: int) -> str:
     return " ".join(out.getvalue().split())
 
 
+@pytest.mark.long
 def test_a_loose_certificate_says_what_limits_it() -> None:
     assert proposed(7, True).efficiency < 0.8
     said = f"The bound divides 7 measurements among {proposed(7, True).support} postures, which whole ones"
@@ -119,6 +122,7 @@ def typical() -> Planner:
     )
 
 
+@pytest.mark.long
 def test_the_order_and_the_number_of_measurements_are_for_what_a_run_notices() -> None:
     planner_of_typical = typical()
     few = planner_of_typical.optimal(9, starts=2)
@@ -135,6 +139,7 @@ def test_the_order_and_the_number_of_measurements_are_for_what_a_run_notices() -
     assert all(each.noticed for each in answer.proposal.power if each.wrong in {"jump", "backlash", "noise"})
 
 
+@pytest.mark.long
 def test_a_power_that_is_not_reached_is_named() -> None:
     answer = typical().fewest(1.0, 8)
     assert answer.proposal is None

@@ -64,6 +64,7 @@ def test_an_open_laser_is_placed_at_its_nominal_beam():
     np.testing.assert_allclose(postures, beams("y", 0.0)[0], atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_target_out_of_sight_is_bad_input(refused):
     target = np.array([0.0, 0.0, 3000.0])
     error = refused(pattern, header(target=target), irb1600(), target, "x")

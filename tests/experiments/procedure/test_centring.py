@@ -72,6 +72,7 @@ def test_a_wrong_jacobian_is_slower_or_loses_the_face(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])
+@pytest.mark.one_in(2)
 def test_the_floor_is_that_of_the_psds_noise(noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each step takes away what the last reading said; then the spot is off by that reading's noise, and the
     next one says so with its own: 2 noise / sqrt(samples) r.m.s. over two axes. Successive ones share a
@@ -209,6 +210,7 @@ def test_a_spot_that_cannot_be_centred_is_a_reason() -> None:
     [(400.0, 5, {}), (100.0, 2, {"camera": None})],
     ids=["pictures", "beam alone"],
 )
+@pytest.mark.at_length(r"^beam alone")
 def test_within_the_stated_range_every_beam_is_brought_to_the_centre(
     off_mm: float, seeds: int, cell: dict[str, Any]
 ) -> None:

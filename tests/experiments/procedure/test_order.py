@@ -35,6 +35,7 @@ def carried(plan: Plan, order: Order, file: Path, seed: int = 3, **cell: Any) ->
         return Procedure(plan, rig, journal, order, lambda event: None).carry_out()
 
 
+@pytest.mark.long
 def test_it_ends_within_the_tolerance_and_not_a_shot_later(tmp_path: Path, pool: Plan) -> None:
     order = Adaptive(pool, 0.04)
     done = carried(pool, order, tmp_path / "run.jsonl")
@@ -45,6 +46,7 @@ def test_it_ends_within_the_tolerance_and_not_a_shot_later(tmp_path: Path, pool:
     assert len(done.shots) < POOL
 
 
+@pytest.mark.long
 def test_it_needs_fewer_shots_than_the_plan_in_turn(tmp_path: Path, pool: Plan) -> None:
     adaptive = carried(pool, Adaptive(pool, 0.04), tmp_path / "adaptive.jsonl")
     whole = carried(pool, InTurn(POOL), tmp_path / "whole.jsonl")
@@ -78,6 +80,7 @@ def test_every_choice_is_the_best_of_those_left(pool: Plan) -> None:
     assert max(promised.values()) > 1.5 * min(promised.values())  # the choice matters
 
 
+@pytest.mark.long
 def test_it_is_the_same_again_from_the_same_shots(tmp_path: Path, pool: Plan) -> None:
     """A run that is resumed decides as one that was never stopped: nothing but the shots goes in."""
     done = carried(pool, Adaptive(pool, 0.04), tmp_path / "run.jsonl")
@@ -88,6 +91,7 @@ def test_it_is_the_same_again_from_the_same_shots(tmp_path: Path, pool: Plan) ->
         assert following == done.shots[count].shot
 
 
+@pytest.mark.long
 def test_a_wrong_model_stops_the_saving(tmp_path: Path, pool: Plan) -> None:
     """An arm that is not as drawn: the misses contradict the noise, so that no std can be relied on."""
     geometry = [{"joint": 3, "xyz_mm": [0, 3, 3]}, {"joint": 5, "rpy_deg": [0, 0.3, 0.3]}]

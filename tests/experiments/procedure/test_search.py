@@ -128,6 +128,7 @@ def test_markers_out_of_view_are_looked_for_around() -> None:
     assert on_face(shot)
 
 
+@pytest.mark.long
 def test_what_is_found_by_nothing_is_a_reason() -> None:
     turned_away = {"placed": {"misturned_deg": [180.0, 0.0, 0.0]}}  # no markers
     assert reason(start(20.0, 3, psd=turned_away)) == RefusalReason.OUT_OF_VIEW

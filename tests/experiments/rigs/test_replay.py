@@ -57,6 +57,7 @@ def test_a_replay_gives_joints_spots_and_times_as_they_were(
 
 
 @pytest.mark.parametrize("tool", [OPEN_LASER, AXIS_LASER], ids=["uncalibrated", "along the last axis"])
+@pytest.mark.at_length(r"^along")
 def test_spots_far_from_the_centre_come_back_too(tool: dict[str, Any], tmp_path: Path) -> None:
     """Several millimetres, of an arm with offsets: where the PSD's axes lie is as in the recording."""
     plan = good_plan(6, tool=tool)

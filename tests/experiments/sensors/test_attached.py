@@ -124,6 +124,7 @@ def cut_off(counts: Matrix) -> Matrix:
         ({"psd": {"lost": 0.0, "ambient": 8.0, "saturation": 9.0}}, RefusalReason.SATURATED),
     ],
 )
+@pytest.mark.one_in(3)
 def test_what_the_counts_cannot_tell_is_a_refused_shot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any], reason: RefusalReason
 ) -> None:

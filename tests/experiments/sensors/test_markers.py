@@ -108,6 +108,7 @@ def test_the_centroid_is_as_good_as_the_noise_allows():
 
 
 @pytest.mark.usefixtures("level")
+@pytest.mark.long
 def test_a_faint_light_is_without_bias_too():
     """Its peak is some 30 grey values: no less true for standing little above the threshold."""
     light = 400.0 / 0.49
@@ -118,6 +119,7 @@ def test_a_faint_light_is_without_bias_too():
     assert bias < 3.5 * np.sqrt(1.5)
 
 
+@pytest.mark.long
 def test_what_a_sloping_background_does():
     """It draws the centroid by 2 s ∫ w x² / (light / 2) = 8 π s σ⁴ / light: 0.01 px in a picture 64 px wide.
 
@@ -146,6 +148,7 @@ def test_the_brightest_pixel_would_be_seen_to_be_biased():
 
 
 @pytest.mark.parametrize("room", [(0.0, 0.5), (0.0, 2.0), (1.0, 2.0), (20.0, 2.0), (150.0, 3.0)])
+@pytest.mark.one_in(3)
 def test_noise_is_no_light(room):
     """Ten whole pictures of each room, black and bright: not one light in three million pixels."""
     ambient, noise = room

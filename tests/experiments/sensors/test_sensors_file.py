@@ -166,6 +166,7 @@ GUESSED = [
 
 
 @pytest.mark.parametrize(("part", "key"), GUESSED)
+@pytest.mark.one_in(2)
 def test_nothing_is_guessed(tmp_path: Path, refused: Refused, part: str, key: str) -> None:
     parts = {"calibration": calibration(), "psd": psd("/dev/a"), "camera": dict(DEVICE)}
     del parts[part][key]

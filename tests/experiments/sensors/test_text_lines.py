@@ -199,6 +199,7 @@ def test_a_sensors_file_of_instruments_is_checked(tmp_path: Path, text: str, wor
 AT = [20.0, -80.0, 70.0, -40.0, 60.0, 10.0]
 
 
+@pytest.mark.long
 def test_a_tracker_is_read_in_a_live_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its point comes by TCP in metres. An arm that leaves while it is read is refused, and read again."""
     (tmp_path / "plan.yaml").write_text(

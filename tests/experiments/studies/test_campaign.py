@@ -47,6 +47,7 @@ def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
     np.testing.assert_allclose(shares, np.arange(1, 5) / 4)
 
 
+@pytest.mark.long
 def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
     first, again, other = (carried(WORK, seed) for seed in (3, 3, 4))
     assert without_time(first) == without_time(again)
@@ -125,6 +126,7 @@ if __name__ == "__main__":
         pytest.param(signal.SIGKILL, [], False, id="a kill", marks=pytest.mark.long),
     ],
 )
+@pytest.mark.at_length(r"^Ctrl-C at the start$")
 def test_no_worker_is_left(how: signal.Signals, before: list[str], starting: bool, tmp_path: Path) -> None:
     """Ctrl-C reaches all processes of a terminal, workers that are still `starting` too; a kill only one."""
     script = tmp_path / "script.py"

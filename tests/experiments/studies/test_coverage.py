@@ -56,6 +56,7 @@ def without_clock(answer):
     return {key: value for key, value in answer.items() if key != "seconds"}
 
 
+@pytest.mark.long
 def test_the_intervals_hold_what_they_promise(two):
     """At a chance of 1 % over all levels and offsets of an estimator."""
     answer, _ = two
@@ -142,6 +143,7 @@ def test_the_errors_are_as_large_as_predicted(two):
             assert abs(row["bias"]) < 4 * row["bias_mcse"]
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_study(plans):
     (first, _), (again, _), (other, _) = (study_of(plans, ["weak"], 4, seed) for seed in (1, 1, 2))
     assert without_clock(first) == without_clock(again)

@@ -13,6 +13,7 @@ from zerobeam.reports.studies.drift_page import drift_pictures, power_rows
 from zerobeam.reports.studies.kinds import study_page
 
 
+@pytest.mark.long
 def test_a_small_study_is_carried_out_and_shown() -> None:
     shares: list[float] = []
     answer = drift_study(2, 0, lambda stage, share: shares.append(share), processes=1)

@@ -48,6 +48,7 @@ def answer(tmp_path_factory: pytest.TempPathFactory) -> instruments.InstrumentsS
         return instruments_study(file, 0, lambda stage, share: None, processes=1)
 
 
+@pytest.mark.long
 def test_more_measurements_know_more(answer: instruments.InstrumentsStudy) -> None:
     tracker = answer.setups[0]
     few, many = tracker.plans
@@ -60,6 +61,7 @@ def test_more_measurements_know_more(answer: instruments.InstrumentsStudy) -> No
     assert 0.003 < many.tcp_mm < 0.1
 
 
+@pytest.mark.long
 def test_what_a_setup_does_not_determine_has_no_number(answer: instruments.InstrumentsStudy) -> None:
     """A socket on the axis of joint 6: that offset has no number; the TCP on that axis has one."""
     plan = answer.setups[1].plans[-1]

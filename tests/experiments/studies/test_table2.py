@@ -82,6 +82,7 @@ def test_the_noise_is_found_in_closed_form_where_the_spot_says_nothing() -> None
     assert noise.high == pytest.approx(0.01 * np.sqrt(total / stats.chi2.ppf(0.025, p * DOF)), rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_interval_holds_the_noise_as_often_as_it_says() -> None:
     """With a spot noise that matters; 200 triples, the exact binomial's bounds at one in a thousand."""
     loud = Prediction(paper_plan(laser_header(0.01, 0.05)), TRUTH)

@@ -26,6 +26,7 @@ def few_candidates():
         yield
 
 
+@pytest.mark.long
 def test_an_arm_without_noise_and_backlash_is_what_the_model_has() -> None:
     """At the true parameters nothing is left of the residuals."""
     header, robot = header_of("irb1600"), load_robot("irb1600", Path())
@@ -57,6 +58,7 @@ def test_an_arm_without_noise_and_backlash_is_what_the_model_has() -> None:
 
 
 @pytest.mark.parametrize("name", ["zero of J3 -30° off", "zero of J2 90° off"])
+@pytest.mark.long
 def test_a_zero_beyond_its_prior_is_named_though_others_take_up_more_of_the_links(name: str) -> None:
     (scenario,) = (one for one in scenarios() if one.name == name)
     for _, solution in wrong_models._solved(scenario, plan_of("irb1600", 12, 0), 3, 0):
@@ -69,6 +71,7 @@ def test_there_are_at_least_forty_wrong_models_each_with_a_name() -> None:
     assert len(names) == len(set(names)) > 40
 
 
+@pytest.mark.long
 def test_a_small_study_is_carried_out_and_shown() -> None:
     names = [one.name for one in scenarios()]
     chosen = [names[0], "sign of J3 reversed", "zero of J5 jumps by 0.5°"]
@@ -85,6 +88,7 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
     assert markdown(answer).count("\n") == 5
 
 
+@pytest.mark.long
 def test_a_pass_with_wrong_intervals_does_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wrong_models, "LIMIT_U", 1e-3)
     (control,) = (one for one in scenarios() if one.name.startswith("control"))

@@ -109,6 +109,7 @@ def described_pose(name: str, joints_deg: Matrix) -> Matrix:
 
 
 @pytest.mark.parametrize("name", DESCRIBED)
+@pytest.mark.one_in(4)
 def test_an_arm_is_that_of_its_description(name: str) -> None:
     robot = load_robot(name)
     slip = np.eye(robot.n)[2] * 0.1

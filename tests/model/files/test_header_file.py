@@ -98,6 +98,7 @@ def test_without_a_file_a_header_is_as_it_is_stated(tmp_path: Path, monkeypatch:
     assert "sigma" not in own.tool.model_fields_set
 
 
+@pytest.mark.long
 def test_runs_plans_and_results_state_them(
     tmp_path: Path, plant: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -95,6 +95,7 @@ DESCRIBED = {
 
 
 @pytest.mark.parametrize("name", DESCRIBED)
+@pytest.mark.one_in(4)
 def test_a_robot_is_that_of_its_description(name: str) -> None:
     robot = load_robot(name)
     rng = np.random.default_rng(0)

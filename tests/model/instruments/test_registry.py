@@ -57,6 +57,8 @@ def judged(node):
 def names_of_kinds(text):
     """The lines of some code that name a kind. A word that means something else as well counts where kinds
     are told apart."""
+    if not any(f"{quote}{name}{quote}" in text for name in KINDS for quote in "\"'"):
+        return
     tree = ast.parse(text)
     for name, line in strings(tree):
         if name in KINDS.keys() - WORDS:

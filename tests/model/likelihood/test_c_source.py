@@ -77,6 +77,7 @@ def test_every_operation_is_tried_below():
 
 @needs_compiler
 @pytest.mark.parametrize("name", [*TWO, *ONE])
+@pytest.mark.one_in(2)
 def test_an_operation_against_numpy_and_the_virtual_machine(name):
     if name == "TWICE" and ca.__version__ < "3.8":
         pytest.skip("CasADi 3.7 writes it as a product")
@@ -240,6 +241,7 @@ def weighted_inputs(functions, rows):
 @needs_compiler
 @pytest.mark.parametrize("name", DESIGNED)
 @pytest.mark.parametrize("which", ["terms", "slopes"])
+@pytest.mark.at_length(r"^terms-|^slopes-(?!irb1600)")
 def test_sums_over_shots_by_both_paths(tmp_path, name, which):
     """Rows that fill the lanes and rows that do not, and each row as if it were alone. To 1e-12 of the
     largest of each output; measured with gcc on x86-64: not one bit of difference."""
@@ -263,6 +265,7 @@ def test_sums_over_shots_by_both_paths(tmp_path, name, which):
 
 @needs_compiler
 @pytest.mark.parametrize("name", DESIGNED)
+@pytest.mark.at_length(r"^(?!irb1600)")
 def test_rows_by_both_paths(tmp_path, name):
     functions = shot_functions(name, tmp_path)
     for which in ("linear", "placed", "seen", "place", "beam"):

@@ -175,6 +175,7 @@ def case(request, cases, arm_name):
     return cases(arm_name, request.param)
 
 
+@pytest.mark.one_in(2)
 def test_the_miss_against_plain_numpy(case):
     for q, spot, free in case.points:
         expected = case.plain(q, spot, free)
@@ -205,6 +206,7 @@ LOG_DETS = pytest.mark.parametrize("log_det", ["none", "relative", "whole"])
 
 
 @LOG_DETS
+@pytest.mark.one_in(4)
 def test_the_log_determinant_that_is_asked_for(case, log_det):
     """None, that relative to the stated noise, or the whole; at twice the joints' noise."""
     variances = case.variances() * np.append(np.full(case.n, 4.0), 1.0)
@@ -220,6 +222,7 @@ def test_the_log_determinant_that_is_asked_for(case, log_det):
 
 @LOG_DETS
 @pytest.mark.parametrize("name", ["terms", "slopes"])
+@pytest.mark.at_length(r"-(modified|scara|bent)-")
 def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
     q, spot, free = case.hits()[0]
     variances = 4 * case.variances()
@@ -234,6 +237,7 @@ def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
 
 
 @LOG_DETS
+@pytest.mark.one_in(3)
 def test_the_gradients_against_complex_steps_of_the_plain_terms(case, log_det):
     """No step error: what is left is the rounding of the miss, some 1e-11 mm, times J / sigma^2 = 2000 mm /
     (0.05 mm)^2, and as much of S. Where the log det is relative, by the noise factors as well, at others
@@ -262,6 +266,7 @@ def lower_of(flat: np.ndarray) -> np.ndarray:
 
 
 @LOG_DETS
+@pytest.mark.one_in(3)
 def test_the_information_of_the_misses(case, log_det):
     """J' S^-1 J from plain numpy, each entry in units of those on the diagonal."""
     size = len(case.steps())
@@ -296,6 +301,7 @@ def test_the_information_on_the_noise_factors(case):
 
 
 @pytest.mark.parametrize("kind", ["laser", "probe"])
+@pytest.mark.at_length(r"^probe")
 def test_the_information_on_the_noise_is_the_covariance_of_its_score(cases, kind):
     """Fisher's definition: 20 000 misses drawn from N(0, S); every entry within five standard errors, those
     by the draws themselves. And the mean of the score is zero: by the noise factors, and with the whole log
@@ -505,6 +511,7 @@ def middle(beams: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", TOOLS[:2])
+@pytest.mark.one_in(3)
 def test_the_midpoint_of_two_skew_beams(cases, arm_name, kind):
     case = cases(arm_name, kind)
     function = case.functions.function("midpoint")

@@ -54,6 +54,7 @@ def recordings(made, count, seed=7):
 
 @pytest.mark.parametrize("scale", ["known", "separate"])
 @pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.one_in(3)
 def test_the_log_likelihood_against_multivariate_normals(arms, tool, scale):
     """Over that of no miss at the stated noise, and each walker by itself."""
     made = Made(arms["irb1600"], header(TOOLS[tool], noise=noise(scale), distances=DISTANCE))
@@ -133,6 +134,7 @@ def test_one_factor_on_both_separate_ones_is_a_scale(arms):
     )
 
 
+@pytest.mark.one_in(3)
 def test_the_weight_of_the_noise_is_the_mode_of_the_scale(estimated, made):
     np.testing.assert_array_equal(Density(made.problem).noise_weight(made.walkers(2)), [1.0, 1.0])
     walkers = estimated.walkers(2)
@@ -173,6 +175,7 @@ def test_the_square_of_every_shot(made):
 
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, 1e308, -1e308])
+@pytest.mark.one_in(2)
 def test_no_value_is_ever_nan(arms, scale, bad):
     """A sampler takes -inf for no, but NaN for anything. The sound walker beside it is not touched, and
     nothing is warned of."""
@@ -295,6 +298,7 @@ def plain_information(made, x, weight=1.0, freeze=None):
 
 
 @pytest.mark.parametrize(("tool", "scale"), PAIRS)
+@pytest.mark.one_in(3)
 def test_the_information_against_the_plain_model(arms, tool, scale):
     """Each entry in units of those on the diagonal; with one part left out it is another one."""
     made = Made(arms["irb1600"], header(TOOLS[tool], noise=noise(scale), distances=DISTANCE), near=2.0)
@@ -381,6 +385,7 @@ def test_each_data_set_may_have_weights_of_its_own(made):
 
 
 @pytest.mark.parametrize("rows", ROWS)
+@pytest.mark.one_in(3)
 def test_rows_do_not_know_of_each_other(each_scale, rows):
     """To the last bit, however many fill the lanes, several data sets or one."""
     problem, walkers = each_scale.problem, each_scale.walkers(rows)
@@ -422,6 +427,7 @@ def test_without_a_choice_each_row_has_a_data_set_of_its_own(each_scale):
     ("name", "scale"),
     [("bent", "separate"), ("gantry", "separate"), ("irb1600", "known"), ("scara", "estimated")],
 )
+@pytest.mark.at_length(r"^(?!irb1600-sep|gantry)")
 def test_without_a_compiler_the_numbers_are_the_same(arms, name, scale, monkeypatch):
     """Two targets, and prismatic joints (scara, gantry, bent): not one bit of difference where the C library
     is the one that CasADi calls; 1e-12 of the largest is what is promised."""

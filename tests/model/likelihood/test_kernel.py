@@ -301,6 +301,7 @@ def test_a_kernel_is_compiled_once(empty_cache, monkeypatch):
 
 @needs_compiler
 @pytest.mark.parametrize("what", ["source", "flags", "compiler", "hoisting"])
+@pytest.mark.one_in(2)
 def test_what_the_numbers_depend_on_is_in_the_name(empty_cache, monkeypatch, what):
     Kernel(small(), compile=True)
     function = small()
@@ -323,6 +324,7 @@ def test_what_the_numbers_depend_on_is_in_the_name(empty_cache, monkeypatch, wha
 
 @needs_compiler
 @pytest.mark.parametrize("damage", ["empty", "truncated", "one byte", "text", "lengthened"])
+@pytest.mark.one_in(3)
 def test_a_damaged_library_is_noticed_and_built_again(empty_cache, tmp_path, monkeypatch, damage):
     """The damaged file lies in a folder of its own: the loader would serve a path that it knows from memory,
     and a library that is in use must not be written into."""
@@ -375,6 +377,7 @@ print(made.compiled, made(np.ones(2), np.ones(3))[0][0], flush=True)
 
 
 @needs_compiler
+@pytest.mark.long
 def test_two_processes_may_race_and_give_the_same_name(empty_cache):
     """Both compile at once into the same empty cache; the name does not depend on the process."""
     racers = [

@@ -67,6 +67,7 @@ def change(rows, row, column, step):
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.at_length(r"^standard")
 def test_a_row_that_is_changed_is_the_parameter_of_its_link(tmp_path, convention):
     """Name, sign and size: link i of a standard row i; of a modified arm a and alpha of row i + 1, d of row
     i. The steps are large: they are the same to all orders."""

@@ -71,6 +71,7 @@ def nulls(problem, x, free):
 
 @pytest.mark.parametrize("tool", [LASER, PROBE], ids=["laser", "probe"])
 @pytest.mark.parametrize(("seed", "kinds"), [(1, "rrrrr"), (2, "rrrrrr"), (3, "rrrrrrr")])
+@pytest.mark.one_in(3)
 def test_nothing_is_left_open_and_each_gauge_that_is_held_is_one(seed, kinds, tool):
     """Of 4 r numbers those are held that move base or tool: each of them, freed, is one more direction."""
     problem, x = problem_of(robot_of(seed, kinds), tool)
@@ -94,6 +95,7 @@ def test_nothing_is_left_open_and_each_gauge_that_is_held_is_one(seed, kinds, to
     assert len(geometry) == 3 * n + 2  # the last link is whole
 
 
+@pytest.mark.long
 def test_without_a_distance_the_data_leave_the_scale_open():
     """All lengths longer by one factor, the targets' places and the tip's too: the tolerances alone tell."""
     for tool, expected in ((LASER, 0), (PROBE, 1)):
@@ -140,6 +142,7 @@ def test_slides_further_on_leave_nothing_open():
 
 
 @pytest.mark.parametrize("tool", [LASER, PROBE], ids=["laser", "probe"])
+@pytest.mark.at_length(r"^probe")
 def test_a_whole_last_link_and_a_calibrated_tool_are_redundant_within_their_tolerances(tool):
     """The last link and its offset are all six motions of the flange, of which a beam sees four and a point
     three: what the tool has is seen twice. The redundancy is of what has a prior: none of it is held, and

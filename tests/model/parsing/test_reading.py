@@ -156,7 +156,7 @@ scalars = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=st.dictionaries(words, scalars | st.lists(scalars, max_size=4), min_size=1, max_size=4))
 def test_what_another_writer_wrote_is_read_as_it_was(tmp_path, content):
     path = tmp_path / "round.yaml"

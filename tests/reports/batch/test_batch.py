@@ -105,6 +105,7 @@ def test_a_result_is_that_of_analyse_without_the_posterior(done):
     assert stds == pytest.approx(known, rel=1e-9)
 
 
+@pytest.mark.long
 def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
     (runs / "tuesday" / "misfit.jsonl").unlink()
     solved = []
@@ -155,6 +156,7 @@ def test_a_folder_with_other_things_is_left_alone(runs):
     assert [path.name for path in (runs / "out").iterdir()] == ["diary.txt"]
 
 
+@pytest.mark.long
 def test_the_tables_as_parquet(runs):
     parquet = pytest.importorskip("pyarrow.parquet")
     shutil.rmtree(runs / "tuesday")
@@ -212,6 +214,7 @@ def test_the_axis_of_uncertainties_has_plain_numbers(uncertainties, ticks):
         assert f">{tick}<" in svg
 
 
+@pytest.mark.long
 def test_what_a_killed_batch_left_in_the_folder_of_a_run_is_in_nobodys_way(runs):
     """It was killed while it wrote a result.json, and refused its own folder ever after."""
     shutil.rmtree(runs / "tuesday")

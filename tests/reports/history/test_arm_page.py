@@ -42,6 +42,7 @@ def points(svg: str) -> int:
     return len(re.findall(rf'<use [^>]*style="fill: {blue}; stroke: {blue}', svg)) - 1
 
 
+@pytest.mark.long
 def test_the_due_date_comes_first_and_every_calibration_is_listed() -> None:
     own = arm_history(over_years(6, walk=0.01, psd="Hamamatsu 17", who="J. Doe"))
     due = own.arm.due
@@ -58,6 +59,7 @@ def test_the_due_date_comes_first_and_every_calibration_is_listed() -> None:
     assert_fetches_nothing(page)
 
 
+@pytest.mark.long
 def test_a_result_has_no_point_for_what_it_does_not_determine() -> None:
     whole, partly = (arm_history(over_years(6, walk=0.01, lost=lost)) for lost in ((), (2, 3)))
     of_whole, of_partly = (pictures(own)["trend"] for own in (whole, partly))
@@ -68,6 +70,7 @@ def test_a_result_has_no_point_for_what_it_does_not_determine() -> None:
 
 
 @pytest.mark.parametrize("lost", [(), (2, 3, 4, 5)], ids=str)
+@pytest.mark.long
 def test_no_band_is_cut_off(lost: tuple[int, ...]) -> None:
     """The widest is that of an offset that the last results do not determine; the forecast has room."""
     results = [
@@ -97,6 +100,7 @@ def test_no_band_is_cut_off(lost: tuple[int, ...]) -> None:
             assert band[:, 1].max() < high
 
 
+@pytest.mark.long
 def test_an_offset_that_no_result_determines_is_named_and_never_drawn_as_known() -> None:
     own = arm_history(over_years(4, lost=range(4)))
     assert own.never == (LOST,)
@@ -113,6 +117,7 @@ def test_an_offset_that_no_result_determines_is_named_and_never_drawn_as_known()
     assert f"Determined by no result that counts: {LABEL}" in page.words
 
 
+@pytest.mark.long
 def test_after_a_mastering_nothing_is_known_of_what_no_result_determines_since() -> None:
     results = over_years(8, lost=(5, 6, 7))
     mastering = happened("mastering", results[4].measured_at + timedelta(days=5))
@@ -127,6 +132,7 @@ def test_after_a_mastering_nothing_is_known_of_what_no_result_determines_since()
     assert points(pictures(own)["trend"].svg) == 8 * 5 - 3
 
 
+@pytest.mark.long
 def test_a_jump_is_tied_to_what_was_logged_or_asks_what_happened() -> None:
     results = over_years(8, jump=(5, 1, 0.5))
     alone = arm_history(results)
@@ -171,6 +177,7 @@ def test_overdue_is_said_of_the_day_that_is_asked_about() -> None:
 
 
 @pytest.mark.parametrize(("jump", "state"), [(0.15, "undecided"), (2.0, "jump without event")])
+@pytest.mark.one_in(2)
 def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state: str) -> None:
     own = arm_history(over_years(2, jump=(1, 1, jump), every=timedelta(days=183)), tolerance_mm=1.0)
     page, said = shown(own), headline(own).sentence

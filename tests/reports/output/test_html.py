@@ -33,6 +33,7 @@ def page_of(name: str) -> str:
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.long) if name == "geometry" else name for name in EXAMPLES]
 )
+@pytest.mark.at_length(r"^(?!hostile$)")
 def test_it_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     text = page_of(name)
     page = Page(text)
@@ -78,6 +79,7 @@ def test_figures_tables_and_headings_are_told_to_a_screen_reader() -> None:
     assert all(after <= before + 1 for before, after in pairwise(levels))
 
 
+@pytest.mark.long
 def test_result_json_is_attached_where_it_is_small() -> None:
     found = re.search(r'download="result.json" href="data:application/json;base64,([^"]+)"', page_of("good"))
     assert found
@@ -87,6 +89,7 @@ def test_result_json_is_attached_where_it_is_small() -> None:
     assert "download=" not in made(many)
 
 
+@pytest.mark.long
 def test_the_head_has_date_and_serial_number() -> None:
     inputs = good().inputs
     stated = {"When": "2026-05-01", "robot_serial": "1600-42", "origin": "simulated"}

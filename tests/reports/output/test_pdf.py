@@ -32,6 +32,7 @@ def text_of_example(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name != "hostile"])
+@pytest.mark.at_length(r"^(?!geometry$)")
 def test_every_cell_of_the_page_is_in_the_pdf(name: str) -> None:
     result = EXAMPLES[name]
     text = text_of_example(name).replace(" ", "")
@@ -75,6 +76,7 @@ def test_the_same_result_gives_the_same_bytes() -> None:
     assert pdf(shown, figures) == pdf(shown, figures)
 
 
+@pytest.mark.long
 def test_typst_markup_in_names_is_text_and_what_is_not_determined_has_no_number() -> None:
     text = text_of_example("hostile")
     assert "J2 (δ2) not determined by these data unidentifiable" in text
@@ -86,6 +88,7 @@ def test_typst_markup_in_names_is_text_and_what_is_not_determined_has_no_number(
     assert "\\U0001f3af target" in text
 
 
+@pytest.mark.long
 def test_a_run_without_notes_or_provenance_is_set_too() -> None:
     header = {key: value for key, value in good().inputs.header.items() if key != "provenance"}
     inputs = dataclasses.replace(good().inputs, header=header)

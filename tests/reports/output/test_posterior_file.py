@@ -72,6 +72,7 @@ def test_an_unconverged_posterior_says_so(tmp_path: Path) -> None:
     assert written(tmp_path, unconverged()).attrs["converged"].startswith("no")
 
 
+@pytest.mark.long
 def test_hostile_names_become_names_that_netcdf_allows(tmp_path: Path) -> None:
     result = hostile()
     dataset = written(tmp_path, result)

@@ -41,6 +41,7 @@ def names(folder: Path) -> set[str]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="whether another process lives is not asked there")
+@pytest.mark.long
 def test_what_a_killed_process_left_is_removed_and_what_another_one_writes_is_not(tmp_path: Path) -> None:
     command = [sys.executable, "-c", WRITER]
     one, other = ([*command, str(tmp_path / name)] for name in ("one", "other"))
@@ -62,6 +63,7 @@ def test_what_a_killed_process_left_is_removed_and_what_another_one_writes_is_no
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="whether another process lives is not asked there")
+@pytest.mark.long
 def test_what_a_killed_process_had_taken_away_is_put_back(tmp_path: Path) -> None:
     """It was killed between two renamings: the folder of before was hidden, and its place empty."""
     write_folder(tmp_path / "out", KIND, fill)

@@ -82,6 +82,7 @@ def fields(text: str) -> int:
 
 
 @pytest.mark.parametrize("kind", INSTRUMENTS)
+@pytest.mark.one_in(3)
 def test_columns_of_each_kind_are_what_a_run_by_hand_takes(kind: str) -> None:
     """Numbers that are written into them from left to right are the readings; touches have no columns."""
     plan = planned(kind)

@@ -145,6 +145,7 @@ def test_what_no_run_determines_is_shown_without_a_number() -> None:
     assert "δ3" not in picture_of(told).alt
 
 
+@pytest.mark.long
 def test_the_folder(tmp_path: Path) -> None:
     told, folder = answer(odd=0.2), tmp_path / "out"
     for name in (str(folder), folder):

@@ -21,6 +21,7 @@ from zerobeam.reports.style.palette import PALETTE
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.at_length(r"^(held_out|uncalibrated|separate|misfit|outlier|unconverged)$")
 def test_every_figure_is_svg_with_a_text_for_those_who_do_not_see_it(name: str) -> None:
     for key, picture in drawn(EXAMPLES[name]).items():
         root = ElementTree.fromstring(picture.svg)
@@ -41,6 +42,7 @@ def test_ids_of_several_figures_on_one_page_do_not_clash_and_all_links_lead_some
     assert len(every) == len(set(every)) > 0
 
 
+@pytest.mark.long
 def test_the_same_result_gives_the_same_bytes() -> None:
     assert drawn(good()) == drawn(good(), draws(good()))
 
@@ -61,6 +63,7 @@ def test_a_target_named_like_a_colour_keeps_its_name() -> None:
     assert ink in words(themed(picture.svg))
 
 
+@pytest.mark.long
 def test_an_unidentifiable_offset_has_a_band_and_no_dot() -> None:
     def dots(result: Result) -> int:
         svg = themed(offsets_picture(result).svg)

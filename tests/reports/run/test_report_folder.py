@@ -41,6 +41,7 @@ def everything(root: Path) -> set[str]:
     return {str(path.relative_to(root)) for path in root.rglob("*")}
 
 
+@pytest.mark.long
 def test_all_files_are_there_and_nothing_else(tmp_path: Path) -> None:
     paths = write_report(str(tmp_path / "out"), good(), draws(good()))  # a name as a string will do
     assert paths.posterior is not None

@@ -35,6 +35,7 @@ WHOLE = {
 
 
 @pytest.mark.browser
+@pytest.mark.long
 def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
     file = tmp_path / "study.html"
     answer = typed(hostile())
@@ -47,12 +48,14 @@ def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
 
 
 @pytest.mark.browser
+@pytest.mark.long
 def test_the_widest_tables_fit_on_paper(tmp_path: Path) -> None:
     paths = write_study(tmp_path / "out", geometry_study())
     with chromium().opened(paths.html, PAPER) as tab:
         assert tab.overflow() == 0
 
 
+@pytest.mark.long
 def test_all_files_are_there_over_those_of_before_and_stay_when_a_number_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

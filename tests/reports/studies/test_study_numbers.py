@@ -171,6 +171,7 @@ def test_every_number_of_the_tables_is_that_of_the_answer(name: str) -> None:
         ("geometry", lambda plan: plan["estimators"][0]["parameters"][0].update(z=2.0), "J2 (δ2): 0.923"),
     ],
 )
+@pytest.mark.one_in(2)
 def test_a_number_that_is_not_that_of_the_answer_is_caught(name: str, change: Any, caught: str) -> None:
     answer = MADE[name]()
     change(answer["plans"][0])
@@ -266,6 +267,7 @@ def test_the_plain_tables_say_what_the_answer_says(name: str) -> None:
             assert (row["mean"], row["experiment_2"]) == (str(own["mean"][i]), str(own["experiments"][1][i]))
 
 
+@pytest.mark.long
 def test_controls_stand_outside_in_the_figure_and_estimators_do_not() -> None:
     """A share beyond its panel is written as a number, and only such a one."""
     drawn = made_once("figures of a study agreeing", lambda: drawn_of(agreeing()))
@@ -360,6 +362,7 @@ def test_a_simulated_set_that_is_not_as_predicted_and_one_without_a_result_are_s
     assert text.count("The simulated set: χ² 9.82 for 10 degrees of freedom, p 0.912.") == 2
 
 
+@pytest.mark.long
 def test_the_figures_of_the_cell() -> None:
     """The time has each mean, the longest run and the limit; a plan without a result has no bar, and does not
     widen the figure of the shares. The control lies beyond its panel and is written there as numbers."""
@@ -395,6 +398,7 @@ def test_the_figure_of_the_scatter_writes_the_papers_numbers_for_every_plan() ->
     assert "joint noise 0.0112°" in text
 
 
+@pytest.mark.long
 def test_the_figures_of_geometry() -> None:
     drawn = drawn_of(geometry_study())
     assert "7 measurements: noise only 0.0061 to 0.0089°" in drawn["uncertainty"].alt

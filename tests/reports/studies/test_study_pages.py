@@ -107,6 +107,7 @@ def drawn_of(name: str) -> dict[str, Picture]:
     return made_once(f"figures of a study {name}", lambda: study_of(answer).pictures(answer))
 
 
+@pytest.mark.long
 def test_a_plan_of_coverage_has_one_page() -> None:
     answer = answer_of("agreeing")
     document = pdf(study_of(answer).page(answer), drawn_of("agreeing"))
@@ -127,6 +128,7 @@ def blocks(view: View) -> list[Block]:
 
 
 @pytest.mark.parametrize("name", GOLDEN)
+@pytest.mark.one_in(3)
 def test_a_study_in_the_terminal(name: str) -> None:
     assert_golden(f"study_{name}.txt", printed(answer_of(name)))
 
@@ -145,6 +147,7 @@ def test_the_standing_has_a_shape_and_a_word_besides_its_colour() -> None:
     "name",
     ["agreeing", "cell", "table2", "sweep_patterns", pytest.param("disagreeing", marks=pytest.mark.long)],
 )
+@pytest.mark.one_in(4)
 def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     view = study_page(answer_of(name))
     reader = pypdf.PdfReader(io.BytesIO(pdf(view, {})))  # figures take most of the time to read
@@ -169,6 +172,7 @@ def unidentifiable(content: Json) -> Iterator[Json]:
 
 
 @pytest.mark.parametrize(("name", "key"), [(name, key) for name, keys in CLAIMS.items() for key in keys])
+@pytest.mark.one_in(3)
 def test_a_study_with_a_made_up_number_cannot_be_made(name: str, key: str) -> None:
     content = to_json(answer_of(name))
     share = {"level": 0.95, "held": 5, "of": 9, "agrees": True}
@@ -208,6 +212,7 @@ def test_only_a_control_may_claim_what_a_plan_does_not_determine() -> None:
         ("geometry", "parameters.csv"),
     ],
 )
+@pytest.mark.one_in(2)
 def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
     """Of a study of nothing else."""
     content = to_json(answer_of(name))
@@ -233,6 +238,7 @@ def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in MADE if name != "disagreeing"])  # its figures take long
+@pytest.mark.one_in(3)
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     view, drawn = study_page(answer_of(name)), drawn_of(name)
     assert set(drawn) == FIGURES.get(name, set(drawn))
@@ -254,6 +260,7 @@ def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", [name for name in MADE if name.startswith("hostile")])
+@pytest.mark.at_length(r"^hostile")
 def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
     answer, drawn = answer_of(name), drawn_of(name)
     view, study = study_page(answer), study_of(answer)

@@ -167,6 +167,7 @@ def test_the_interval_of_an_rmse_is_that_of_chi_squared() -> None:
     assert high == pytest.approx(2 * (100 / 74.222) ** 0.5, rel=1e-5)
 
 
+@pytest.mark.long
 def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
     # δ2 and δ3 at three shots, δ4 at three and four; beside the legend's own.
     lines = drawn_of("shots")["lines"]

@@ -77,6 +77,7 @@ def robtargets(rows, tool, frame, conf=None) -> str:
     return "\n".join(["MODULE a", *lines, "ENDMODULE"])
 
 
+@pytest.mark.long
 def test_robtargets_of_a_stated_tool_have_the_joints_of_their_configuration(tmp_path, header, refused):
     rows = varied(load_robot("irb1600"), 6, seed=8)
     file = tmp_path / "points.mod"

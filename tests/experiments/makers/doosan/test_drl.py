@@ -52,6 +52,7 @@ def corrected(folder: Path, text: str, choices: ProgramOptions | None = None) ->
         "count = 0\ncount += 1\nif count > 2 and get_digital_input(1) == ON:\n    tp_popup('a b')",
     ],
 )
+@pytest.mark.one_in(2)
 def test_what_is_understood_is_corrected(tmp_path: Path, lines: str) -> None:
     text = corrected(tmp_path, JOB.format(lines))
     assert "# zerobeam export program: job.drl with the offsets below" in text

@@ -23,7 +23,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
 
-FILES = pytest.mark.parametrize("files", [40, pytest.param(200, marks=pytest.mark.long)])
+FILES = pytest.mark.parametrize("files", [10, pytest.param(200, marks=pytest.mark.long)])
 PROGRAM = "Function main\n  Go JA(0, 10, -20, 0, 30, 0)\n  {}\nFend\n"
 
 

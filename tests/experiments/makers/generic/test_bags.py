@@ -46,6 +46,7 @@ def packed_bag(tmp_path: Path, kind: str, packed: str) -> Callable[[str], Path]:
 
 
 @pytest.mark.parametrize(("kind", "packed"), PACKED)
+@pytest.mark.one_in(4)
 def test_a_packed_bag_of_an_arm_that_rests_is_read(packed_bag: Callable[[str], Path], read: Read) -> None:
     bag = packed_bag("a")
     assert [shot.target for shot in read(bag).shots] == ["a"]
@@ -53,6 +54,7 @@ def test_a_packed_bag_of_an_arm_that_rests_is_read(packed_bag: Callable[[str], P
 
 
 @pytest.mark.parametrize(("kind", "packed"), PACKED)
+@pytest.mark.long
 def test_a_bag_that_stands_for_far_more_than_its_size_is_refused(
     packed_bag: Callable[[str], Path], read: Read, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,6 +75,7 @@ def robot_of(stated: RobotFile, table: RowTable) -> Robot:
 
 @pytest.mark.parametrize("name", [*BUILT_IN, *OWN])
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.long) for k in range(2, 5))])
+@pytest.mark.one_in(4)
 def test_forward_kinematics_are_the_corrected_arm_s(name: str, seed: int) -> None:
     stated = stated_by(name)
     robot, rng = stated.robot(), np.random.default_rng(seed)

@@ -49,6 +49,7 @@ def test_the_file_of_a_bag_without_its_folder(tmp_path, header, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.one_in(3)
 def test_joints_are_taken_by_name_in_the_stated_order(tmp_path, header, kind, refused):
     order = [3, 0, 5, 1, 4, 2]
     times, joints = moves()
@@ -68,6 +69,7 @@ def test_joints_are_taken_by_name_in_the_stated_order(tmp_path, header, kind, re
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.one_in(3)
 def test_markers_choose_the_stands_and_name_the_targets(tmp_path, header, kind, refused):
     times, joints = moves()
     bag = Bag(kind).states(times, joints).marker(1.1, "left").marker(4.3, "right").marker(4.4, "right")

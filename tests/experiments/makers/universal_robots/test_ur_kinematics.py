@@ -52,6 +52,7 @@ def test_read_back_it_is_the_calibrated_arm(run: Path, exported: Path, tmp_path:
     assert not same_flange(read_robot(back), load_robot("ur5e"), 1.0)
 
 
+@pytest.mark.long
 def test_of_a_typical_arm_it_has_the_links_but_what_is_beside_the_last_axis_and_says_so(
     tmp_path: Path,
 ) -> None:

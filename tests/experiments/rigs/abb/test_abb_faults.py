@@ -414,6 +414,7 @@ def row(case: Case, ran: Ran) -> str:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.what)
+@pytest.mark.one_in(6)
 def test_a_fault_and_what_is_left_of_the_run(case: Case, tmp_path: Path) -> None:
     ran = carried_out(case, tmp_path)
     first, resumed = ran.first, ran.resumed

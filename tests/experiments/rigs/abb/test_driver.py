@@ -306,6 +306,7 @@ def test_an_emergency_stop_before_guidance_has_begun(
         rig.move(np.full(6, 0.21))
 
 
+@pytest.mark.long
 def test_the_beat_keeps_a_far_move_going(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:

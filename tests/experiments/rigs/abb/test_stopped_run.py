@@ -109,6 +109,7 @@ def test_the_arm_stops_on_its_way(
         assert way_left(there) > 1
 
 
+@pytest.mark.long
 def test_a_request_that_is_lost_is_heard_before_the_next_step(
     there: SimulatedController, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:

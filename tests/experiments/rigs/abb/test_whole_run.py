@@ -152,6 +152,7 @@ def pdf_text(file: Path) -> bytes:
 
 @pytest.mark.parametrize("reported", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.usefixtures("_quick")
+@pytest.mark.long
 def test_a_stopped_run_is_resumed_and_the_password_is_in_no_output(
     folder: Path,
     tmp_path: Path,

@@ -113,6 +113,7 @@ def carried_out(
     return operator, arm
 
 
+@pytest.mark.long
 def test_each_measurement_is_taken_once_and_at_rest(tmp_path: Path) -> None:
     operator, _ = carried_out(tmp_path, "ur", 4, 0.0, 0.5)
     assert operator.too_early
@@ -162,6 +163,7 @@ def counts(server: Any, joints: Any) -> Any:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.one_in(3)
 def test_a_fault_is_overcome_and_one_that_lasts_is_refused(stand_in: Any, fault: str) -> None:
     joints = opened(stand_in)
     before = joints.take()

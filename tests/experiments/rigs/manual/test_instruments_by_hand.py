@@ -105,6 +105,7 @@ def doubts(events: list[RunEvent]) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.at_length(r"^tracker")
 def test_what_is_typed_is_recorded(tmp_path: Path, kind: str) -> None:
     plan = planned(kind)
     shots = measured(plan)
@@ -141,6 +142,7 @@ def test_metres_are_questioned_and_taken_as_such(tmp_path: Path) -> None:
         assert shot.readings["measured_mm"] == pytest.approx(other.readings["measured_mm"], abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_run_that_is_paused_before_a_reading_asks_for_the_posture_again(tmp_path: Path) -> None:
     plan = planned("ballbar")
     shots = measured(plan)
@@ -206,6 +208,7 @@ def mix() -> tuple[Plan, Truth, list[Shot]]:
     return plan, truth, list(simulated_shots(truth, rng))
 
 
+@pytest.mark.long
 def test_a_laser_and_a_tracker_are_led_through_one_plan_to_a_result(
     tmp_path: Path, mix: tuple[Plan, Truth, list[Shot]]
 ) -> None:
@@ -247,6 +250,7 @@ def test_a_laser_and_a_tracker_are_led_through_one_plan_to_a_result(
         assert abs(row.estimate - values[row.name]) < 5 * row.std
 
 
+@pytest.mark.long
 def test_measurements_of_one_posture_are_recorded_repeated_and_skipped_together(
     tmp_path: Path, mix: tuple[Plan, Truth, list[Shot]]
 ) -> None:

@@ -212,6 +212,7 @@ def stated(place: tuple[str, ...], value: Any) -> dict[str, Any]:
     return {"schema": "zerobeam/cell/1", **value}
 
 
+@pytest.mark.long
 def test_every_key_has_its_effect(tmp_path: Path) -> None:
     """A key that nothing reads would change nothing of what a rig tells."""
     assert len(looks()) == 2

@@ -151,6 +151,7 @@ def test_a_drifting_beam_moves_with_the_clock() -> None:
     np.testing.assert_allclose(still.currents(1), standing, atol=1e-8)
 
 
+@pytest.mark.long
 def test_the_beam_wanders_from_shot_to_shot_by_the_plans_spot_noise() -> None:
     """300 shots: the squares across the beam are chi-squared, of the plan's noise or of what is stated."""
     for stated, std in ((None, 0.05), (0.2, 0.2)):
@@ -172,6 +173,7 @@ def test_within_a_shot_the_beam_does_not_wander() -> None:
 @pytest.mark.parametrize(
     ("stated", "deg"), [(None, 0.01), (0.03, 0.03), ([0.01, 0.02, 0.03, 0.04, 0.05, 0.06], None)]
 )
+@pytest.mark.one_in(3)
 def test_the_joints_stand_off_by_the_plans_noise_or_by_what_is_stated(stated: Any, deg: float | None) -> None:
     """300 shots: each joint's errors are chi-squared with 300 degrees of freedom."""
     rig = exact(arm={"repeatability_deg": stated})

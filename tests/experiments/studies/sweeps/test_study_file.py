@@ -179,6 +179,7 @@ def test_a_study_of_too_many_cases_is_refused(tmp_path: Path) -> None:
     assert refused(tmp_path, axes).found == "10201 cases"
 
 
+@pytest.mark.long
 def test_the_built_in_studies_are_such_files(tmp_path: Path) -> None:
     names = built_in_studies()
     assert names == ("cost", "noise", "patterns", "psd-position", "robots", "shots", "tool")

@@ -142,6 +142,7 @@ def one_case(text: str, axis: str) -> str:
     return text[: text.index("axes:")] + f"axes:\n  - {{{axis}}}\n"
 
 
+@pytest.mark.long
 def test_an_optimal_plan_is_that_of_the_planner(tmp_path: Path) -> None:
     text = STUDY.replace("{shots: 5}", "{shots: 5, candidates: 100, margin_deg: 9, facing: [0, 1, 1]}")
     study = study_of_text(tmp_path, one_case(text, "key: plan.criterion, values: [D]"), 0)
@@ -170,6 +171,7 @@ def test_an_open_tool_is_told_but_is_no_offset(tmp_path: Path) -> None:
     assert case["worst_std"] < max(std for std in stds.values() if std is not None)
 
 
+@pytest.mark.long
 def test_arms_may_deviate_from_nominal_geometry(tmp_path: Path) -> None:
     text = STUDY.replace("{shots: 5}", "{kind: y, shots: 12}")
     text = text.replace("geometry: exact", "geometry: {gravity: false, harmonics: false}")
@@ -190,6 +192,7 @@ def test_arms_may_deviate_from_nominal_geometry(tmp_path: Path) -> None:
     assert all(w["std"] > c["std"] for c, w in zip(close, wide, strict=True) if c["std"] and w["std"])
 
 
+@pytest.mark.long
 def test_the_cost_of_the_paper_stands_beside_the_likelihood(tmp_path: Path) -> None:
     fits = "key: fit, values: [{name: both, set: {costs: [likelihood, midpoint]}}]"
     swept_answer = swept(study_of_text(tmp_path, one_case(STUDY.replace("shots: 5", "kind: y"), fits), 12))
