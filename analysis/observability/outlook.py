@@ -81,7 +81,7 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     count = problem.shots
     there = x + spread * np.random.default_rng(1).normal(size=(_DRAWS, len(x)))
     every = problem.select(np.tile(np.arange(count), _DRAWS))
-    aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(problem))
+    aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(every))
     largest = np.zeros(int(problem.parameters.free.sum()))
     for k, values in enumerate(there):
         hit = k * count + np.flatnonzero(aimed.hit[k * count : (k + 1) * count])
@@ -96,13 +96,14 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     Judged on the exact information of the aimed shots; joints stay inside their limits.
     """
     robot, count = problem.robot, problem.shots
-    moved = [j for j in range(robot.n) if servo_joints(problem)[j] == 0] or list(range(robot.n))
-    tries = list(product(range(count), moved, (1.0, -1.0)))
+    servo = servo_joints(problem)
+    moved = [np.flatnonzero(row == 0).tolist() or list(range(robot.n)) for row in servo]
+    tries = [(i, j, sign) for i in range(count) for j, sign in product(moved[i], (1.0, -1.0))]
     rows = np.array([i for i, _, _ in tries])
     joints = problem.joints[rows].copy()
     for row, (_, j, sign) in enumerate(tries):
         joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
-    aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
+    aimed = aim(problem.select(rows).moved(joints), x, servo[rows])
     turned = aimed.problem.joints
     inside = np.asarray(~beyond_limits(robot, turned, 0.0).any(axis=1))
     planned = _informations(problem, x)
@@ -128,7 +129,7 @@ def advised_joints(turned: AimedPlan, change: Advice) -> Matrix:
     at, joint = change.posture, problem.robot.joints[change.joint - 1]
     joints = np.where(turned.aimed.hit[at], turned.aimed.problem.joints[at], problem.joints[at])[None].copy()
     joints[0, change.joint - 1] += change.change_deg / joint.display
-    aimed = aim(problem.select(np.array([at])).moved(joints), x, servo_joints(problem))
+    aimed = aim(problem.select(np.array([at])).moved(joints), x, servo_joints(problem)[[at]])
     return np.asarray(aimed.problem.joints[0])
 
 
