@@ -212,7 +212,7 @@ def run(
             answers = Answers(lines, units, j3, None, instrument, about)
         elif live:
             require_constraints(planned)
-            answers = _live_answers(opened, planned, rig, j3, sensors)
+            answers = _live_answers(opened, planned, rig, j3, sensors, attended=scene)
         request = RunRequest(
             rig="live" if live else cast("RigKind", rig),
             seed=seed,
@@ -246,17 +246,23 @@ def run(
 
 
 def _live_answers(
-    opened: ExitStack, plan: Plan, address: str, j3: J3Origin | None, sensors: Path | None
+    opened: ExitStack,
+    plan: Plan,
+    address: str,
+    j3: J3Origin | None,
+    sensors: Path | None,
+    *,
+    attended: bool,
 ) -> Answers:
     """The joints of the controller at an address, taken where a line or the PSD confirms them: closed with
-    `opened`."""
+    `opened`. `attended`: a person reads the questions, although this is no terminal."""
     from ..experiments.recording import Answers
     from ..experiments.rigs.live.address import open_joints
     from ..experiments.rigs.live.centred import CentredLines, currents_of
     from ..experiments.sensors.attached import read_sensors
     from ..model.kinematics.pendant import pendant_of
 
-    lines: Lines = TypedLines(sys.stdin, follows=not sys.stdin.isatty())
+    lines: Lines = TypedLines(sys.stdin, follows=not (sys.stdin.isatty() or attended))
     about: dict[str, str] = {}
     instrument = None
     if sensors is not None and plan.header.only_beam:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from typing import Annotated, get_args
+from typing import Annotated, TypeVar, get_args
 
 import typer
 from typer.models import ParameterInfo
@@ -12,6 +12,7 @@ from typer.models import ParameterInfo
 from ..experiments.makers.maker import Option
 
 Command = Callable[..., None]
+Returned = TypeVar("Returned")
 
 
 def options_of(function: Callable[..., object]) -> list[inspect.Parameter]:
@@ -37,7 +38,9 @@ def _typer(option: Option, parameter: inspect.Parameter, kind: object) -> object
     )
 
 
-def with_parameters(command: Command, parameters: Iterable[inspect.Parameter]) -> Command:
+def with_parameters(
+    command: Callable[..., Returned], parameters: Iterable[inspect.Parameter]
+) -> Callable[..., Returned]:
     """The command with these parameters, in this order, for Typer to read."""
     signature = inspect.Signature(list(parameters))
     command.__signature__ = signature  # type: ignore[attr-defined]

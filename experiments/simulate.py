@@ -173,7 +173,7 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
         shot_numbers=tuple(range(count * shots)),
         weights=np.tile(problem.weights, count),
     )
-    aimed = aim(_touching(every, unit[:, ~recorded]), np.repeat(truths, shots, axis=0), servo_joints(problem))
+    aimed = aim(_touching(every, unit[:, ~recorded]), np.repeat(truths, shots, axis=0), servo_joints(every))
     joints = aimed.problem.joints + rng.normal(size=(count * shots, problem.robot.n)) * problem.noise.joint
     stds = np.sqrt(aimed.problem.of_sources(problem.noise.variances).sum(axis=0))
     spots = unit * stds * recorded

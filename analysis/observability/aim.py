@@ -63,10 +63,10 @@ def aim_plan(plan: Plan) -> AimedPlan:
 
 
 def servo_joints(problem: Problem) -> Matrix:
-    """(n,) weights of the joints that a servo turns: the last three for a beam, else all."""
-    weights = np.ones(problem.robot.n)
-    if problem.tool.beam:
-        weights[:-_WRIST] = 0.0
+    """(N, n) weights of the joints that a servo turns at each shot: the last three where a beam reads, else
+    all."""
+    weights = np.ones((problem.shots, problem.robot.n))
+    weights[problem.by_beam, :-_WRIST] = 0.0
     return weights
 
 
@@ -108,8 +108,8 @@ def joint_scale(problem: Problem) -> Matrix:
 
 
 def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
-    """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
-    with own ones for every shot.
+    """Turn every shot onto its target by the joints with a weight, (n,) or (N, n), at the parameters x: (p,),
+    or (N, p) with own ones for every shot.
 
     Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual. The
     weights are of turns in rad, or shifts in m.
@@ -152,17 +152,34 @@ def _turned(
     problem: Problem, left: Callable[[Matrix, Index | slice], tuple[Matrix, Matrix]], weights: Matrix
 ) -> _Turned:
     """The joints of every shot turned until nothing is `left`: of joints (m, n) and the rows that they are,
-    what is left (m, d) and its Jacobian by them (m, d, n)."""
+    what is left (m, d) and its Jacobian by them (m, d, n). `weights` (n,) or (N, n)."""
+    if weights.ndim == 1:
+        return _turned_by(problem, left, weights, np.arange(problem.shots))
+    joints, off, smallest = problem.joints.copy(), np.zeros(problem.shots), np.zeros(problem.shots)
+    alike, which = np.unique(weights, axis=0, return_inverse=True)
+    for k, some in enumerate(alike):
+        rows = np.flatnonzero(which.ravel() == k)
+        joints[rows], off[rows], smallest[rows] = _turned_by(problem, left, some, rows)
+    return _Turned(joints, off, smallest)
+
+
+def _turned_by(
+    problem: Problem,
+    left: Callable[[Matrix, Index | slice], tuple[Matrix, Matrix]],
+    weights: Matrix,
+    rows: Index,
+) -> _Turned:
+    """The same of some `rows` (M,), by weights (n,)."""
     turned = np.flatnonzero(weights)
     scale = joint_scale(problem)[turned]
     weights = weights[turned] * scale**2
-    joints = problem.joints.copy()
-    residual, jacobian = left(joints, slice(None))
+    joints = problem.joints[rows]
+    residual, jacobian = left(joints, rows)
     off = np.linalg.norm(residual, axis=1)
     best, smallest = joints.copy(), off.copy()
-    active = np.arange(problem.shots)
+    active = np.arange(len(rows))
     # Where no joint may be turned there is nothing to do.
-    before_last_step = np.full(problem.shots, np.inf if len(turned) else 0.0)
+    before_last_step = np.full(len(rows), np.inf if len(turned) else 0.0)
     for _ in range(_ITERATIONS):
         # One step more than the hit needs: an exact gauge shows as one only where the residual is rounding.
         going_on = before_last_step[active] >= HIT_MM * 1e-3
@@ -180,7 +197,7 @@ def _turned(
         largest = np.abs(step / scale).max(axis=1)
         step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
         joints[active[:, None], turned] += step
-        residual, jacobian = left(joints[active], active)
+        residual, jacobian = left(joints[active], rows[active])
         size = np.linalg.norm(residual, axis=1)
         better = size < smallest[active]
         nearer = active[better]

@@ -81,7 +81,7 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     count = problem.shots
     there = x + spread * np.random.default_rng(1).normal(size=(_DRAWS, len(x)))
     every = problem.select(np.tile(np.arange(count), _DRAWS))
-    aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(problem))
+    aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(every))
     hits = (k * count + np.flatnonzero(hit) for k, hit in enumerate(aimed.hit.reshape(_DRAWS, count)))
     information = np.array(
         [_information(aimed.problem.select(hit), values) for hit, values in zip(hits, there, strict=True)]
@@ -97,13 +97,14 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     Judged on the exact information of the aimed shots; joints stay inside their limits.
     """
     robot, count = problem.robot, problem.shots
-    moved = [j for j in range(robot.n) if servo_joints(problem)[j] == 0] or list(range(robot.n))
-    tries = list(product(range(count), moved, (1.0, -1.0)))
+    servo = servo_joints(problem)
+    moved = [np.flatnonzero(row == 0).tolist() or list(range(robot.n)) for row in servo]
+    tries = [(i, j, sign) for i in range(count) for j, sign in product(moved[i], (1.0, -1.0))]
     rows = np.array([i for i, _, _ in tries])
     joints = problem.joints[rows].copy()
     for row, (_, j, sign) in enumerate(tries):
         joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
-    aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
+    aimed = aim(problem.select(rows).moved(joints), x, servo[rows])
     inside = ~beyond_limits(robot, aimed.problem.joints, 0.0).any(axis=1)
     fit = np.flatnonzero(aimed.hit & aimed.ahead & inside)
     if not len(fit):
@@ -128,7 +129,7 @@ def advised_joints(turned: AimedPlan, change: Advice) -> Matrix:
     at, joint = change.posture, problem.robot.joints[change.joint - 1]
     joints = np.where(turned.aimed.hit[at], turned.aimed.problem.joints[at], problem.joints[at])[None].copy()
     joints[0, change.joint - 1] += change.change_deg / joint.display
-    aimed = aim(problem.select(np.array([at])).moved(joints), x, servo_joints(problem))
+    aimed = aim(problem.select(np.array([at])).moved(joints), x, servo_joints(problem)[[at]])
     return np.asarray(aimed.problem.joints[0])
 
 

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field
 
 from ...experiments.makers.known_logs import known_logs, read_log
 from ...experiments.makers.maker import makers, options_of_format
+from ...experiments.rigs.live.address import SCHEMES, parse_address
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
 from ...model.parsing.validation import FileModel, as_tuple
@@ -155,13 +156,8 @@ def _checked(
     _require_once(called, options, options_typed)
     options_typed = [(key, _value(folder, options[key], value)) for key, value in options_typed]
     values = dict(options_typed)
-    if (rig := values.get("--rig", RIGS[0])) not in RIGS:
-        raise BadInput(
-            "the app does not carry out this command",
-            found=f"--rig {rig}",
-            allowed=", ".join(f"--rig {name}" for name in RIGS),
-            remedy="use the command line",
-        )
+    if (rig := values.get("--rig") or RIGS[0]) not in RIGS:
+        _require_live(rig)
     names, read = (words, []) if name in _NAMED else ([], words)
     several = any(name[: len(prefix)] == prefix for prefix in _SEVERAL)
     if len(read) < files or (len(read) > files and not several) or len(names) > 1:
@@ -179,6 +175,19 @@ def _checked(
     elif name[0] != "import" and name[:2] != ("export", "plan"):
         made.append("--json")
     return [*made, "--", *names, *read] if words else made
+
+
+def _require_live(rig: str) -> None:
+    """BadInput unless a rig is the address of a controller whose joints are read."""
+    if "://" in rig:
+        parse_address(rig)
+        return
+    raise BadInput(
+        "the app does not carry out this command",
+        found=f"--rig {rig}",
+        allowed=", ".join(f"--rig {name}" for name in (*RIGS, *(f"{name}://HOST" for name in SCHEMES))),
+        remedy="use the command line",
+    )
 
 
 def _parsed(

@@ -206,7 +206,7 @@ class Jobs:
                 raise BadInput("this is no answer", found=text[:50], allowed="yes or no")
             job.asks = None
             await job.tell("progress", job.brief().to_json())
-        process.stdin.write("".join(f"{line}\n" for line in text.splitlines()).encode())
+        process.stdin.write("".join(f"{line}\n" for line in text.splitlines() or [""]).encode())
         with contextlib.suppress(ConnectionError):
             await process.stdin.drain()
 
@@ -292,7 +292,7 @@ class Jobs:
             if kind == "begin":
                 under_way, done, of = True, len(event["recorded"]), event["postures"]
                 job.time_left = TimeLeft(time.monotonic(), done / of)
-                if event["rig"] == "manual":
+                if event["rig"] in ("manual", "live"):
                     job.asks = "lines"
                 await asyncio.to_thread(self.runs.begin, job.command)
             elif kind == "confirm":

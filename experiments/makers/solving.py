@@ -75,7 +75,7 @@ class Arms:
         at `joints`: those to command."""
         display = self.nominal.display
         start = joints / display - self.offsets
-        reached, arrived = reach(self.calibrated, self.nominal.fk(joints), start[None])
+        reached, arrived = reach(self.calibrated, self.nominal.fk(joints, "deg"), start[None])
         result = np.asarray(self._unbent(reached[0]) * display)
         if not arrived[0] or np.abs(result - start * display).max() > _FAR:
             raise _Unsolved("the calibrated arm does not reach it near the joints that it has there")
@@ -211,7 +211,7 @@ class _Corrector:
         nominal, share = self.arms.nominal, np.linspace(0, 1, _ON_THE_WAY + 1)
         first = begin / nominal.display
         last = self.arms.solver.nearest_turns(end / nominal.display, first)
-        poses = self._line(nominal.fk(begin), nominal.fk(end), share[1:-1])
+        poses = self._line(nominal.fk(begin, "deg"), nominal.fk(end, "deg"), share[1:-1])
         between, arrived = reach(nominal, poses, first + share[1:-1, None] * (last - first))
         rows = np.array([first, *between, last])
         jumps = np.remainder(np.diff(rows, axis=0) + np.pi, 2 * np.pi) - np.pi
@@ -256,7 +256,7 @@ class _Corrector:
         flange = target.frame @ target.pose @ np.linalg.inv(target.tool)
         joints = self._chosen(target, flange)
         commanded = self._commanded[target.name] = arms.commanded(joints)
-        pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
+        pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded, "deg") @ target.tool
         self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
         branch = arms.branch(commanded)
         if target.turns is not None and not (target.turns(joints) and target.turns(commanded)):
@@ -397,7 +397,7 @@ class _Corrector:
         """The joints at the end of a linear motion, degrees, from those at its start."""
         nominal = self.arms.nominal
         joints = start / nominal.display
-        for pose in self._line(nominal.fk(start), flange, np.linspace(0, 1, _ON_THE_WAY + 1)[1:]):
+        for pose in self._line(nominal.fk(start, "deg"), flange, np.linspace(0, 1, _ON_THE_WAY + 1)[1:]):
             reached, arrived = reach(nominal, pose, joints[None])
             if not arrived[0]:
                 raise _Unsolved("the arm does not reach it in a straight line from the target before")

@@ -72,7 +72,7 @@ def _reach(robot: Robot) -> float:
     lower = np.array([_bounded(joint.lower, joint.kind) for joint in robot.joints])
     upper = np.array([_bounded(joint.upper, joint.kind) for joint in robot.joints])
     postures = within_limits(robot, spread_postures(lower, upper, _POSTURES))
-    at = np.array([robot.fk(row * robot.display)[:2, 3] for row in postures])
+    at = np.array([robot.fk(row * robot.display, "deg")[:2, 3] for row in postures])
     return float(np.percentile(np.hypot(at[:, 0], at[:, 1]), 99))
 
 

@@ -41,7 +41,7 @@ class Belief:
     @property
     def wrist(self) -> Matrix:
         """(n,) weights of the joints that the servo turns."""
-        return servo_joints(self.problem)
+        return np.asarray(servo_joints(self.problem)[0])
 
     def with_target(self, target: Matrix) -> Belief:
         """A copy with the target at (3,) mm."""

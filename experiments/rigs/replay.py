@@ -109,7 +109,7 @@ class ReplayRig:
 def require_planned(plan: Plan, run: Run, message: str, remedy: str, *, anywhere: bool = False) -> None:
     """BadInput for the first measurement that is not of the plan: by its number, its target and instrument,
     and with a laser by the joints that no servo turns, unless it may be `anywhere`."""
-    kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.only_beam else slice(0)
+    kept = servo_joints(Problem.from_plan(plan))[0] == 0 if plan.header.only_beam else slice(0)
     rules = ShotRules(plan.header, plan.robot)
     planned_deg, count = plan.postures * plan.robot.display, len(plan.postures)
     for shot, line in zip(run.shots, run.lines, strict=True):

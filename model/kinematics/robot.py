@@ -139,7 +139,7 @@ class Robot:
         """(n,) degrees per radian for revolute joints, 1 for prismatic ones."""
         return np.array([joint.display for joint in self.joints])
 
-    def fk(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
+    def fk(self, q: ArrayLike, unit: Literal["deg", "rad"]) -> Matrix:
         """Forward kinematics: the flange's pose in the base frame (eq. 1 and 4 of the paper).
 
         Parameters
@@ -161,7 +161,7 @@ class Robot:
         """
         return self.pose_and_jacobian(self._internal(q, unit))[0]
 
-    def jacobian(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
+    def jacobian(self, q: ArrayLike, unit: Literal["deg", "rad"]) -> Matrix:
         """The flange's geometric Jacobian in the base frame, exact.
 
         Parameters

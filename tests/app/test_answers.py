@@ -31,11 +31,11 @@ def test_a_robot_is_what_the_command_prints(client: TestClient, printed: Callabl
     assert answer["notes"] == []
     arm = load_robot("ur5e")
     assert len(answer["skeleton"]) == arm.n + 2
-    np.testing.assert_allclose(answer["skeleton"][-1], arm.fk(joints)[:3, 3], atol=1e-3)
+    np.testing.assert_allclose(answer["skeleton"][-1], arm.fk(joints, "deg")[:3, 3], atol=1e-3)
     # A turn about an axis moves the flange by axis x (flange - origin): the Jacobian's columns.
     points, axes = np.array(answer["skeleton"]), np.array(answer["axes"])
     turned = np.cross(axes, points[-1] - points[1:-1])
-    np.testing.assert_allclose(turned, arm.jacobian(joints)[:3].T, atol=1e-2)
+    np.testing.assert_allclose(turned, arm.jacobian(joints, "deg")[:3].T, atol=1e-2)
 
 
 def test_joint_3_may_be_counted_from_the_ground(client: TestClient, printed: Callable[..., Any]) -> None:
@@ -63,7 +63,9 @@ def test_the_scene_has_arm_beam_and_target_of_each_posture(
     arm = load_robot("irb1600")
     for posed in answer["scene"]:
         assert posed["reaches"]
-        np.testing.assert_allclose(posed["skeleton"][-1], arm.fk(posed["joints_deg"])[:3, 3], atol=2e-3)
+        np.testing.assert_allclose(
+            posed["skeleton"][-1], arm.fk(posed["joints_deg"], "deg")[:3, 3], atol=2e-3
+        )
         np.testing.assert_allclose(posed["beam"][1], posed["target"], atol=1e-2)
         assert posed["target_name"] == "psd"
     assert len(answer["null_motion"]) == len(answer["identifiability"]["null_space"])
@@ -86,7 +88,7 @@ def test_along_the_null_motion_the_beam_stays_on_the_target(client: TestClient, 
         for posed in answer["scene"]:
             joints = np.array(posed["joints_deg"])
             for along, at in ((0.0, 0.0), (step, moved)):
-                pose = arm.fk(joints + along * np.array(way["joints_deg"]))
+                pose = arm.fk(joints + along * np.array(way["joints_deg"]), "deg")
                 origin = pose[:3, :3] @ np.array(tool["point_mm"]) + pose[:3, 3]
                 line = pose[:3, :3] @ np.array(tool["direction"])
                 aside = np.cross(line, np.array(posed["target"]) + at - origin)

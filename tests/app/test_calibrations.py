@@ -59,7 +59,7 @@ def test_places_are_about_the_arm(client: TestClient, root: Path) -> None:
     for name in built_in_robots():
         robot = load_robot(name)
         reach = reach_of(robot)
-        far = max(np.hypot(*robot.fk(np.zeros(robot.n))[:2, 3]), 100.0)
+        far = max(np.hypot(*robot.fk(np.zeros(robot.n), "deg")[:2, 3]), 100.0)
         assert far * 0.3 < reach < 4000
         front, table, floor = (place_of(kind, robot, None) for kind in ("front", "table", "floor"))
         assert front[2] > table[2] == 0 >= floor[2]

@@ -89,8 +89,8 @@ def test_before_is_from_where_the_controller_has_it_to_where_it_is(
     for one, shot, residual in zip(shown["tcp_map"], run.shots, shown["residuals"], strict=True):
         joints = np.array(shot.joints_deg)
         assert residual["shot"] == shot.shot
-        assert one["at"] == pytest.approx((run.robot.fk(joints) @ point)[:3].tolist())
-        true = (run.robot.fk(joints + delta) @ point)[:3]
+        assert one["at"] == pytest.approx((run.robot.fk(joints, "deg") @ point)[:3].tolist())
+        true = (run.robot.fk(joints + delta, "deg") @ point)[:3]
         assert np.add(one["at"], one["before"]) == pytest.approx(true)
     # Links are estimated as well: what the values leave is an expectation.
     assert all(one["after"] is None for one in shown["tcp_map"])

@@ -21,7 +21,7 @@ def dragged(client: TestClient, **other: Any) -> Any:
 
 
 def test_where_the_flange_is_nothing_moves(client: TestClient) -> None:
-    at = load_robot("irb1600").fk(START)[:3, 3]
+    at = load_robot("irb1600").fk(START, "deg")[:3, 3]
     answer = dragged(client, position_mm=at.tolist())
     assert answer["reached"]
     np.testing.assert_allclose(answer["joints_deg"], START, atol=1e-6)
@@ -38,11 +38,11 @@ def test_a_posture_near_by_is_met_with_its_pose(name: str) -> None:
 
 
 def test_without_an_orientation_the_joints_move_least(client: TestClient) -> None:
-    at = load_robot("irb1600").fk(START)[:3, 3] + np.array([1.0, 2.0, -1.0])
+    at = load_robot("irb1600").fk(START, "deg")[:3, 3] + np.array([1.0, 2.0, -1.0])
     answer = dragged(client, position_mm=at.tolist())
     assert (answer["reached"], answer["off_deg"]) == (True, 0.0)
     moved = np.radians(np.array(answer["joints_deg"]) - START)
-    jacobian = load_robot("irb1600").jacobian(START)[:3]
+    jacobian = load_robot("irb1600").jacobian(START, "deg")[:3]
     least = np.linalg.pinv(jacobian) @ [1.0, 2.0, -1.0]
     np.testing.assert_allclose(moved, least, atol=3e-5)
 
@@ -51,7 +51,7 @@ def test_out_of_reach_the_arm_points_there(client: TestClient) -> None:
     answer = dragged(client, position_mm=[5000.0, 0.0, 500.0])
     assert not answer["reached"]
     assert answer["off_mm"] > 3000
-    at = load_robot("irb1600").fk(answer["joints_deg"])[:3, 3]
+    at = load_robot("irb1600").fk(answer["joints_deg"], "deg")[:3, 3]
     assert np.linalg.norm(at - [5000, 0, 500]) == pytest.approx(answer["off_mm"], abs=1e-3)
     assert np.linalg.norm(at[:2]) > 1400
 

@@ -43,9 +43,9 @@ def test_the_links_move_as_the_arm_does(client: TestClient, cell: Path) -> None:
     assert links.shape == (3, 3, 4)
     np.testing.assert_allclose(links[0], np.eye(4)[:3])
     arm = read_urdf(cell / "sub" / "arm.urdf", "base", "flange")
-    np.testing.assert_allclose(links[2], arm.fk([30, 40])[:3], atol=1e-5)
+    np.testing.assert_allclose(links[2], arm.fk([30, 40], "deg")[:3], atol=1e-5)
     first = read_urdf(cell / "sub" / "arm.urdf", "base", "upper")
-    np.testing.assert_allclose(links[1], first.fk([30])[:3], atol=1e-5)
+    np.testing.assert_allclose(links[1], first.fk([30], "deg")[:3], atol=1e-5)
 
 
 @pytest.mark.parametrize(

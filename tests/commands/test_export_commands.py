@@ -73,7 +73,7 @@ def test_a_robot_file_is_written_and_read_again(run: Run, tmp_path: Path) -> Non
     robot = load_robot(tmp_path / "corrected.yaml")
     offsets = np.array([offset.applied for offset in calibration(rows).offsets])
     q = np.array([10.0, -20, 30, 40, 50, 60])
-    np.testing.assert_allclose(robot.fk(q), rows.robot.fk(q + offsets), atol=1e-9)
+    np.testing.assert_allclose(robot.fk(q, "deg"), rows.robot.fk(q + offsets, "deg"), atol=1e-9)
     refused = zerobeam("export", "robot", run.path, "-o", tmp_path / "two.yaml").refused()
     assert "no Denavit-Hartenberg rows" in " ".join(refused.split())
     assert "zerobeam export urdf" in " ".join(refused.split())

@@ -35,7 +35,7 @@ def test_forward_kinematics_to_hold_against_the_pendant() -> None:
 def test_json_is_what_the_robot_computes() -> None:
     joints = [10.0, -20.0, 30.0, 40.0, -50.0, 60.0]
     told = zerobeam("robot", "ur5e", "--joints", str(joints), "--json").json
-    pose = load_robot("ur5e").fk(joints)
+    pose = load_robot("ur5e").fk(joints, "deg")
     np.testing.assert_allclose(told["poses"][0]["xyz_mm"], pose[:3, 3])
     turned = Rotation.from_euler("ZYZ", told["poses"][0]["zyz_deg"], degrees=True).as_matrix()
     np.testing.assert_allclose(turned, pose[:3, :3], atol=1e-9)
@@ -225,7 +225,9 @@ def test_an_answer_that_is_not_understood_is_asked_for_again(
         assert answer.err.count(reason) >= 1, answer.err
     made = load_robot(path)
     assert made.vendor == "doosan"
-    np.testing.assert_allclose(made.fk(np.full(6, 25.0)), load_robot("m1013").fk(np.full(6, 25.0)), atol=1e-9)
+    np.testing.assert_allclose(
+        made.fk(np.full(6, 25.0), "deg"), load_robot("m1013").fk(np.full(6, 25.0), "deg"), atol=1e-9
+    )
 
 
 def test_a_maker_that_there_is_not_is_refused_before_any_question(tmp_path: Path) -> None:
@@ -243,7 +245,7 @@ def test_a_copy_of_a_built_in_robot_with_the_pulses_of_the_machine(tmp_path: Pat
     copy, built_in = load_robot(path), load_robot("gp7")
     assert copy.conventions.pulses_per_deg == (1341.4, -1365.3, 1205.0, 1001.25, -980.5, 455.1)
     assert copy.conventions.names == built_in.conventions.names
-    np.testing.assert_array_equal(copy.fk(np.full(6, 10.0)), built_in.fk(np.full(6, 10.0)))
+    np.testing.assert_array_equal(copy.fk(np.full(6, 10.0), "deg"), built_in.fk(np.full(6, 10.0), "deg"))
     assert path.read_text(encoding="utf-8").startswith("# Yaskawa Motoman GP7")
     assert "exists already" in zerobeam("robot", "gp7", "-o", path).refused()
     other = tmp_path / "other.yaml"

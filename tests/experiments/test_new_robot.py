@@ -34,7 +34,7 @@ def test_an_arm_from_its_data_sheet(tmp_path: Path, name: str) -> None:
     write_robot(path, content_of(RobotEntries("mine", vendor, lengths=typed_lengths(lengths), ranges=RANGES)))
     mine, arm = read_robot(path), load_robot(name)
     for joints in np.random.default_rng(0).uniform(-100, 100, (5, 6)):
-        np.testing.assert_allclose(mine.fk(joints), arm.fk(joints), rtol=0, atol=1e-8)
+        np.testing.assert_allclose(mine.fk(joints, "deg"), arm.fk(joints, "deg"), rtol=0, atol=1e-8)
     assert mine.conventions.below_base == arm.conventions.below_base
     assert mine.conventions.joint3 == arm.conventions.joint3
     with pytest.raises(BadInput, match="exists already"):

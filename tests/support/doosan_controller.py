@@ -86,7 +86,7 @@ def solution(row: Matrix) -> int | None:
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints, poses by joints and poses in a straight line after each other."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     lines = ["# job", 'set_tcp("grip")', "set_velj(30)", "set_velx(100, 50)", "def start():"]
     lines += ["    set_digital_output(1, ON)", "    wait(0.5)", "start()"]
     for i, row in enumerate(rows):

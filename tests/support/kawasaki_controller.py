@@ -71,7 +71,7 @@ STATED = ProgramOptions(frames=[f"table={_oat(TABLE).replace(' ', ',')}"])
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints and a pose after each other."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     moves = [f"  {'LMOVE p' if i % 2 else 'JMOVE #j'}{i} ; go" for i in range(len(rows))]
     return "\r\n".join(
         [

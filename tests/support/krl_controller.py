@@ -447,7 +447,7 @@ class Controller:
         if system["$TOOL"] is not None and system["$BASE"] is not None:
             self.at_last_motion = system["$TOOL"], system["$BASE"]
         if parts[0][0] not in self.left:
-            self.poses.append(self.true.fk(self.joints))
+            self.poses.append(self.true.fk(self.joints, "deg"))
         triggers, self.triggers = self.triggers, []
         for each in triggers:
             self._statement(each)
@@ -456,7 +456,7 @@ class Controller:
         tool, base = system["$TOOL"], system["$BASE"]
         if tool is None or base is None:
             raise Invalid("tool or base is not set")
-        now = np.linalg.inv(base) @ self.nominal.fk(self.joints) @ tool
+        now = np.linalg.inv(base) @ self.nominal.fk(self.joints, "deg") @ tool
         target = targets[-1]
         if relative:
             begin = components(now)
@@ -511,7 +511,7 @@ class Controller:
     def _line(self, flange: Matrix) -> Matrix:
         """Joints at the end of a line: those of the same status, if the way there is smooth; else those where
         small steps lead."""
-        begin = self.nominal.fk(self.joints)
+        begin = self.nominal.fk(self.joints, "deg")
         try:
             end = self._with_status(flange, status(self.joints))
         except Invalid:

@@ -249,7 +249,7 @@ class Writer:
         return np.asarray(self.rows[self.rng.integers(len(self.rows))])
 
     def pose(self, row: Matrix, tool: Matrix, base: Matrix, parts: str = "ST") -> str:
-        values = components(np.linalg.inv(base) @ self.arm.fk(row) @ tool)
+        values = components(np.linalg.inv(base) @ self.arm.fk(row, "deg") @ tool)
         shown = [f"{name} {value:.9g}" for name, value in values.items()]
         if "S" in parts:
             own = status(row)

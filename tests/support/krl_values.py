@@ -161,7 +161,7 @@ class Expression:
             if own.at_last_motion is None:
                 raise Invalid("no position yet")
             tool, base = own.at_last_motion
-            value = components(np.linalg.inv(base) @ own.nominal.fk(own.joints) @ tool)
+            value = components(np.linalg.inv(base) @ own.nominal.fk(own.joints, "deg") @ tool)
         elif word.startswith("$"):
             value = own.system.get(word, 0.0)
         else:

@@ -75,7 +75,7 @@ def _flags(robot: Robot, row: Matrix) -> str:
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints and a pose after each other."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     moves = [
         f"Mvs P{i}" if i % 4 == 3 else f"{'Mov P' if i % 2 else 'Mov J'}{i} ' go" for i in range(len(rows))
     ]

@@ -77,7 +77,7 @@ class Wrist:
 
     def sides(self, arm: ControllerArm, row: Matrix) -> tuple[float, float, float]:
         """Positive: the wrist is in front of axis 1, in front of the lower arm (mm²/mm), joint 5 positive."""
-        flange = arm.fk(row - np.array([row[0], 0, 0, 0, 0, 0]))
+        flange = arm.fk(row - np.array([row[0], 0, 0, 0, 0, 0]), "deg")
         wrist = flange[:3, 3] - self.depth * flange[:3, 2]
         angle = math.radians(row[1])
         lower = self.lower * np.array([math.sin(angle), math.cos(angle)])
@@ -256,7 +256,7 @@ class RapidController:
         tool, frame = self._frames(
             self._option(options, "tool", "tool0"), self._option(options, "wobj", "wobj0")
         )
-        pose = np.linalg.inv(frame) @ self.nominal.fk(self.joints) @ tool
+        pose = np.linalg.inv(frame) @ self.nominal.fk(self.joints, "deg") @ tool
         w = math.sqrt(max(0.0, 1 + np.trace(pose[:3, :3]))) / 2
         vector = [
             (pose[2, 1] - pose[1, 2]) / 4 / w,
@@ -451,7 +451,7 @@ class RapidController:
                 carried[0, 3] = self.track
                 pose = np.linalg.inv(carried) @ frame @ self.shift @ matrix(target[:2]) @ np.linalg.inv(tool)
                 self.joints = self._solved(pose, target[2], word != "movej")
-            flange = self.true.fk(self.joints)
+            flange = self.true.fk(self.joints, "deg")
             flange[0, 3] += self.track
             self.poses.append(flange)
 

@@ -343,7 +343,7 @@ class Writer:
     def _value(self, row: Matrix, tool: str = "tCell", wobj: str = "wCell") -> list[Any]:
         in_flange = np.eye(4) if tool == "tool0" else matrix(self.frames[tool])
         frame = np.eye(4) if wobj == "wobj0" else matrix(self.frames[wobj])
-        pose = np.linalg.inv(frame) @ self.arm.fk(row) @ in_flange
+        pose = np.linalg.inv(frame) @ self.arm.fk(row, "deg") @ in_flange
         values, vectors = np.linalg.eigh(_quaternion_form(pose[:3, :3]))
         turn = vectors[:, np.argmax(values)]
         return [pose[:3, 3].tolist(), turn.tolist(), self.wrist.configuration(self.arm, row)]

@@ -103,7 +103,7 @@ def data_file(lines: list[str]) -> str:
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints and a pose after each other, in one array each."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     moves = []
     for i in range(len(rows)):
         moves.append(f"  movej(jAt[{i}],tGrip,mNom) // go")

@@ -58,7 +58,7 @@ STATED = ProgramOptions(frames=[f"Table={numbers(TABLE)}"])
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints and a pose in a straight line after each other."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     joints = [",".join(f"{value:.6f}" for value in row) for row in rows]
     lines = ["define", "{", "int count = 0"]
     lines += [f"float[] j{i} = {{{joints[i]}}}" for i in range(0, len(rows), 2)]

@@ -394,7 +394,7 @@ class TpRun:
         other = re.fullmatch(r"(PR?)\[(\d+)\]", right)
         here = (
             np.linalg.inv(self.user_frames[self.user])
-            @ self.controller.arm.fk(self.joints)
+            @ self.controller.arm.fk(self.joints, "deg")
             @ self.tool_frames[self.tool]
         )
         pose = here if right == "LPOS" else self._of_name(other)
@@ -472,7 +472,7 @@ class TpRun:
         if " INC" in f" {options}":
             here = (
                 np.linalg.inv(self.user_frames[user])
-                @ self.controller.arm.fk(self.joints)
+                @ self.controller.arm.fk(self.joints, "deg")
                 @ self.tool_frames[tool]
             )
             pose = here @ np.eye(4)

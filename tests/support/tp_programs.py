@@ -51,7 +51,7 @@ class Point:
             shown = self.row - np.array([0, 0, self.row[1], 0, 0, 0])
             parts = [f"J{k}= {value:9.3f} deg" for k, value in enumerate(shown, start=1)]
         else:
-            pose = np.linalg.inv(named(FRAMES)[user]) @ nominal().fk(self.row) @ named(TOOLS)[tool]
+            pose = np.linalg.inv(named(FRAMES)[user]) @ nominal().fk(self.row, "deg") @ named(TOOLS)[tool]
             units = ["mm"] * 3 + ["deg"] * 3
             parts = [
                 f"{key} = {value:9.3f} {unit:>3}"

@@ -328,9 +328,9 @@ class UrRun:
             tcp = named.get("tcp", values[4] if len(values) > 4 else self.tcp)
             return list(nearest(values[0] @ np.linalg.inv(tcp), np.array(near)))
         elif name == "get_forward_kin":
-            return self.controller.arm.fk(np.degrees(values[0] if values else self.joints)) @ self.tcp
+            return self.controller.arm.fk(np.degrees(values[0] if values else self.joints), "deg") @ self.tcp
         elif name == "get_actual_tcp_pose":
-            return self.controller.arm.fk(np.degrees(self.joints)) @ self.tcp
+            return self.controller.arm.fk(np.degrees(self.joints), "deg") @ self.tcp
         elif name == "get_actual_joint_positions":
             return list(self.joints)
         elif name == "pose_trans":
@@ -356,13 +356,13 @@ class UrRun:
         elif len(target) != 6:
             raise NoProgram("joints")
         elif word in ("movel", "movep"):
-            flange = arm.fk(np.degrees(target))
+            flange = arm.fk(np.degrees(target), "deg")
         if flange is None:
             self.joints = np.array(target)
         elif word in ("movej", "servoj"):
             self.joints = nearest(flange, self.joints)
         else:
-            begin = arm.fk(np.degrees(self.joints))
+            begin = arm.fk(np.degrees(self.joints), "deg")
             for share in np.linspace(0, 1, _STEPS + 1)[1:]:
                 self.joints = nearest(on_line(begin, flange, share), self.joints)
         self.visits.append(self.joints)

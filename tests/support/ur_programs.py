@@ -83,7 +83,7 @@ class Writer:
         self.lines += lines
 
     def pose(self, k: int) -> str:
-        return f"p[{listed(values_of(nominal().fk(self.rows[k]) @ self.tcp))}]"
+        return f"p[{listed(values_of(nominal().fk(self.rows[k], 'deg') @ self.tcp))}]"
 
     def joints(self, k: int) -> str:
         return f"[{listed(np.radians(self.rows[k]))}]"

@@ -49,7 +49,7 @@ def solved_pose(robot: Robot, flange: Matrix, start: Matrix) -> Matrix:
     arm = flange_arm(robot)
 
     def off(joints: Matrix) -> Matrix:
-        now = arm.fk(joints)
+        now = arm.fk(joints, "deg")
         turn = Rotation.from_matrix(flange[:3, :3] @ now[:3, :3].T).as_rotvec()
         return np.concatenate([now[:3, 3] - flange[:3, 3], 300 * turn])
 
@@ -70,7 +70,7 @@ class UserProgram:
     @property
     def poses(self) -> Matrix:
         """(N, 4, 4) of the tool in the frame, as the programs state them; URScript has no frame."""
-        tcp = flange_arm(self.robot).fk(self.rows) @ TOOL
+        tcp = flange_arm(self.robot).fk(self.rows, "deg") @ TOOL
         return tcp if self.language == "urscript" else np.linalg.inv(TABLE) @ tcp
 
     def cartesian(self, i: int) -> bool:
@@ -130,7 +130,7 @@ class UserProgram:
         """By the wrist's centre of an ABB arm, from the geometry of its data sheet's side view."""
         arm = self.robot
         q = np.radians(row)
-        turned = arm.fk(row - np.array([row[0], 0, 0, 0, 0, 0]))
+        turned = arm.fk(row - np.array([row[0], 0, 0, 0, 0, 0]), "deg")
         wrist = (
             turned[:3, 3]
             if arm.name == "irb1600"

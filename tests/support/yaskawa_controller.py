@@ -86,7 +86,7 @@ def _values(pose: Matrix) -> str:
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a controller saves it: positions in pulses, then poses, each with its configuration."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     pulses = [",".join(str(round(value)) for value in row * PULSES) for row in rows]
     joints = [f"C{(100 if i % 2 else 0) + i:05d}={row}" for i, row in enumerate(pulses)]
     cartesian = [

@@ -194,13 +194,25 @@ export function redo() {
   set(after[0], { before: [...before, now], after: after.slice(1) });
 }
 
+/** Makes the folder of a new file where it is gone: a draft outlives it. @param {string} name */
+async function ensureFolderOf(name) {
+  const folder = calibrationOf(name), listed = await get("/api/files");
+  if (folder === "." || listed.some((/** @type {{path: string}} */ one) => one.path.startsWith(`${folder}/`))) return;
+  try {
+    await post("/api/folders", { name: folder });
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error; // it is there, and empty; else the plan is refused, and says why
+  }
+}
+
 /** Writes the plan; where the file has changed meanwhile, `conflict` says so and nothing is written. @param {string} [as] another file, a new one */
 export async function save(as = file.value) {
   const content = plan.value;
   if (content === null) return false;
-  const text = JSON.stringify(content), same = as === file.value;
+  const text = JSON.stringify(content), same = as === file.value, version = same ? base.value : null;
   try {
-    const done = await put("/api/plan", { file: as, plan: content }, same ? base.value : null);
+    if (version === null) await ensureFolderOf(as);
+    const done = await put("/api/plan", { file: as, plan: content }, version);
     forget(file.value);
     batch(() => {
       file.value = done.file;

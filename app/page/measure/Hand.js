@@ -29,11 +29,11 @@ function numbersOf(read, text) {
   return numbers?.length === read.numbers && !numbers.includes(null) ? numbers : null;
 }
 
-/** @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null, doubt: import("./events.js").Doubt | null}} props `reading`: what is read, once the joints are taken */
-export function Hand({ asked, reading, doubt }) {
+/** @param {{asked: import("./events.js").Asked, reading: import("./events.js").ReadingAsked | null, doubt: import("./events.js").Doubt | null, live?: boolean}} props `reading`: what is read, once the joints are taken; `live`: the joints are read from the controller */
+export function Hand({ asked, reading, doubt, live = false }) {
   const field = useRef(/** @type {HTMLTextAreaElement | null} */ (null)), first = useRef(/** @type {HTMLInputElement | null} */ (null));
   const text = useSignal(""), texts = useSignal(/** @type {Record<string, string>} */ ({})), problem = useSignal("");
-  const heading = title(asked, reading), reads = (reading ?? asked).reads, focus = () => (reading === null ? field : first).current?.focus();
+  const heading = title(asked, reading), reads = live && reading === null ? [] : (reading ?? asked).reads, focus = () => (reading === null ? field : first).current?.focus();
   useEffect(() => {
     text.value = problem.value = "";
     texts.value = {};
@@ -42,7 +42,7 @@ export function Hand({ asked, reading, doubt }) {
   useEffect(() => { say(heading); }, [asked, heading]);
   useEffect(() => { problem.value = ""; if (doubt || reading !== null) focus(); }, [doubt, reading]);
   const send = (/** @type {string} */ line) => {
-    if (!line.trim()) return;
+    if (!line.trim() && !(live && reading === null)) return;
     attempt(() => answer(line));
     const before = run.value;
     setTimeout(() => {
@@ -67,9 +67,9 @@ export function Hand({ asked, reading, doubt }) {
         <ul class="asked" aria-label="Joints as planned, in the pendant’s counting">
           ${asked.pendant.map((joint) => html`<li key=${joint.name}><b>${joint.name}</b> ${fixed(joint.value, DIGITS[joint.unit] ?? 2)}<small>${unitSign(joint.unit)}</small></li>`)}
         </ul>
-        <label class="label" for="hand-line">Move the arm there, ${asked.act}, and paste the joint values that the pendant shows.</label>
+        ${live ? html`<p>Move the arm there, ${asked.act}, let it rest, and record: its joints are read.</p>` : html`<label class="label" for="hand-line">Move the arm there, ${asked.act}, and paste the joint values that the pendant shows.</label>
         <textarea id="hand-line" ref=${field} rows="2" value=${text.value} autocomplete="off" autocapitalize="off" spellcheck=${false} aria-invalid=${Boolean(words)} aria-describedby="hand-doubt"
-          onInput=${(/** @type {any} */ event) => { text.value = event.target.value; problem.value = ""; }} onKeyDown=${enter}></textarea>`
+          onInput=${(/** @type {any} */ event) => { text.value = event.target.value; problem.value = ""; }} onKeyDown=${enter}></textarea>`}`
       : html`<p>The joint values are taken. Enter what the instrument reads there.</p>`}
       ${reads.map((read, i) => html`
         <label class="text" key=${read.key}><span class="label">${capital(read.words)}</span>

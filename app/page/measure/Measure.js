@@ -113,9 +113,9 @@ export function Measure() {
   const inspector = html`
     ${missing.value && html`<p class="error" role="alert">${missing.value}</p>`}
     ${confirming && html`<${Confirm} text=${seen.confirm} />`}
-    ${byHand && html`<${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt} />`}
+    ${byHand && html`<${Hand} asked=${seen.asked} reading=${seen.reading} doubt=${seen.doubt} live=${seen.rig === "live"} />`}
     ${!underWay.value && html`<${Unfinished} /><h2>${following ? "Another run" : "Carry the plan out"}</h2><${Start} plan=${plan} onPlan=${(/** @type {string} */ value) => { picked.value = value; if (file) go(toJob(name, "measure", value), { replace: true }); }} />`}
-    ${following && seen.rig !== "manual" && (underWay.value || seen.trace.length > 0) && html`<div class="watch">
+    ${following && seen.rig !== "manual" && seen.rig !== "live" && (underWay.value || seen.trace.length > 0) && html`<div class="watch">
       <figure><figcaption>Spot from the centre</figcaption><${Trace} trace=${seen.trace} /></figure>
       <figure><figcaption>Spot on the PSD</figcaption><${Face} trace=${seen.trace} kept=${seen.kept} size=${seen.size} /></figure>
       ${seen.camera && html`<figure class="camera"><figcaption>Camera</figcaption><${CameraPicture} seen=${seen.camera} /></figure>`}

@@ -1,6 +1,8 @@
 // How a plan is to be carried out: by a simulation, by hand, by a robot.
 import { html } from "htm/preact";
 import { signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { get } from "../core/api.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration, freeName, ofKind } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
@@ -13,18 +15,22 @@ import { start } from "./running.js";
 
 const USUAL = {
   rig: "simulated", cell: "", seed: /** @type {number | null} */ (0), camera: true, units: "deg", j3: "", host: "", speed: /** @type {number | null} */ (0.25), sensors: "", user: "",
+  scheme: "", address: "",
   port: /** @type {number | null} */ (80), egmPort: /** @type {number | null} */ (6510), sensorPort: /** @type {number | null} */ (6520), laser: "Local/DRV_1/zb_laser", closing: false, adaptive: false, tolerance: /** @type {number | null} */ (null),
 };
 const chosen = signal(USUAL);
 
 /** The words of the command; what is left as it is usual is not stated. @param {typeof USUAL} now @param {string} plan @param {string} out */
 export function words(now, plan, out) {
-  const list = ["run", `--out=${out}`, `--rig=${now.rig}`];
+  const list = ["run", `--out=${out}`, `--rig=${now.rig === "live" ? `${now.scheme}://${now.address.trim()}` : now.rig}`];
   const add = (/** @type {string} */ option, /** @type {keyof typeof USUAL} */ key) => { if (now[key] !== USUAL[key] && now[key] !== null && now[key] !== "") list.push(`${option}=${now[key]}`); };
   if (now.rig === "simulated") {
     add("--cell", "cell");
     list.push(`--seed=${now.seed ?? 0}`);
     if (!now.camera) list.push("--no-camera");
+  } else if (now.rig === "live") {
+    add("--j3", "j3");
+    add("--sensors", "sensors");
   } else if (now.rig === "manual") {
     add("--units", "units");
     add("--j3", "j3");
@@ -38,6 +44,27 @@ export function words(now, plan, out) {
     add("--tolerance", "tolerance");
   }
   return [...list, plan];
+}
+
+/** Of the makers' protocols by which joints are read. @typedef {{scheme: string, vendor: string | null, maker: string, port: number, options: string[]}} LiveForm */
+/** @type {import("@preact/signals").Signal<LiveForm[] | null>} */
+const live = signal(null);
+
+/** Where the joints are read: nothing is connected before an address was typed. @param {{now: typeof USUAL, set: (more: Partial<typeof USUAL>) => void}} props */
+function Live({ now, set }) {
+  useEffect(() => { if (live.value === null) attempt(async () => { live.value = await get("/api/live"); }); }, []);
+  const forms = live.value ?? [], form = forms.find((one) => one.scheme === now.scheme);
+  useEffect(() => {
+    const usual = forms.find((one) => one.vendor !== null && one.vendor === calibration.value?.maker) ?? forms[0];
+    if (!form && usual) set({ scheme: usual.scheme });
+  }, [forms.length]);
+  const options = form?.options.length ? `; options behind ?: ${form.options.map((one) => `${one}=`).join(", ")}` : "";
+  return html`
+    <${Choice} label="Controller of" value=${now.scheme} groups=${[["", forms.map((one) => [one.scheme, `${one.maker} (${one.scheme}://)`])]]} onValue=${(/** @type {string} */ scheme) => set({ scheme })} />
+    <div><${TextField} label="Controller’s address" value=${now.address} onValue=${(/** @type {string} */ address) => set({ address })} /><span class="help">host, or host:port (usual: ${form?.port ?? ""})${options}</span></div>
+    <${Joint3} value=${now.j3} onValue=${(/** @type {string} */ j3) => set({ j3 })} />
+    <${Choice} label="Sensors" value=${now.sensors} none="each posture is confirmed here" groups=${[["", ofKind("sensors").map((one) => [one, one])]]} onValue=${(/** @type {string} */ sensors) => set({ sensors })} />
+    <p class="muted wide">The controller’s program, or a person at the pendant, moves the arm. The joints are read there where you confirm a posture; moving or stale ones are refused.</p>`;
 }
 
 /** @param {{plan: string, onPlan: (plan: string) => void}} props */
@@ -63,7 +90,7 @@ export function Start({ plan, onPlan }) {
   return html`
     <form class="start" aria-label="Start a run" onSubmit=${begin}>
       <fieldset class="rigs"><legend class="label">What carries the plan out</legend>
-        ${[["simulated", "Simulation"], ["manual", "By hand"], ["abb", "ABB robot"]].map(([rig, text]) => html`<label class="check" key=${rig}><input type="radio" name="rig" value=${rig} checked=${now.rig === rig} onChange=${() => set({ rig })} /> ${text}</label>`)}
+        ${[["simulated", "Simulation"], ["manual", "By hand"], ["live", "By hand, joints read from the controller"], ["abb", "ABB robot"]].map(([rig, text]) => html`<label class="check" key=${rig}><input type="radio" name="rig" value=${rig} checked=${now.rig === rig} onChange=${() => set({ rig })} /> ${text}</label>`)}
       </fieldset>
       <div class="fields">
         <div class="wide"><${Choice} label="Plan" value=${plan} groups=${[["", plans.map((one) => [one, one])]]} onValue=${onPlan} /></div>
@@ -75,6 +102,7 @@ export function Start({ plan, onPlan }) {
         ${now.rig === "manual" && html`
           <${Choice} label="Angles in" value=${now.units} groups=${[["", [["deg", "degrees"], ["rad", "radians"]]]]} onValue=${(/** @type {string} */ units) => set({ units })} />
           <${Joint3} value=${now.j3} onValue=${(/** @type {string} */ j3) => set({ j3 })} />`}
+        ${now.rig === "live" && html`<${Live} now=${now} set=${set} />`}
         ${now.rig === "abb" && html`
           <${TextField} label="Controller’s address" value=${now.host} placeholder="192.168.125.1" onValue=${(/** @type {string} */ host) => set({ host })} />
           <${NumberField} label="Share of the joints’ top speeds" value=${now.speed} least=${0.01} most=${1} onValue=${(/** @type {number | null} */ speed) => set({ speed })} />
@@ -90,6 +118,6 @@ export function Start({ plan, onPlan }) {
           ${port("Port of Robot Web Services", "port")}${port("Own UDP port for EGM", "egmPort")}${port("Port of PSD and camera", "sensorPort")}
           <${TextField} label="Output of the laser" value=${now.laser} onValue=${(/** @type {string} */ laser) => set({ laser })} />`}
       </div><//>
-      <p class="bar"><button class="main" disabled=${busy.value || !plan}>${{ simulated: "Start the simulation", manual: "Start", abb: "Start: asks before the robot moves" }[now.rig]}</button></p>
+      <p class="bar"><button class="main" disabled=${busy.value || !plan || (now.rig === "live" && !(now.scheme && now.address.trim()))}>${{ simulated: "Start the simulation", manual: "Start", live: "Start: connects to the controller", abb: "Start: asks before the robot moves" }[now.rig]}</button></p>
     </form>`;
 }

@@ -179,7 +179,7 @@ def _left(result: ReadResult, values: Mapping[str, float]) -> tuple[Matrix | Non
 
 def _tcp(run: Run, joints: Matrix, point: Matrix) -> Matrix:
     """(P, 3) mm in the base frame, of the nominal arm at `joints` (P, n) deg (mm)."""
-    poses = run.robot.fk(joints)
+    poses = run.robot.fk(joints, "deg")
     return np.asarray(poses[:, :3, :3] @ point + poses[:, :3, 3])
 
 

@@ -19,7 +19,7 @@ from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.arrays import Matrix
-from ....model.errors import BadInput, NotWritten
+from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
@@ -220,8 +220,7 @@ def plan(folder: Folder, name: str) -> ReadPlan:
 
 def write(folder: Folder, request: AskedPlan, precondition: Precondition) -> WrittenPlan:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced, nor
-    another version than the one that was read. The folder of a new file is made where it is gone: a draft
-    outlives it."""
+    another version than the one that was read."""
     path = _yaml_path(folder, request.file, "a plan")
     if path.exists():
         document = read_yaml(path)
@@ -232,10 +231,6 @@ def write(folder: Folder, request: AskedPlan, precondition: Precondition) -> Wri
     via = [between * written.robot.display for between in written.via]
     # What degrees lose on the way to radians and back is far below what a file states.
     with replacing(path, precondition, lambda: plan(folder, request.file)) as force:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise NotWritten(f"the folder cannot be made: {error.strerror}", file=path.parent) from None
         write_plan(
             path,
             written.header,

@@ -9,6 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from ....analysis.solution import Solution, so_far
+from ....experiments.makers.maker import makers
+from ....experiments.rigs.live.address import SCHEMES
 from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
 from ....model.files.plan import read_plan
@@ -175,7 +177,33 @@ def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
     return None
 
 
+class LiveForm(JsonDocument):
+    """A protocol by which joints are read from a controller: `run --rig SCHEME://HOST[:PORT]`."""
+
+    scheme: str
+    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    maker: str
+    port: int = Field(description="the usual one")
+    options: list[str] = Field(description="names of what may be stated behind ?")
+
+
+def live(_: Folder) -> list[LiveForm]:
+    """The protocols of all makers' controllers."""
+    names = {maker.vendor: maker.name for maker in makers()}
+    return [
+        LiveForm(
+            scheme=name,
+            vendor=scheme.vendor,
+            maker=names[scheme.vendor] if scheme.vendor is not None else "ROS, any maker",
+            port=scheme.port,
+            options=list(scheme.options),
+        )
+        for name, scheme in SCHEMES.items()
+    ]
+
+
 END_POINTS = [
+    EndPoint("/api/live", "GET", "Protocols by which joints are read from controllers.", live),
     EndPoint(
         "/api/run",
         "GET",

@@ -458,7 +458,7 @@ def _quaternions(
         )
     sentence = f"orientation: columns {', '.join(names)} in {layout.rotation_units}, "
     if layout.euler == "find":
-        flange = job.robot.fk(joints)[:, :3, :3]
+        flange = job.robot.fk(joints, "deg")[:, :3, :3]
         with located(table.path):
             fitting = found_order(angles, names, flange)
         turned, sentence = fitting.rotations, sentence + fitting.sentence

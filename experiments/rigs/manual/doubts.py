@@ -55,7 +55,7 @@ class Aiming:
         off = np.diag(np.where(parameters.free, parameters.prior_std, 0.0))[parameters.free]
         # (2 s, p): each of s values higher by its standard deviation, then lower.
         self._off = self._nominal + np.stack([off, -off], axis=1).reshape(-1, len(parameters))
-        self.joints = servo_joints(self._problem) > 0
+        self.joints = servo_joints(self._problem)[0] > 0
 
     def bounds(self, posture: int, joints: Matrix) -> tuple[Matrix, Matrix]:
         """(n,) lowest and highest values, deg or mm, of the joints that aim where `joints` (n,) are read."""

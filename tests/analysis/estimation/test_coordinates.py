@@ -51,7 +51,7 @@ def test_each_row_is_seen_from_its_own_data_set(case):
         alone = FlangeCoordinates(Density(problem.moved(density.joints[which])))
         values = x[row : row + 1]
         np.testing.assert_array_equal(v[row], alone.from_parameters(values)[0])
-        np.testing.assert_array_equal(by_v[row], alone.jacobian(values)[0])
+        np.testing.assert_array_equal(by_v[row], alone.jacobian(values, "deg")[0])
         np.testing.assert_array_equal(back[row], alone.to_parameters(v[row : row + 1])[0])
     if case != "all targets held":  # control: seen from another data set's shot it stands elsewhere
         other = coordinates.from_parameters(x, (of + 1) % 3)
@@ -125,7 +125,7 @@ def test_the_gradient_by_v_against_differences_of_the_log_posterior():
 def test_no_volume_factor(case):
     """The change is a rigid motion for given offsets: the density needs no determinant."""
     problem = PROBLEMS[case]
-    sign, logdet = np.linalg.slogdet(FlangeCoordinates(Density(problem)).jacobian(many(problem)))
+    sign, logdet = np.linalg.slogdet(FlangeCoordinates(Density(problem)).jacobian(many(problem), "deg"))
     np.testing.assert_array_equal(sign, 1)
     np.testing.assert_allclose(logdet, 0, atol=1e-10)
 

@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
-from cells import good_plan, header, irb1600, plan_of, random_robot, varied_postures
+from cells import LASER, good_plan, header, irb1600, plan_of, random_robot, varied_postures
 
 from zerobeam.analysis.observability.aim import aim, at_rest, moving_joints, servo_joints
+from zerobeam.model.files.header import Header
+from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.instruments.kind import Measurement
 from zerobeam.model.likelihood.problem import Problem
 
 AWAY = {"kind": "laser", "calibrated": True, "point_mm": [10, -20, 65], "direction": [1, 0.2, -0.1]}
@@ -108,3 +111,51 @@ def test_prismatic_joints_help_too(kinds):
     slides = robot.display == 1
     moved = np.abs(aimed.problem.joints - joints)[aimed.hit][:, slides]
     assert moved.max() > 1.0
+
+
+MIX = {
+    "robot": "irb1600",
+    "tool": {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+    "instruments": {
+        "leica": {
+            "kind": "tracker",
+            "guess_mm": [3000, 500, 800],
+            "reflectors": {"R1": {}},
+            "sigma_mm": 0.03,
+        },
+        "bar": {"kind": "ballbar", "sigma_mm": 0.01, "tip_mm": [0, 0, 60]},
+    },
+    "noise": {"joint_deg": 0.005, "spot_mm": 0.05},
+    "targets": {"psd": {"guess_mm": [900, 0, 0]}, "socket": {"guess_mm": [700, 200, 100]}},
+}
+
+
+def mixed(parts, postures):
+    measured = [[Measurement(*part, {})] for part in parts]
+    header = Header.model_validate(MIX)
+    return Problem.of_measured(header, load_robot("irb1600"), postures, measured, planned=True)
+
+
+def test_in_a_mix_each_shot_is_turned_as_its_instrument_alone_turns_it():
+    """The laser's by the wrist, although other instruments are in the run; a tracker's, which reads anywhere,
+    by nothing."""
+    rng = np.random.default_rng(0)
+    beam = varied_postures(header(LASER, target=(900, 0, 0)), load_robot("irb1600"), (900, 0, 0), 5, 0)
+    beam = beam + rng.normal(size=beam.shape) * 0.02
+    others = rng.uniform(-0.5, 0.5, (3, 6))
+    laser, tracker = ("tool", "", "psd"), ("leica", "R1", None)
+    mix = mixed([laser] * 5 + [tracker] * 3, np.concatenate([beam, others]))
+    alone = mixed([laser] * 5, beam)
+    both, one = (aim(each, each.nominal(), servo_joints(each)) for each in (mix, alone))
+    assert both.hit.all()
+    assert one.hit.all()
+    turned = np.abs(both.problem.joints - mix.joints)
+    assert turned[:5, :3].max() == 0
+    assert turned[:5, 3:].max() > 1e-3
+    assert turned[5:].max() == 0
+    np.testing.assert_allclose(both.problem.joints[:5], one.problem.joints, atol=1e-12)
+
+
+def test_beside_a_laser_what_touches_is_led_by_the_whole_arm():
+    weights = servo_joints(mixed([("tool", "", "psd"), ("bar", "", "socket")], np.zeros((2, 6))))
+    np.testing.assert_array_equal(weights, [[0, 0, 0, 1, 1, 1], [1, 1, 1, 1, 1, 1]])

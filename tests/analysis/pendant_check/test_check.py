@@ -48,7 +48,7 @@ def shown_poses(name: str, postures: object = POSTURES) -> list[PendantPose]:
     poses = []
     for counted in np.array(postures):
         between = counted + (counted[1] * (np.arange(6) == 2) if file.pendant.joint3 == "ground" else 0.0)
-        numbers, digit = numbers_shown(robot.fk(between), right_reading(file).form)
+        numbers, digit = numbers_shown(robot.fk(between, "deg"), right_reading(file).form)
         poses.append(PendantPose(tuple(counted.tolist()), numbers, 0.01, 0.01, digit))
     return poses
 
@@ -201,7 +201,7 @@ def test_a_tool_that_is_active_is_told_from_a_wrong_file() -> None:
     tool[:3, 3] = 10, -20, 150
     poses = []
     for counted in POSTURES:
-        numbers, digit = numbers_shown(robot.fk(counted) @ tool, "wpr")
+        numbers, digit = numbers_shown(robot.fk(counted, "deg") @ tool, "wpr")
         poses.append(PendantPose(counted, numbers, 0.01, 0.01, digit))
     check = check_poses(file, right_reading(file), poses)
     assert check.suspects == ()

@@ -118,7 +118,7 @@ def promised_mm(answer: RobotCalibration, plan: Plan, rows: Matrix) -> Matrix:
     names = [offset.name for offset in answer.offsets if offset.exported]
     own = [answer.covariance.names.index(name) for name in names]
     columns = [int(name.removeprefix("delta")) - 1 for name in names]
-    jacobian = np.radians(flange_arm(plan.robot).jacobian(rows)[:, :3][:, :, columns])
+    jacobian = np.radians(flange_arm(plan.robot).jacobian(rows, "deg")[:, :3][:, :, columns])
     return np.sqrt(np.einsum("kij,jl,kil->k", jacobian, answer.covariance.matrix[np.ix_(own, own)], jacobian))
 
 
@@ -135,10 +135,10 @@ def reaches_what_it_means(
     uncertainty of the offsets and the digits of the file; the program as it was does not."""
     nominal = flange_arm(plan.robot)
     true = nominal.with_offsets(np.radians([0.0, *TRUTH.values()]))
-    meant = nominal.fk(rows)
+    meant = nominal.fk(rows, "deg")
 
     def missed(text: str) -> Matrix:
-        return np.asarray(np.linalg.norm((true.fk(commanded(text)) - meant)[:, :3, 3], axis=1))
+        return np.asarray(np.linalg.norm((true.fk(commanded(text), "deg") - meant)[:, :3, 3], axis=1))
 
     bound = 3 * promised_mm(answer, plan, rows) + digits_mm
     assert (missed(after) < bound).all()

@@ -181,7 +181,7 @@ def test_a_tool_and_a_base_that_a_krl_program_defines(tmp_path: Path) -> None:
 
     solver = Solver(robot)
     joints = np.degrees(solver.solutions(flange(*(values[key] for key in "XYZABC"))))
-    true = robot.with_offsets(np.radians(OFFSETS)).fk(joints)
+    true = robot.with_offsets(np.radians(OFFSETS)).fk(joints, "deg")
     assert np.abs(true - flange(500, -50, 600, 0, 120, 0)).max(axis=(1, 2)).min() < 1e-3
 
 

@@ -37,13 +37,13 @@ def test_the_true_arm_reaches_what_the_program_means(tmp_path: Path, name: str) 
     done = corrected_program(robot, judged(robot), path, tmp_path / f"out{path.suffix}", STATED.get(language))
     arm = flange_arm(robot)
     true = arm.with_offsets(np.radians(OFFSETS))
-    meant = arm.fk(program.rows)
-    reached = true.fk(program.commanded(read(done)))
+    meant = arm.fk(program.rows, "deg")
+    reached = true.fk(program.commanded(read(done)), "deg")
     # A thousandth of a degree and of a mm in FANUC's listings, at up to 0.9 m; else six decimals.
     within = 0.05 if language == "fanuc" else 1e-3
     assert np.linalg.norm((reached - meant)[:, :3, 3], axis=1).max() < within
     assert np.abs((reached - meant)[:, :3, :3]).max() < within / 500
-    without = np.linalg.norm((true.fk(program.rows) - meant)[:, :3, 3], axis=1)
+    without = np.linalg.norm((true.fk(program.rows, "deg") - meant)[:, :3, 3], axis=1)
     assert without.min() > 1.0
 
 
@@ -96,8 +96,8 @@ def test_links_that_deviate_are_corrected_too(tmp_path: Path, name: str) -> None
     own = judged(robot)
     own.corrected = true
     done = corrected_program(robot, own, path, tmp_path / f"out{path.suffix}", STATED.get(language))
-    reached = true.fk(program.commanded(read(done)))
-    assert np.linalg.norm((reached - robot.fk(program.rows))[:, :3, 3], axis=1).max() < 1e-3
+    reached = true.fk(program.commanded(read(done)), "deg")
+    assert np.linalg.norm((reached - robot.fk(program.rows, "deg"))[:, :3, 3], axis=1).max() < 1e-3
 
 
 def test_joints_that_bend_are_corrected_too(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_joints_that_bend_are_corrected_too(tmp_path: Path) -> None:
     program = UserProgram(language, robot, varied(robot, 6))
     path = written(tmp_path, program, program.text())
     calibration = judged(robot)
-    true, meant = robot.with_offsets(np.radians(OFFSETS)), robot.fk(program.rows)[:, :3, 3]
+    true, meant = robot.with_offsets(np.radians(OFFSETS)), robot.fk(program.rows, "deg")[:, :3, 3]
     off = []
     for posture_offsets in (calibration.posture_offsets, bending):
         calibration.posture_offsets = posture_offsets
@@ -119,7 +119,7 @@ def test_joints_that_bend_are_corrected_too(tmp_path: Path) -> None:
         )
         commanded = program.commanded(read(done))
         added = np.degrees([bending(row) for row in np.radians(commanded)])
-        reached = true.fk(commanded + added)[:, :3, 3]
+        reached = true.fk(commanded + added, "deg")[:, :3, 3]
         off.append(np.linalg.norm(reached - meant, axis=1).max())
     stiff, bent = off
     assert bent < 1e-3
@@ -133,7 +133,9 @@ def test_linear_motions_follow_the_arm_where_no_configuration_is_stated(tmp_path
         [[10.0, -80, 95, -100, -85, 20], [25.0, -70, 80, -95, -95, 10], [-20.0, -60, 90, -120, -80, 40]]
     )
     own = UserProgram("urscript", robot, rows)
-    values = [[*(pose[:3, 3] / 1000), *orientation(pose[:3, :3]).rotation_vector] for pose in robot.fk(rows)]
+    values = [
+        [*(pose[:3, 3] / 1000), *orientation(pose[:3, :3]).rotation_vector] for pose in robot.fk(rows, "deg")
+    ]
     begin = ", ".join(f"{value:.9f}" for value in np.radians(rows[0]))
     moves = [f"  movel(p[{', '.join(f'{v:.9f}' for v in value)}], a=1, v=1)" for value in values[1:]]
     text = "\n".join(
@@ -145,6 +147,6 @@ def test_linear_motions_follow_the_arm_where_no_configuration_is_stated(tmp_path
     for i, found in enumerate(re.findall(r"movel\(p\[(.*?)\]", read(done)), start=1):
         numbers = np.array([float(each) for each in found.split(",")])
         # What the nominal arm has at the joints that are right for this one.
-        right = robot.fk(rows[i] - OFFSETS)
+        right = robot.fk(rows[i] - OFFSETS, "deg")
         np.testing.assert_allclose(1000 * numbers[:3], right[:3, 3], atol=1e-4)
-        np.testing.assert_allclose(true.fk(rows[i] - OFFSETS), robot.fk(rows[i]), atol=1e-9)
+        np.testing.assert_allclose(true.fk(rows[i] - OFFSETS, "deg"), robot.fk(rows[i], "deg"), atol=1e-9)

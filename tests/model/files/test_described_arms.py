@@ -116,7 +116,7 @@ def test_an_arm_is_that_of_its_description(name: str) -> None:
     worst = 0.0
     for joints in np.random.default_rng(0).uniform(robot.lower, robot.upper, (10, robot.n)) * robot.display:
         expected = described_pose(name, joints)
-        np.testing.assert_allclose(robot.fk(joints), expected, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(robot.fk(joints, "deg"), expected, rtol=0, atol=1e-8)
         worst = max(worst, np.abs(described_pose(name, joints + slip) - expected).max())
     assert worst > 0.1  # control: a tenth of a degree would show
 

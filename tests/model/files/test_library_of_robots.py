@@ -102,7 +102,7 @@ def test_a_robot_is_that_of_its_description(name: str) -> None:
     worst = 0.0
     for joints in rng.uniform(robot.lower, robot.upper, (20, 6)) * robot.display:
         expected = DESCRIBED[name].pose(joints)
-        np.testing.assert_allclose(robot.fk(joints), expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(robot.fk(joints, "deg"), expected, rtol=0, atol=1e-9)
         worst = max(worst, np.abs(DESCRIBED[name].pose(joints + SLIP) - expected).max())
     assert worst > 0.1  # control: a tenth of a degree would show
 
@@ -137,7 +137,9 @@ def test_a_universal_robot_is_that_of_its_description(name: str) -> None:
     turns = np.array([(0, 0, 0), (HALF, 0, 0), (0, 0, 0), (0, 0, 0), (HALF, 0, 0), (HALF, np.pi, np.pi)])
     robot = load_robot(name)
     for joints in np.random.default_rng(1).uniform(-180, 180, (20, 6)):
-        np.testing.assert_allclose(robot.fk(joints), by_frames(origins, turns, joints), rtol=0, atol=1e-8)
+        np.testing.assert_allclose(
+            robot.fk(joints, "deg"), by_frames(origins, turns, joints), rtol=0, atol=1e-8
+        )
 
 
 # Origins, mm, and fixed turns of dsr_description2 (DoosanRobotics) and tm_description (TechmanRobotInc).
@@ -158,7 +160,9 @@ def test_an_arm_of_turned_frames_is_that_of_its_description(name: str) -> None:
     origins, turns = (np.array(each) for each in OTHERS[name])
     robot = load_robot(name)
     for joints in np.random.default_rng(3).uniform(-150, 150, (20, 6)):
-        np.testing.assert_allclose(robot.fk(joints), by_frames(origins, turns, joints), rtol=0, atol=1e-8)
+        np.testing.assert_allclose(
+            robot.fk(joints, "deg"), by_frames(origins, turns, joints), rtol=0, atol=1e-8
+        )
 
 
 def test_the_xarm_is_that_of_its_description() -> None:
@@ -166,7 +170,9 @@ def test_the_xarm_is_that_of_its_description() -> None:
     turns = np.array([(0, 0, 0), (-HALF, 0, 0), (0, 0, 0), (-HALF, 0, 0), (HALF, 0, 0), (-HALF, 0, 0)])
     robot = load_robot("xarm6")
     for joints in np.random.default_rng(2).uniform(-180, 180, (20, 6)):
-        np.testing.assert_allclose(robot.fk(joints), by_frames(origins, turns, joints), rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            robot.fk(joints, "deg"), by_frames(origins, turns, joints), rtol=0, atol=1e-6
+        )
 
 
 # Flange at given joints as makers and their manuals show it: where the arm is at zero, or at its home.
@@ -188,7 +194,7 @@ def test_the_xarm_is_that_of_its_description() -> None:
     ],
 )
 def test_published_poses(name: str, joints: list[float], position: list[float], z_axis: Matrix) -> None:
-    pose = load_robot(name).fk(joints)
+    pose = load_robot(name).fk(joints, "deg")
     np.testing.assert_allclose(pose[:3, 3], position, rtol=0, atol=0.05)
     np.testing.assert_allclose(pose[:3, 2], z_axis, rtol=0, atol=1e-9)
 
@@ -265,10 +271,10 @@ def test_the_reach_of_the_stretched_arms_is_as_published() -> None:
     }
     for name, height in heights.items():
         robot = load_robot(name, Path())
-        assert robot.fk(np.zeros(robot.n))[2, 3] == pytest.approx(height, abs=0.1)
+        assert robot.fk(np.zeros(robot.n), "deg")[2, 3] == pytest.approx(height, abs=0.1)
     panda = load_robot("panda", Path())
     # The elbow's offsets of 82.5 mm cancel; the hand looks down from 88 mm before the wrist.
-    assert panda.fk(np.zeros(7))[:3, 3] == pytest.approx([88, 0, 333 + 316 + 384 - 107])
+    assert panda.fk(np.zeros(7), "deg")[:3, 3] == pytest.approx([88, 0, 333 + 316 + 384 - 107])
 
 
 def test_a_vendor_is_optional_and_one_of_a_list(tmp_path: Path) -> None:

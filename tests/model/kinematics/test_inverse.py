@@ -30,7 +30,7 @@ def test_solutions_have_the_pose(name: str, most: int) -> None:
 
 def test_an_arm_with_a_spherical_wrist_has_eight_postures_where_limits_allow() -> None:
     robot = load_robot("irb1200")
-    assert len(Solver(robot).solutions(robot.fk([10, 60, -60, 40, 60, 30]), thorough=True)) == 8
+    assert len(Solver(robot).solutions(robot.fk([10, 60, -60, 40, 60, 30], "deg"), thorough=True)) == 8
 
 
 def test_whole_turns_within_the_limits() -> None:
@@ -45,7 +45,7 @@ def test_whole_turns_within_the_limits() -> None:
 
 def test_a_pose_out_of_reach_is_not_reached() -> None:
     robot = load_robot("irb120")
-    pose = robot.fk(np.zeros(6))
+    pose = robot.fk(np.zeros(6), "deg")
     pose[0, 3] += 2000
     _, arrived = reach(robot, pose, np.zeros((1, 6)))
     assert not arrived.any()

@@ -29,7 +29,7 @@ def test_irb1600_is_table_1_with_the_limits_and_speeds_of_the_arm():
 def test_irb1600_at_zero_by_hand():
     """Upper arm straight up, forearm straight ahead: 150 + 600 out, 486.5 + 700 up, tool along x."""
     robot = load_robot("irb1600", HERE)
-    at_zero = robot.fk([0] * 6)
+    at_zero = robot.fk([0] * 6, "deg")
     np.testing.assert_allclose(at_zero[:3, 3], [750, 0, 1186.5], atol=1e-9)
     np.testing.assert_allclose(at_zero[:3, 2], [1, 0, 0], atol=1e-12)
     # The flange face is 65 mm further on: 815 mm out, as in the arm's data sheet.
@@ -45,7 +45,7 @@ def test_irb1600_wrist_centre_against_the_closed_form(q):
     height = 486.5 + 700 * np.cos(q2) - 600 * np.sin(q2 + q3)
     expected = [radius * np.cos(q1), radius * np.sin(q1), height]
     for wrist in ([0, 0, 0], [50, -70, 110]):
-        np.testing.assert_allclose(robot.fk([*q, *wrist])[:3, 3], expected, atol=1e-9)
+        np.testing.assert_allclose(robot.fk([*q, *wrist], "deg")[:3, 3], expected, atol=1e-9)
 
 
 def robot_file(folder: Path, text: str, name: str = "arm.yaml") -> Path:
@@ -71,10 +71,10 @@ def test_standard_and_modified_rows_of_the_same_arm_agree(tmp_path):
     other = read_robot(robot_file(tmp_path, arm("modified", modified, flange), "m.yaml"))
     without = read_robot(robot_file(tmp_path, arm("modified", modified), "n.yaml"))
     for q in ([0, 0, 0], [10, -50, 70], [-120, 33, 179]):
-        np.testing.assert_allclose(one.fk(q), other.fk(q), atol=1e-9)
-        assert np.abs(one.fk(q) - without.fk(q)).max() > 1
+        np.testing.assert_allclose(one.fk(q, "deg"), other.fk(q, "deg"), atol=1e-9)
+        assert np.abs(one.fk(q, "deg") - without.fk(q, "deg")).max() > 1
     swapped = read_robot(robot_file(tmp_path, arm("modified", standard), "w.yaml"))
-    assert np.abs(one.fk([10, -50, 70]) - swapped.fk([10, -50, 70])).max() > 1
+    assert np.abs(one.fk([10, -50, 70], "deg") - swapped.fk([10, -50, 70], "deg")).max() > 1
 
 
 def test_base_and_flange_transforms_stand_at_the_two_ends(tmp_path):
@@ -85,7 +85,7 @@ def test_base_and_flange_transforms_stand_at_the_two_ends(tmp_path):
     base = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
     flange = np.eye(4)
     flange[2, 3] = 7
-    np.testing.assert_allclose(moved.fk([25]), base @ plain.fk([25]) @ flange, atol=1e-12)
+    np.testing.assert_allclose(moved.fk([25], "deg"), base @ plain.fk([25], "deg") @ flange, atol=1e-12)
 
 
 PRISMATIC = """
@@ -105,8 +105,8 @@ def test_a_prismatic_joint_slides_along_its_z(tmp_path):
     assert (lift.name, lift.kind, lift.unit) == ("lift", "prismatic", "mm")
     assert (lift.lower, lift.upper, lift.speed) == (-200, 10, 500)
     np.testing.assert_allclose(robot.display, [np.degrees(1), 1])
-    np.testing.assert_allclose(robot.fk([90, -120])[:3, 3], [0, 300, 400 - 50 - 120], atol=1e-9)
-    still, moved = robot.fk([90, 0]), robot.fk([90, -120])
+    np.testing.assert_allclose(robot.fk([90, -120], "deg")[:3, 3], [0, 300, 400 - 50 - 120], atol=1e-9)
+    still, moved = robot.fk([90, 0], "deg"), robot.fk([90, -120], "deg")
     np.testing.assert_allclose(still[:3, :3], moved[:3, :3], atol=1e-12)
     angle = np.radians(90 + 30)
     np.testing.assert_allclose(still[:3, 0], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
@@ -293,11 +293,11 @@ def test_fk_is_the_product_of_the_matrices_for_any_batch(name, tmp_path):
     expected = np.array([actual.pose(row).real for row in q])
     for batch in ((), (6,), (3, 2), (2, 3, 1)):
         count = int(np.prod(batch))
-        poses = actual.robot.fk((q[:count] * actual.robot.display).reshape(*batch, -1))
+        poses = actual.robot.fk((q[:count] * actual.robot.display).reshape(*batch, -1), "deg")
         assert poses.shape == (*batch, 4, 4)
         np.testing.assert_allclose(poses.reshape(-1, 4, 4), expected[:count], atol=1e-9)
     np.testing.assert_allclose(actual.robot.fk(q, unit="rad"), expected, atol=1e-9)
-    assert actual.robot.fk(np.zeros((0, actual.robot.n))).shape == (0, 4, 4)
+    assert actual.robot.fk(np.zeros((0, actual.robot.n)), "deg").shape == (0, 4, 4)
 
 
 @pytest.mark.parametrize("name", DESIGNED)
@@ -305,9 +305,9 @@ def test_the_jacobian_is_the_derivative_of_the_pose(name, tmp_path):
     actual = plain_arm(name, tmp_path)
     rng = np.random.default_rng(4)
     q = np.array([actual.random(rng) for _ in range(4)])
-    jacobians = actual.robot.jacobian((q * actual.robot.display).reshape(2, 2, -1))
+    jacobians = actual.robot.jacobian((q * actual.robot.display).reshape(2, 2, -1), "deg")
     assert jacobians.shape == (2, 2, 6, actual.robot.n)
-    np.testing.assert_array_equal(jacobians[1, 0], actual.robot.jacobian(q[2] * actual.robot.display))
+    np.testing.assert_array_equal(jacobians[1, 0], actual.robot.jacobian(q[2] * actual.robot.display, "deg"))
     np.testing.assert_allclose(jacobians.reshape(4, 6, -1), actual.robot.jacobian(q, unit="rad"), atol=1e-9)
     for row, jacobian in zip(q, jacobians.reshape(4, 6, -1), strict=True):
         pose = actual.pose(row).real
@@ -324,10 +324,10 @@ def test_the_jacobian_is_the_derivative_of_the_pose(name, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "argument", "words"),
     [
-        ((np.zeros(5),), "q", "(..., 6): irb1600 has 6 joints"),
-        ((3.0,), "q", "found:   ()"),
-        (("home",), "q", "not an array of numbers"),
-        ((np.full(6, np.inf),), "q", "not finite"),
+        ((np.zeros(5), "deg"), "q", "(..., 6): irb1600 has 6 joints"),
+        ((3.0, "deg"), "q", "found:   ()"),
+        (("home", "deg"), "q", "not an array of numbers"),
+        ((np.full(6, np.inf), "deg"), "q", "not finite"),
         ((np.zeros(6), "grad"), "unit", "'deg' or 'rad'"),
     ],
 )
@@ -342,3 +342,13 @@ def test_bad_joint_positions_are_named(arguments, argument, words):
 
 def test_a_robot_is_told_in_one_line():
     assert repr(load_robot(Path("irb1600"))) == "<Robot irb1600: 6 joints>"
+
+
+def test_the_unit_is_stated() -> None:
+    robot = load_robot("ur5e")
+    for ask in (robot.fk, robot.jacobian):
+        with pytest.raises(TypeError, match="unit"):
+            ask(np.zeros(6))
+        np.testing.assert_allclose(
+            ask(np.full(6, 90.0), "deg"), ask(np.full(6, np.pi / 2), unit="rad"), atol=1e-9
+        )

@@ -68,7 +68,7 @@ def robtargets(rows, tool, frame, conf=None) -> str:
     arm = flange_arm(load_robot("irb1600"))
     lines = []
     for i, row in enumerate(rows):
-        pose = np.linalg.inv(frame) @ arm.fk(row) @ tool
+        pose = np.linalg.inv(frame) @ arm.fk(row, "deg") @ tool
         x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
         place = ",".join(f"{value:.3f}" for value in pose[:3, 3])
         turn = ",".join(f"{value:.7f}" for value in (w, x, y, z))

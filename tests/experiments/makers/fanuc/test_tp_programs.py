@@ -66,7 +66,7 @@ class TrueArm:
                     continue
                 tool = max(controller.tools.values(), key=lambda pose: float(np.linalg.norm(pose[:3, 3])))
                 most_mm, most_deg = rounding(one.joints, one.in_joints, tool)
-                off_mm, off_deg = apart(nominal().fk(one.joints), true.fk(other.joints))
+                off_mm, off_deg = apart(nominal().fk(one.joints, "deg"), true.fk(other.joints, "deg"))
                 mm, deg, compared = max(mm, off_mm - most_mm), max(deg, off_deg - most_deg), compared + 1
         return mm, deg, compared
 

@@ -179,7 +179,7 @@ def test_what_is_not_stated_or_does_not_fit_is_refused_once(content, options, wo
 def made_poses(count, rng):
     """Angles, rad, about fixed x, y, z of a body on the flange, and the rotations of the flange."""
     robot = load_robot("irb1600")
-    flange = robot.fk(rng.uniform(-70, 70, (count, robot.n)))[:, :3, :3]
+    flange = robot.fk(rng.uniform(-70, 70, (count, robot.n)), "deg")[:, :3, :3]
     turn = rotations(rng.uniform(-1, 1, (2, 3)), "XYZ-fixed")
     measured = turn[0] @ flange @ turn[1]
     # R = Rz(c) Ry(b) Rx(a): the angles about fixed x, y, z.

@@ -89,8 +89,8 @@ def test_joints_are_corrected_and_the_flange_is_where_it_is_meant(tmp_path: Path
     rows = varied(arm(), 4)[[0, 0, 1, 1]]  # each line ends where it begins
     text = corrected(tmp_path, program(rows))
     true = arm().with_offsets(np.radians(OFFSETS))
-    assert np.abs((true.fk(joints(text)) - arm().fk(rows))[:, :3, 3]).max() < 0.05
-    assert np.abs((true.fk(rows) - arm().fk(rows))[:, :3, 3]).max() > 1
+    assert np.abs((true.fk(joints(text), "deg") - arm().fk(rows, "deg"))[:, :3, 3]).max() < 0.05
+    assert np.abs((true.fk(rows, "deg") - arm().fk(rows, "deg"))[:, :3, 3]).max() > 1
     assert text.startswith("'zerobeam export program\r\n")
 
 

@@ -27,7 +27,7 @@ def ur_run(folder: Path, robot: Robot, ref: str = "ur5e", geometry: str | None =
 
 
 def same_flange(one: Robot, other: Robot, mm: float = 1e-5) -> bool:
-    return bool(np.abs(one.fk(JOINTS) - other.fk(JOINTS)).max() < mm)
+    return bool(np.abs(one.fk(JOINTS, "deg") - other.fk(JOINTS, "deg")).max() < mm)
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,7 @@ def flanges(script: Script, text: str, arm: ControllerArm, seed: int, run: int) 
     # The arm is anywhere before the program.
     start = script.rows[0] + rng.uniform(-60, 60, 6)
     rows = script.controller().run(text, start, rng)
-    return np.array([arm.fk(row) for row in rows]).reshape(-1, 4, 4)
+    return np.array([arm.fk(row, "deg") for row in rows]).reshape(-1, 4, 4)
 
 
 def agree(
@@ -87,9 +87,9 @@ def test_random_programs_are_refused_or_right(seeds: range, tmp_path: Path) -> N
 
 def test_the_controller_of_the_tests_finds_all_joints_of_a_pose() -> None:
     for row in np.random.default_rng(0).uniform(-150, 150, (20, 6)):
-        solutions = np.degrees(inverse(nominal().fk(row)))
+        solutions = np.degrees(inverse(nominal().fk(row, "deg")))
         for each in solutions:
-            np.testing.assert_allclose(nominal().fk(each), nominal().fk(row), atol=1e-6)
+            np.testing.assert_allclose(nominal().fk(each, "deg"), nominal().fk(row, "deg"), atol=1e-6)
         assert np.abs((solutions - row + 180) % 360 - 180).max(axis=1).min() < 1e-6
 
 
