@@ -107,9 +107,9 @@ class Robot:
     --------
     >>> import numpy as np, zerobeam as zb
     >>> robot = zb.load_robot("irb1600")
-    >>> robot.fk(np.zeros(6))[:3, 3].round(1)
+    >>> robot.fk(np.zeros(6), "deg")[:3, 3].round(1)
     array([ 750. ,    0. , 1186.5])
-    >>> robot.jacobian(np.zeros((5, 6))).shape
+    >>> robot.jacobian(np.zeros((5, 6)), "deg").shape
     (5, 6, 6)
     """
 

@@ -88,9 +88,11 @@ def test_the_rows_are_the_arm_of_the_chain(tmp_path: Path, name: str, slide: int
         typed = " ".join(str(value) for value in joints)
         options = ("--base", "link0", "--tip", "tool0", "--joints", typed, "--json")
         pose = zerobeam("robot", urdf, *options).json["poses"][0]
-        np.testing.assert_allclose(made.fk(joints)[:3, 3], pose["xyz_mm"], rtol=0, atol=2e-5)
+        np.testing.assert_allclose(made.fk(joints, "deg")[:3, 3], pose["xyz_mm"], rtol=0, atol=2e-5)
         if slide is None:
-            np.testing.assert_allclose(made.fk(joints), load_robot(name).fk(joints), rtol=0, atol=2e-5)
+            np.testing.assert_allclose(
+                made.fk(joints, "deg"), load_robot(name).fk(joints, "deg"), rtol=0, atol=2e-5
+            )
 
 
 @pytest.mark.parametrize("name", ["ur5e", "iiwa14", "gp7"])

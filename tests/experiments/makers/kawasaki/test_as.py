@@ -41,7 +41,7 @@ def corrected(folder: Path, text: str, choices: ProgramOptions | None = None) ->
 
 
 def test_what_is_understood_is_corrected(tmp_path: Path) -> None:
-    pose = ROBOT.fk([5, 15, -75, 3, -85, 10])
+    pose = ROBOT.fk([5, 15, -75, 3, -85, 10], "deg")
     lines = [
         f"  LMOVE TRANS({controller._oat(pose).replace(' ', ',')}) ; there",
         "  ; JMOVE #PPOINT(1,2,3,4,5,6)",
