@@ -24,7 +24,7 @@ _POINT = re.compile(r"^[ \t]*Point\d+[ \t]*\{([^{}]*)\}", re.MULTILINE)
 _FIELD = re.compile(r"^[ \t]*([a-z]\w*)=([^\r\n]*?)[ \t]*\r?$", re.MULTILINE)
 _HEAD = re.compile(
     r"^(?:ENVT\d+,.*|sVersion=.*|nDisplayMode=.*|bDisplay[RST]=.*|nNumberOfJoints=(?P<joints>\d+)"
-    r"|nNumberOfPoints=(?P<count>\d+))[ \t]*\r?$",
+    r"|nNumberOfPoints=(?P<count>\d{1,6}))[ \t]*\r?$",
     re.MULTILINE,
 )
 _POSE = ("rX", "rY", "rZ", "rU", "rV", "rW")
@@ -34,6 +34,7 @@ _ZERO = ("rR", "rS", "rT", "nJ1Flag", "nJ2Flag", "nJ4Flag", "nJ6Flag", "rJ1Angle
 _OTHERS = ("nNumber", "sLabel", "sDescription", "nUndefined", "nLocal", "bSimVisible")
 _LIST = re.compile(r"\(\s*([^()\n]*?(?:,[^()\n]*?){5,})\s*\)")
 _HALF_TURN = [3, 5]
+_WHOLE = re.compile(r"0|[1-9][0-9]{0,5}")  # a number, written in one way
 
 Fields = dict[str, tuple[str, int]]  # values by name, and where they begin
 
@@ -49,9 +50,9 @@ def _name(fields: Fields) -> tuple[str, int] | None:
     """The name that a program has for a point: its label, else P and its number."""
     number, start = fields.get("nNumber", ("", 0))
     label, label_start = fields.get("sLabel", ('""', 0))
-    if not number.isdecimal() or not re.fullmatch(r'"(?:[A-Za-z]\w*)?"', label, re.ASCII):
+    if not _WHOLE.fullmatch(number) or not re.fullmatch(r'"(?:[A-Za-z]\w*)?"', label, re.ASCII):
         return None
-    return (label[1:-1], label_start + 1) if label != '""' else (f"P{int(number)}", start)
+    return (label[1:-1], label_start + 1) if label != '""' else (f"P{number}", start)
 
 
 def _position(fields: Fields) -> Tree[Token] | None:
@@ -64,7 +65,7 @@ def _position(fields: Fields) -> Tree[Token] | None:
         and [start for _, start in numbers] == sorted(start for _, start in numbers)
         and all(re.fullmatch(r"0(?:\.0*)?", fields.get(key, ("0", 0))[0]) for key in _ZERO)
         and all(number in ("1", "2") for number, _ in words)
-        and local[0].isdecimal()
+        and _WHOLE.fullmatch(local[0])
         and fields.get("nUndefined", ("0", 0))[0] == "0"
     )
     if name is None or not right:
@@ -74,7 +75,7 @@ def _position(fields: Fields) -> Tree[Token] | None:
         [
             Token("NAME", name[0].upper(), start_pos=name[1]),
             Tree("pose", [Token("VALUE", number, start_pos=start) for number, start in numbers]),
-            Tree("frame", [Token("WORD", str(int(local[0])), start_pos=local[1])]),
+            Tree("frame", [Token("WORD", local[0], start_pos=local[1])]),
             *(Token("CONFIGURATION", names[int(number) - 1], start_pos=name[1]) for number, names in words),
         ],
     )
@@ -100,11 +101,11 @@ def _statements(program: LineLanguage, text: str) -> Iterator[Statement]:
         for match in counts or [match for match, _ in points]:
             yield match.start(), match.end(), None  # points are lost
     labels: dict[str, str] = {}
-    numbers = [fields["nNumber"][0] for _, fields in points if fields is not None and "nNumber" in fields]
-    for match, fields in points:
-        tree = None if fields is None or numbers.count(fields["nNumber"][0]) > 1 else _position(fields)
-        if tree is not None and fields is not None:
-            labels[f"P{int(fields['nNumber'][0])}"] = str(tree.children[0])
+    numbers = [(fields or {}).get("nNumber", ("", 0))[0] for _, fields in points]
+    for (match, fields), number in zip(points, numbers, strict=True):
+        tree = None if fields is None or numbers.count(number) > 1 else _position(fields)
+        if tree is not None:
+            labels[f"P{number}"] = str(tree.children[0])
         yield match.start(), match.end(), tree
     for begin, end, tree in program.statements(_code(text)):
         for part in () if tree is None else tree.iter_subtrees():

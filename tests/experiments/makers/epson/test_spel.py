@@ -99,6 +99,8 @@ def whole() -> str:
         ('sLabel="pick"', 'sLabel="place"', "pick has no value in this file"),
         ('sLabel="pick"', 'sLabel="1st"', "Point5 {"),
         ("nNumber=5", "nNumber=1", "Point5 {"),
+        ("\tnNumber=5", "\tbSimVisible=0", "Point5 {"),
+        ("nNumber=5", f"nNumber={'5' * 5000}", "Point5 {"),
         ("nUndefined=0", "nUndefined=1", "Point1 {"),
         ("rT=0", "rT=12.5", "Point1 {"),
         ("nJ4Flag=0", "nJ4Flag=1", "Point1 {"),
