@@ -1,6 +1,6 @@
 // The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of it.
 import { batch, computed, effect, signal } from "@preact/signals";
-import { getFile, latest, post, put, Refused } from "./api.js";
+import { get, getFile, latest, post, put, Refused } from "./api.js";
 import { failed, files, refresh, say, versionOf } from "./store.js";
 
 /**
