@@ -192,9 +192,9 @@ class ProgramFacts:
 
     def require(self, option: Literal["--tool", "--frame"], name: str, form: str) -> str:
         """Note that a tool or frame ("" for the one that is open) must be stated: "state --tool …"."""
-        stated = f"{option} {name}={form}" if name else f"{option} {form}"
-        self._required[stated] = None
-        return f"state {stated}"
+        required = f"{option} {name}={form}" if name else f"{option} {form}"
+        self._required[required] = None
+        return f"state {required}"
 
     @property
     def required(self) -> tuple[str, ...]:

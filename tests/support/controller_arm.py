@@ -65,8 +65,9 @@ class ControllerArm:
             frames.append(pose)
         return np.array([*frames, pose @ self.flange])
 
-    def fk(self, joints: Matrix) -> Matrix:
-        """(4, 4) pose of the flange in the base frame at joints (6,)."""
+    def fk(self, joints: Matrix, unit: str) -> Matrix:
+        """(4, 4) pose of the flange in the base frame at joints (6,), as of `Robot`; in degrees alone."""
+        assert unit == "deg"
         return np.asarray(self.frames(joints)[-1, 0])
 
     def _step(self, joints: Matrix, pose: Matrix) -> tuple[Matrix, Matrix]:
@@ -112,7 +113,7 @@ class ControllerArm:
     def straight(self, pose: Matrix, start: Matrix) -> Matrix | None:
         """The joints at the end of a straight line of the flange from the joints `start`; None where it
         does not get there."""
-        begin, joints = self.fk(start), start
+        begin, joints = self.fk(start, "deg"), start
         for share in np.linspace(0, 1, 51)[1:]:
             arrived = self.climbed(on_line(begin, pose, share), joints)
             if not len(arrived) or np.abs(arrived[0] - joints).max() > 60:
