@@ -1,7 +1,8 @@
 """Every block of the documentation is run, or read as the file that it is, and prints what the page says.
 
 In the short form posteriors are drawn shorter, plans are chosen from fewer postures where a page does not say
-how many, only the README's report is written, ten pages are left out; the long tests run all as it stands.
+how many, only the README's report is written, and of all pages the README and that of the files are run; the
+long tests run all as it stands.
 """
 
 from __future__ import annotations

@@ -101,6 +101,7 @@ def test_the_import_of_panda_2_tells_what_it_took(panda_2: Analysed) -> None:
     assert (len(run.shots), len(run.target_names), len(run.header.distances)) == (559, 18, 9)
 
 
+@pytest.mark.long
 def test_panda_2_misses_before_and_after(panda_2: Analysed) -> None:
     # Before: no offsets, the nominal tip, each socket at the mean of its tips.
     assert panda_2.fit["rms_before_mm"] == pytest.approx(8.44, abs=0.1)
@@ -109,6 +110,7 @@ def test_panda_2_misses_before_and_after(panda_2: Analysed) -> None:
     assert panda_2.fit["other_basins"] == 0
 
 
+@pytest.mark.long
 def test_panda_2_before_is_the_scatter_of_the_tips(panda_2: Analysed) -> None:
     """The same figure from the chain written out here: URDF positions of the tip, in plain numpy."""
     run = read_run(panda_2.run)
@@ -132,6 +134,7 @@ def tip(robot: Any, q: np.ndarray, point: np.ndarray) -> np.ndarray:
     return np.asarray((pose @ robot.flange @ np.append(point, 1.0))[:3])
 
 
+@pytest.mark.long
 def test_panda_2_sockets_stand_where_the_plate_has_them(panda_2: Analysed) -> None:
     sockets = panda_2.sockets()
     assert len(sockets) == 9
@@ -140,6 +143,7 @@ def test_panda_2_sockets_stand_where_the_plate_has_them(panda_2: Analysed) -> No
     assert all(row["std"] < row["sigma_mm"] for row in panda_2.answer["distances"])
 
 
+@pytest.mark.long
 def test_panda_2_statuses(panda_2: Analysed) -> None:
     rows = panda_2.rows
     assert (rows["delta1"]["status"], rows["delta1"]["estimate"]) == ("held", 0.0)
@@ -161,6 +165,7 @@ def test_panda_2_statuses(panda_2: Analysed) -> None:
     assert "hold delta7" in direction["remedy"]
 
 
+@pytest.mark.long
 def test_panda_2_lack_of_fit_is_said_plainly(panda_2: Analysed) -> None:
     fit = panda_2.fit
     # 559 misses of 3 numbers and 9 distances; 5 offsets, 18 sockets, the tip's z and its place about joint 7.
@@ -190,6 +195,7 @@ def test_panda_2_without_one_placement(panda_2: Analysed, place: str, holds: boo
     assert ("the offsets do not carry over to these targets" in said) != holds
 
 
+@pytest.mark.long
 def test_a_third_of_panda_2_gives_the_same_offsets(panda_2: Analysed) -> None:
     """Within what the misfit makes of the stds; a part against the whole has the variance of the part
     less that of the whole."""
@@ -205,7 +211,6 @@ def test_a_third_of_panda_2_gives_the_same_offsets(panda_2: Analysed) -> None:
         assert abs(math.degrees(third.x[i]) - whole["estimate"]) < 4 * spread
 
 
-@pytest.mark.long
 def test_panda_1(panda_1: Analysed) -> None:
     assert panda_1.answer["inputs"]["shots"] == 182
     assert panda_1.fit["rms_mm"] == pytest.approx(1.19, abs=0.01)
@@ -216,6 +221,7 @@ def test_panda_1(panda_1: Analysed) -> None:
     assert panda_1.rows["delta7"]["status"] == "unidentifiable"
 
 
+@pytest.mark.long
 def test_the_two_pandas_are_one_make(panda_1: Analysed, panda_2: Analysed) -> None:
     """Two arms of one make, drawn alike: what the drawing gets wrong, it gets wrong in both."""
     for name in ("delta4", "delta5", "delta6"):
@@ -241,6 +247,7 @@ def test_the_placements_of_every_arm_disagree(name: str, scale: str, request: py
     assert found.p_value < 1e-6
 
 
+@pytest.mark.long
 def test_kuka_14_agrees_with_the_stated_noise_and_not_with_itself(kuka_14: Analysed) -> None:
     """The noise is stated too large, so that chi-squared sees nothing: its placements disagree."""
     assert kuka_14.answer["inputs"]["shots"] == 180
