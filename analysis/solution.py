@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from ..model.errors import BadInput
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
-from .covariance import Covariance, Rows, frame
+from .covariance import Covariance, Rows, frame, row_text
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
@@ -116,6 +117,9 @@ class ParameterResult:
         """The standard uncertainty (GUM), another name for `std`."""
         return self.std
 
+    def __repr__(self) -> str:
+        return row_text(self.name, self.unit, self.status, self.estimate, self.std)
+
     def interval(self, level: float = 0.95) -> tuple[float, float] | None:
         """The central interval that holds `level` of the probability, such as 0.68, by the curvature.
 
@@ -131,9 +135,9 @@ class ParameterResult:
         return self.estimate - half, self.estimate + half
 
 
-def require_level(level: float) -> None:
+def require_level(level: object) -> None:
     """BadInput where `level` is no probability between 0 and 1."""
-    if not 0 < level < 1:
+    if isinstance(level, bool) or not isinstance(level, Real) or not 0 < level < 1:
         raise BadInput(
             "this is no level of an interval",
             found=repr(level),
@@ -401,6 +405,9 @@ class Solution:
 
     def __getitem__(self, name: str) -> ParameterResult:
         return self.parameters.named(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.parameters.names or name in self.parameters
 
     def __iter__(self) -> Iterator[ParameterResult]:
         return iter(self.parameters)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
 from ..analysis.estimation.robust import Loss
+from ..analysis.status import UNVALIDATED
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
@@ -55,7 +56,7 @@ class Analysed(Analysis):
 
     `sol["J2"]` or `sol["delta2"]` is a row with `.estimate`, `.u` (standard uncertainty), `.interval(0.68)`,
     `.status` and `.unit`. All but the last two are None where the data do not determine the parameter.
-    Solutions can be pickled and copied. They are equal if the runs, the options and the numbers are.
+    Solutions can be pickled and copied. They are equal if run, options and versions of the libraries are.
 
     Attributes
     ----------
@@ -346,19 +347,6 @@ class Analysed(Analysis):
         """The content of `result.json` (docs/files-results.md) as plain dicts, lists, numbers and text."""
         return to_json(self.result)
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Analysed):
-            return NotImplemented
-        return self is other or self._content() == other._content()
-
-    def __hash__(self) -> int:
-        return hash(self.run.sha256)
-
-    def _content(self) -> dict[str, object]:
-        """All but the time that it took."""
-        timeless = replace(self.result.posterior, seconds=0.0)
-        return to_json(replace(self.result, posterior=timeless))
-
     def __repr__(self) -> str:
         return text(self._page(), offsets_table(self.result))
 
@@ -446,12 +434,15 @@ class Plots:
         Raises
         ------
         BadInput
-            The fit did not converge.
+            The fit did not converge, or its model does not describe the measurements.
         """
         result = self.solution.result
         scene = run_turnable(result)
         if scene is None:
-            raise BadInput("there is no scene of a fit that did not converge", found=result.likelihood.reason)
+            why = "the fit did not converge" if result.misfit is None else UNVALIDATED
+            raise BadInput(
+                "there is no scene of this answer", found=why, allowed="a fit that describes its measurements"
+            )
         return SceneView.of(result.inputs.run, scene)
 
 

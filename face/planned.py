@@ -20,15 +20,16 @@ from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
 from ..model.files.plan_file import Obstacles
 from ..reports.output.html import card, text
-from ..reports.plan.plan_page import plan_turnable, postures_of, verdict_on
+from ..reports.plan.plan_page import plan_turnable, postures_of
 from ..reports.run.parameters import worth_column
-from ..reports.style.blocks import Cell, Page, Row, Table, row_of, table_of
+from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.geometry import check_lines
 from ..words.numbers import unit_of
+from ..words.plan_message import plan_message
 from ..words.result_json import check_json
-from ..words.verdict import check_notes
-from ..words.wording import clipped, counted, label, sentence
+from ..words.verdict import tone_of
+from ..words.wording import clipped, counted, label
 from .arguments import require_choice, require_kind, require_number, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView
@@ -112,9 +113,10 @@ class CheckedPlan(Check):
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
-            verdict_on(self),
-            [*(sentence(note) for note in check_notes(self)), *check_lines(self)],
+            Verdict(tone_of(self.verdict), "", ""),
+            check_lines(self),
             [],
+            message=plan_message(self),
         )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..analysis.covariance import frame
 from ..analysis.diagnostics.tcp_positions import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
 from ..analysis.solution import Solution
+from ..analysis.status import UNVALIDATED
 from ..model.errors import BadInput
 from ..model.files.arguments import joint_positions
 from .arguments import vector
@@ -33,9 +34,7 @@ def predicted_positions(
     if not solution.converged or solution.misfit is not None:
         raise BadInput(
             "there is no prediction",
-            found="the fit did not converge"
-            if not solution.converged
-            else "a misfit: no number is validated",
+            found="the fit did not converge" if not solution.converged else f"a misfit, {UNVALIDATED}",
             allowed="a fit that describes its measurements",
         )
     problem, fit = solution.problem, solution.fit

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
 from ..analysis.posterior.profiles import ProfileContour, ProfileCurve
-from ..reports.style.canvas import DASHES, Picture, new_figure, style, to_svg
+from ..analysis.status import UNVALIDATED, Status
+from ..reports.style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
 from ..reports.style.palette import light
 from ..reports.style.typeface import in_font
 from ..words import numbers
@@ -80,11 +81,13 @@ class Profile(ProfileCurve):
         axes.set_xlabel(_axis(self.name, self.unit))
         axes.set_ylabel("(distance / u)²")
         axes.legend(loc="upper center")
+        mark_unvalidated(axes, [self.status])
 
     def __repr__(self) -> str:
         digits = numbers.decimals(self.u)
         value = f"{self.estimate:.{max(digits, 0)}f} ± {self.u:.{max(digits, 0)}f} {self.unit}"
-        return f"<Profile of {self.name}: {value}, deviates by {_deviation(self.deviation)} from the normal>"
+        by = f"deviates by {_deviation(self.deviation)} from the normal"
+        return f"<Profile of {self.name}: {value}, {by}{_caveat(self.status)}>"
 
     def _repr_html_(self) -> str:
         return self.plot()._repr_html_()
@@ -144,10 +147,12 @@ class Contour(ProfileContour):
         axes.set_xlabel(_axis(self.names[0], self.units[0]))
         axes.set_ylabel(_axis(self.names[1], self.units[1]))
         axes.legend()
+        mark_unvalidated(axes, self.status)
 
     def __repr__(self) -> str:
         which = f"{self.names[0]} and {self.names[1]}, {100 * self.level:g} %"
-        return f"<Contour of {which}: deviates by {_deviation(self.deviation)} from the normal>"
+        by = f"deviates by {_deviation(self.deviation)} from the normal"
+        return f"<Contour of {which}: {by}{_caveat(*self.status)}>"
 
     def _repr_html_(self) -> str:
         return self.plot()._repr_html_()
@@ -162,6 +167,10 @@ def _plotted(draw: Callable[[Axes], None], ax: Axes | None, picture: Picture) ->
         figure = new_figure(3.4)
         draw(figure.subplots())
         return Figure(Picture(picture.name, picture.title, picture.alt, to_svg(figure, picture.name)))
+
+
+def _caveat(*statuses: Status) -> str:
+    return f"; {UNVALIDATED}" if "unvalidated" in statuses else ""
 
 
 def _axis(name: str, unit: str) -> str:

@@ -14,7 +14,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
-from ..covariance import Rows, frame
+from ..covariance import Rows, frame, row_text
 from ..estimation.threads import one_blas_thread
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
@@ -97,6 +97,9 @@ class CheckedParameter:
     def u(self) -> float | None:
         """The predicted standard uncertainty (GUM), another name for `std`."""
         return self.std
+
+    def __repr__(self) -> str:
+        return row_text(self.name, self.unit, self.status, None, self.std)
 
 
 class CheckedTable(Rows[CheckedParameter]):

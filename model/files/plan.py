@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from ..arrays import Matrix
+from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
@@ -54,8 +54,10 @@ class Means(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan:
+class Plan(ByValue):
     """Planned postures of a robot of n joints: from a file (`read_plan`) or from arrays.
+
+    Plans are equal if header, robot, postures, targets, constraints and means are, wherever they are kept.
 
     Attributes
     ----------
@@ -100,10 +102,10 @@ class Plan:
     robot: Robot
     postures: Matrix
     targets: tuple[str | None, ...]
-    lines: tuple[int | None, ...]
-    path: Path
-    sha256: str
-    warnings: tuple[str, ...]
+    lines: tuple[int | None, ...] = field(compare=False)
+    path: Path = field(compare=False)
+    sha256: str = field(compare=False)
+    warnings: tuple[str, ...] = field(compare=False)
     via: tuple[Matrix, ...] = ()
     constraints: StatedConstraints = UNCONSTRAINED
     means: tuple[Means, ...] = ()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -18,7 +18,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Matrix
+from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
@@ -55,8 +55,10 @@ _UNKNOWNS = 3  # of a target
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class Run(ByValue):
     """A recorded run of N measurements: from a file (`read_run`) or from arrays.
+
+    Runs are equal if header, robot and measurements are, wherever they are kept.
 
     Attributes
     ----------
@@ -79,11 +81,11 @@ class Run:
     header: Header
     robot: Robot
     shots: tuple[Shot, ...]
-    lines: tuple[int | None, ...]
-    header_line: int | None
-    path: Path
-    sha256: str
-    warnings: tuple[str, ...]
+    lines: tuple[int | None, ...] = field(compare=False)
+    header_line: int | None = field(compare=False)
+    path: Path = field(compare=False)
+    sha256: str = field(compare=False)
+    warnings: tuple[str, ...] = field(compare=False)
 
     @classmethod
     def from_arrays(

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Matrix
+from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 
 JointKind = Literal["revolute", "prismatic"]
@@ -27,7 +27,7 @@ Turn = tuple[ca.SX, ca.SX]  # cosine and sine of a revolute joint, position and 
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(ByValue):
     """One joint: `fixed` (4, 4) goes before the motion, `axis` (3,) is its unit axis in its own frame.
 
     `lower`, `upper` are rad or mm, `speed` is rad/s or mm/s (None where the robot file states none).
@@ -87,8 +87,8 @@ NOTHING_STATED = Conventions()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robot:
-    """A serial arm of n joints from base to flange, with nominal geometry.
+class Robot(ByValue):
+    """A serial arm of n joints from base to flange, with nominal geometry. Robots are equal by value.
 
     Parameters
     ----------
