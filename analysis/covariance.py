@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -26,6 +26,7 @@ class NamedRow(Protocol):
 
 
 Row = TypeVar("Row", bound=NamedRow)
+Value = TypeVar("Value", float, float | None)
 
 
 def parameter_name(name: str) -> str:
@@ -78,6 +79,28 @@ class Rows(tuple[Row, ...]):
         return Names(row.name for row in self)
 
 
+class ValuesByName(dict[str, Value]):
+    """Numbers by the name of their parameter, which show the `units` beside them; else a dict.
+
+    >>> ValuesByName({"delta2": 0.0777}, {"delta2": "deg"}, ["identified"])
+    {delta2: 0.0777 deg}
+    """
+
+    def __init__(
+        self, values: Mapping[str, Value], units: Mapping[str, str], statuses: Iterable[Status]
+    ) -> None:
+        super().__init__(values)
+        self.units = {name: units[name] for name in values}
+        self._note = f"; {UNVALIDATED}" if "unvalidated" in statuses else ""
+
+    def __repr__(self) -> str:
+        shown = (
+            f"{name}: {'none' if value is None else f'{value:.6g} {self.units[name]}'}"
+            for name, value in self.items()
+        )
+        return f"{{{', '.join(shown)}}}{self._note}"
+
+
 def frame(data: Any, **how: Any) -> pd.DataFrame:
     """`pandas.DataFrame(data, **how)`; BadInput says how to install pandas where it is missing."""
     try:
@@ -99,6 +122,14 @@ def row_text(name: str, unit: str, status: Status, estimate: float | None, u: fl
         f"{label}{value:{form}}{after}" for label, value in (("", estimate), ("u ", u)) if value is not None
     ]
     return f"<{name}: {', '.join([*parts, called(status)])}>"
+
+
+def noted(table: pd.DataFrame, units: Mapping[str, str], statuses: Iterable[Status]) -> pd.DataFrame:
+    """The same, with the units of its columns and what stands beside unvalidated numbers in `table.attrs`."""
+    table.attrs["units"] = dict(units)
+    if "unvalidated" in statuses:
+        table.attrs["status"] = UNVALIDATED
+    return table
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,11 +227,13 @@ class Covariance(ByValue):
     def correlation(self) -> pd.DataFrame:
         """(m, m) correlation coefficients, labelled by name on both sides; BadInput without pandas."""
         labels = list(self.names)
-        return frame(self.matrix / np.outer(self.std, self.std), index=labels, columns=labels)
+        table = frame(self.matrix / np.outer(self.std, self.std), index=labels, columns=labels)
+        return noted(table, dict.fromkeys(labels, "1"), self.status)
 
     def to_frame(self) -> pd.DataFrame:
         """A pandas DataFrame labelled by name on both sides; BadInput without pandas."""
-        return frame(self.matrix, index=list(self.names), columns=list(self.names))
+        table = frame(self.matrix, index=list(self.names), columns=list(self.names))
+        return noted(table, dict(zip(self.names, self.units, strict=True)), self.status)
 
     def _at(self, name: str) -> int:
         if name in self.names:

@@ -28,7 +28,7 @@ from ..model.errors import BadInput
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
-from .covariance import Covariance, Rows, frame, row_text
+from .covariance import Covariance, Rows, ValuesByName, frame, row_text
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
@@ -137,7 +137,7 @@ class ParameterResult:
 
 def require_level(level: object) -> None:
     """BadInput where `level` is no probability between 0 and 1."""
-    if isinstance(level, bool) or not isinstance(level, Real) or not 0 < level < 1:
+    if isinstance(level, bool) or not isinstance(level, Real) or not 0 < float(level) < 1:
         raise BadInput(
             "this is no level of an interval",
             found=repr(level),
@@ -370,14 +370,21 @@ class Solution:
 
     @property
     def offset_std(self) -> dict[str, float | None]:
-        """Of each offset that is not held, by name; None where it is not determined."""
-        return {offset.name: offset.std for offset in self.offsets if not offset.held}
+        """Standard uncertainty of each offset that is not held, degrees (mm), by name; None where it is not
+        determined."""
+        return self._by_offset({offset.name: offset.std for offset in self.offsets if not offset.held})
+
+    def _by_offset(self, values: dict[str, float | None]) -> dict[str, float | None]:
+        units = {offset.name: offset.unit for offset in self.offsets}
+        return ValuesByName(values, units, self.status)
 
     @property
     def offset_expanded(self) -> dict[str, float | None]:
         """The same as expanded uncertainties U."""
         k = self.coverage_factor
-        return {name: None if std is None else k * std for name, std in self.offset_std.items()}
+        return self._by_offset(
+            {name: None if std is None else k * std for name, std in self.offset_std.items()}
+        )
 
     @property
     def offset_tolerance(self) -> dict[str, float]:
@@ -399,7 +406,8 @@ class Solution:
 
     @property
     def worst(self) -> float | None:
-        """The largest std of an offset; None while one has none, and without offsets."""
+        """The largest standard uncertainty of an offset, degrees (mm); None while one has none, and without
+        offsets."""
         stds = [std for std in self.offset_std.values() if std is not None]
         return max(stds) if stds and len(stds) == len(self.offset_std) else None
 

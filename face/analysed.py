@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
+from ..analysis.covariance import ValuesByName
 from ..analysis.estimation.robust import Loss
 from ..analysis.status import UNVALIDATED
 from ..model.arrays import Progress
@@ -29,12 +30,12 @@ from ..words.message import message
 from ..words.next_steps import offered
 from ..words.result_json import to_json
 from ..words.wording import clipped, counted
-from .arguments import require_choice, require_kind, require_number
+from .arguments import require_axes, require_choice, require_kind, require_number
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView
 from .posterior_dataset import posterior_dataset
 from .predicted import predicted_positions
-from .profiles import Contour, Profile
+from .profiles import Contour, Profile, require_estimated
 from .progress import shown_progress
 from .refit import refit_run
 from .tables import ShownParameters, data_frame, residual_frame
@@ -137,7 +138,8 @@ class Analysed(Analysis):
         for links that deviate too. Empty where nothing may be entered; `result.entered` has the error of the
         TCP to expect."""
         values = offered(self.result)
-        return {} if values is None else dict(values.values)
+        units = {row.name: row.unit for row in self.offsets}
+        return ValuesByName({} if values is None else values.values, units, self.status)
 
     @property
     def posterior(self) -> xr.Dataset:
@@ -192,6 +194,7 @@ class Analysed(Analysis):
         """
         require_number(size, 3, "size", whole=True)
         require_number(width, 0.1, "width")
+        require_estimated(self, name, "name")
         return Profile.of(self, name, size=int(size), width=float(width))
 
     def contour(self, first: str, second: str, *, level: float = 0.95, size: int = 36) -> Contour:
@@ -217,13 +220,15 @@ class Analysed(Analysis):
             As `profile`.
         """
         require_number(size, 8, "size", whole=True)
+        require_estimated(self, first, "first")
+        require_estimated(self, second, "second")
         return Contour.of(self, first, second, level=level, size=int(size))
 
     def refit(
         self,
         *,
         hold: Mapping[str, float] | None = None,
-        drop: Collection[int] = (),
+        drop: Iterable[int] = (),
         ess: float = 1000.0,
         progress: Progress | bool | None = None,
     ) -> Analysed:
@@ -258,7 +263,7 @@ class Analysed(Analysis):
         >>> held["J6"].status, len(held.data), len(sol.data)
         ('held', 6, 7)
         """
-        run = refit_run(self, self.run, hold or {}, drop)
+        run = refit_run(self, self.run, {} if hold is None else hold, drop)
         return analyse(run, seed=self.result.inputs.seed, ess=ess, progress=progress)
 
     def predict(
@@ -369,8 +374,9 @@ class Analysed(Analysis):
 class Plots:
     """The figures of an answer.
 
-    Each draws on matplotlib axes of yours, `plot.residuals(ax=ax)`, and returns them. Without `ax` it gives a
-    `Figure`, which shows itself in a notebook and has `.savefig(path)`.
+    All but `scene` draw on matplotlib axes of yours, `plot.residuals(ax=ax)`, and return them. Without `ax`
+    each gives a `Figure`, which shows itself in a notebook and has `.savefig(path)`. `scene()` gives a
+    `SceneView`, a page in 3D, which has `.save(path)`.
     """
 
     solution: Analysed
@@ -383,6 +389,7 @@ class Plots:
         """The offsets with their expanded uncertainties; as a figure also how wide those are."""
         if ax is None:
             return Figure(offsets_picture(self.solution.result))
+        require_axes(ax)
         draw_offsets(ax, self.solution.result)
         return ax
 
@@ -394,20 +401,27 @@ class Plots:
         """The residual of each measurement divided by its standard deviation; as a figure also in mm."""
         if ax is None:
             return Figure(residuals_picture(self.solution.result))
+        require_axes(ax)
         draw_residuals(ax, self.solution.result)
         return ax
 
     @overload
-    def posterior(self, ax: NDArray[np.object_]) -> NDArray[np.object_]: ...
+    def posterior(
+        self, ax: NDArray[np.object_], *, names: Sequence[str] | None = None
+    ) -> NDArray[np.object_]: ...
     @overload
-    def posterior(self, ax: None = None) -> Figure: ...
-    def posterior(self, ax: NDArray[np.object_] | None = None) -> NDArray[np.object_] | Figure:
+    def posterior(self, ax: None = None, *, names: Sequence[str] | None = None) -> Figure: ...
+    def posterior(
+        self, ax: NDArray[np.object_] | None = None, *, names: Sequence[str] | None = None
+    ) -> NDArray[np.object_] | Figure:
         """Marginals and pairs of the offsets that the data determine, at most six.
 
         Parameters
         ----------
         ax
-            (m, m) axes, one for each pair of the m offsets, as `subplots(m, m)` gives them.
+            (m, m) axes, one for each pair of the m parameters, as `subplots(m, m)` gives them.
+        names
+            Of other parameters that the data determine, such as ["J2", "psd.x"].
 
         Raises
         ------
@@ -416,7 +430,8 @@ class Plots:
             no offset. Or `ax` has another shape.
         """
         result, draws = self.solution.result, self.solution.draws
-        picture = posterior_picture(result, draws)
+        names = [names] if isinstance(names, str) else names
+        picture = posterior_picture(result, draws, names)
         if picture is None:
             raise BadInput(
                 "there is no posterior of an offset to draw",
@@ -425,7 +440,7 @@ class Plots:
             )
         if ax is None:
             return Figure(picture)
-        draw_posterior(ax, result, draws)
+        draw_posterior(ax, result, draws, names)
         return ax
 
     def scene(self) -> SceneView:
@@ -497,11 +512,15 @@ def analyse(
     >>> f"{row.estimate:.2f} {row.unit}, u = {row.u:.1g}"
     '-1.24 deg, u = 0.08'
     """
-    require_kind(run, Run, "run", "read a file with zerobeam.read_run(path)")
+    remedy = "zerobeam.read_run(path) reads a file, zerobeam.Run.from_arrays(…) takes joint positions"
+    require_kind(run, Run, "run", remedy)
     require_number(seed, 0, "seed", whole=True)
     require_number(ess, 100, "ess")
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        allowed = "True, False, None or a function of a stage and its share"
+        raise BadInput("this cannot be used", found=repr(progress), allowed=allowed, argument="progress")
     with shown_progress(progress) as report:
         return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=report)

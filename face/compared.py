@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..analysis.analyse import Analysis
 from ..analysis.repeatability.compare import Comparison
 from ..model.errors import BadInput
 from ..model.files.run import Run
@@ -78,14 +79,14 @@ class ComparedRuns(Comparison):
         return page, next(block for block in page.sections[0].all if isinstance(block, Table))
 
 
-def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
+def compare(runs: Sequence[Run | Analysis | Path | str], *, seed: int = 0) -> ComparedRuns:
     """Compare repeated runs: their scatter against the prediction, drift, and the run that is an outlier.
 
     Parameters
     ----------
     runs
-        Two or more: runs, paths of run files (.jsonl) or of results (.json); or one path of a table of
-        published offsets (.csv).
+        Two or more: runs, solutions (their runs are compared), paths of run files (.jsonl) or of results
+        (.json); or one path of a table of published offsets (.csv).
     seed
         Of the fits.
 
@@ -116,6 +117,7 @@ def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
             allowed="a list of runs or of paths",
             argument="runs",
         )
+    runs = [one.run if isinstance(one, Analysis) else one for one in runs]
     for k, one in enumerate(runs):
         if not isinstance(one, Run | Path | str):
             raise BadInput(

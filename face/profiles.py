@@ -7,13 +7,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
+from ..analysis.covariance import parameter_among
 from ..analysis.posterior.profiles import ProfileContour, ProfileCurve
+from ..analysis.solution import Solution
 from ..analysis.status import UNVALIDATED, Status
+from ..model.errors import BadInput
 from ..reports.style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
 from ..reports.style.palette import light
 from ..reports.style.typeface import in_font
 from ..words import numbers
+from ..words.observability import reason
 from ..words.wording import label
+from .arguments import require_axes
 from .pictures import Figure
 
 if TYPE_CHECKING:
@@ -93,6 +98,18 @@ class Profile(ProfileCurve):
         return self.plot()._repr_html_()
 
 
+def require_estimated(solution: Solution, name: str, argument: str) -> None:
+    """BadInput for a parameter that is held: it has no profile."""
+    row = solution[parameter_among(solution.parameters.names, name, argument)]
+    if row.cause is not None and row.held:
+        raise BadInput(
+            f"{label(row.name)} is held, and not estimated: it has no profile",
+            found=f"held: {reason(row.cause, label)}",
+            allowed="offsets, geometry and tool that the data determine",
+            argument=argument,
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Contour(ProfileContour):
     """The region of two parameters, as `solution.contour` gives it.
@@ -162,6 +179,7 @@ def _plotted(draw: Callable[[Axes], None], ax: Axes | None, picture: Picture) ->
     """On the axes that a reader has, or on new ones as a figure of the name, title and words of `picture`."""
     with style():
         if ax is not None:
+            require_axes(ax)
             draw(ax)
             return ax
         figure = new_figure(3.4)

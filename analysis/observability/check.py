@@ -191,7 +191,7 @@ class Check:
     verdict : str
         "pass", "weak" or "degenerate", over all offsets; "violated" where a posture breaks a constraint of
         the plan.
-    parameters : tuple of CheckedParameter
+    parameters : CheckedTable of CheckedParameter
         A row for each parameter: `name`, `unit`, `status`, `u` (predicted standard uncertainty, None where
         the plan cannot determine it), `data_std` (without prior), `prior_std`, `cause`.
     identifiability : Identifiability
@@ -223,7 +223,7 @@ class Check:
     """
 
     verdict: PlanVerdict
-    parameters: tuple[CheckedParameter, ...]
+    parameters: CheckedTable
     identifiability: Identifiability
     power: tuple[DetectionPower, ...]
     geometry: GeometryResult
@@ -235,6 +235,13 @@ class Check:
     warnings: tuple[str, ...]
     inputs: PlanInputs
     aimed: AimedPlan = field(compare=False, repr=False)
+
+    @property
+    def worst(self) -> float | None:
+        """The largest predicted u of an offset, degrees (mm); None where the plan leaves one undetermined."""
+        stds = [row.std for row in self.parameters if row.group == "offset" and not row.held]
+        known_stds = [std for std in stds if std is not None]
+        return max(known_stds) if known_stds and len(known_stds) == len(stds) else None
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -286,7 +293,7 @@ class Check:
             )
         return cls(
             verdict="violated" if violations else observable,
-            parameters=tuple(rows),
+            parameters=CheckedTable(rows),
             identifiability=identified.facts,
             power=powers(shots, x, identified.facts.rank),
             geometry=geometry,

@@ -165,7 +165,7 @@ def test_a_refit_is_the_analysis_of_what_is_left(good: zb.Analysed) -> None:
     [
         ({"drop": [99]}, "drop", "no measurement has this number"),
         ({"hold": {"delta6": 0.5}}, "hold", "at its nominal value only"),
-        ({"hold": {"J9": 0}}, None, "no parameter has this name"),
+        ({"hold": {"J9": 0}}, "hold", "no parameter has this name"),
     ],
 )
 def test_a_refit_that_makes_no_sense_is_refused(good: zb.Analysed, changes, argument, words) -> None:
