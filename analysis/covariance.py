@@ -12,7 +12,7 @@ import numpy as np
 from ..model.arrays import ByValue, Matrix
 from ..model.errors import BadInput, missing_extra
 from ..model.parsing.reading import did_you_mean
-from .status import UNVALIDATED, Status, UnsoundResult, called, require_no_more_than
+from .status import UNVALIDATED, Status, UnsoundResult, called, caveat, require_no_more_than
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +26,7 @@ class NamedRow(Protocol):
 
 
 Row = TypeVar("Row", bound=NamedRow)
-Value = TypeVar("Value", float, float | None)
+Value = TypeVar("Value", bound=float | None)
 
 
 def parameter_name(name: str) -> str:
@@ -89,16 +89,16 @@ class ValuesByName(dict[str, Value]):
     def __init__(
         self, values: Mapping[str, Value], units: Mapping[str, str], statuses: Iterable[Status]
     ) -> None:
-        super().__init__(values)
+        super().__init__(dict(values))
         self.units = {name: units[name] for name in values}
-        self._note = f"; {UNVALIDATED}" if "unvalidated" in statuses else ""
+        self._caveat = caveat(statuses)
 
     def __repr__(self) -> str:
         shown = (
             f"{name}: {'none' if value is None else f'{value:.6g} {self.units[name]}'}"
             for name, value in self.items()
         )
-        return f"{{{', '.join(shown)}}}{self._note}"
+        return f"{{{', '.join(shown)}}}{self._caveat}"
 
 
 def frame(data: Any, **how: Any) -> pd.DataFrame:
@@ -180,9 +180,7 @@ class Covariance(ByValue):
             )
 
     def __repr__(self) -> str:
-        caption = "Covariance, each element in the product of the units"
-        if "unvalidated" in self.status:
-            caption += f"; {UNVALIDATED}"
+        caption = f"Covariance, each element in the product of the units{caveat(self.status)}"
         labels = [f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True)]
         left, width = max(map(len, labels), default=0), max([8, *map(len, self.names)]) + 2
         head = " " * left + "".join(name.rjust(width) for name in self.names)

@@ -61,11 +61,13 @@ EQUALLY_GOOD = float(np.log(1000.0))
 
 @dataclass(frozen=True)
 class ParameterResult:
-    """One row of the answer.
+    """One row of the answer: the parameter `name` of a `group` (offset, geometry, target, tool, …), its
+    numbers in its `unit` (deg, mm, or 1 of a noise factor).
 
-    `estimate`, `std`, `interval95` are None where status is `unidentifiable` (the data do not determine it);
-    for a `held` one `estimate` is the value it is held at, `std` None and `cause` says why.
-    `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
+    `status` is "identified", "weak", "unidentifiable", "held", or "unvalidated" after a misfit. `estimate`,
+    `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for a "held" one
+    `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that of the prior,
+    `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
     eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
     part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
     `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the effective
@@ -211,6 +213,7 @@ class Solution:
 
     @property
     def problem(self) -> Problem:
+        """What was fitted: measurements, parameters and noise, in rad and mm."""
         return self.fit.problem
 
     @property

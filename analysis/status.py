@@ -52,6 +52,16 @@ def called(*status: Status) -> str:
     return UNVALIDATED if gravest == "unvalidated" else gravest
 
 
+def caveat(statuses: Iterable[Status]) -> str:
+    """The end of a line or caption with numbers of parameters of these statuses: of a misfit that they are
+    unvalidated, else nothing.
+
+    >>> caveat(["identified", "weak"]), caveat(["held", "unvalidated"])
+    ('', '; unvalidated: the model does not describe the measurements')
+    """
+    return f"; {UNVALIDATED}" if "unvalidated" in statuses else ""
+
+
 def with_misfit(status: Status) -> Status:
     """The status where the model does not describe the data."""
     return "unvalidated" if known(status) else status

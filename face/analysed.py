@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..analysis.analyse import Analysis
 from ..analysis.covariance import ValuesByName
 from ..analysis.estimation.robust import Loss
-from ..analysis.status import UNVALIDATED
+from ..analysis.status import UNVALIDATED, caveat
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
@@ -30,7 +30,7 @@ from ..words.message import message
 from ..words.next_steps import offered
 from ..words.result_json import to_json
 from ..words.wording import clipped, counted
-from .arguments import require_axes, require_choice, require_kind, require_number
+from .arguments import require_axes, require_choice, require_kind, require_number, require_progress
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView
 from .posterior_dataset import posterior_dataset
@@ -110,7 +110,8 @@ class Analysed(Analysis):
         """A row for each parameter, in their order, with the paper's midpoint estimate where there is one."""
         rows = self.result.parameters
         k = self.result.coverage_factor
-        return ShownParameters(rows).with_table(parameter_table("Parameters", rows, k, f"U (k = {k:.3g})"))
+        caption = f"Parameters{caveat(row.status for row in rows)}"
+        return ShownParameters(rows).with_table(parameter_table(caption, rows, k, f"U (k = {k:.3g})"))
 
     @cached_property
     def offsets(self) -> ShownParameters:
@@ -519,8 +520,6 @@ def analyse(
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
-    if not (progress is None or isinstance(progress, bool) or callable(progress)):
-        allowed = "True, False, None or a function of a stage and its share"
-        raise BadInput("this cannot be used", found=repr(progress), allowed=allowed, argument="progress")
+    require_progress(progress)
     with shown_progress(progress) as report:
         return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=report)

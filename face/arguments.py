@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 
@@ -53,6 +54,13 @@ def require_plan(plan: object) -> None:
     require_kind(plan, Plan, "plan", remedy)
 
 
+def require_progress(value: object) -> None:
+    """BadInput where `value` cannot be told of progress."""
+    if not (value is None or isinstance(value, bool) or callable(value)):
+        allowed = "True, False, None or a function of a stage and its share"
+        raise BadInput("this cannot be used", found=repr(value), allowed=allowed, argument="progress")
+
+
 def require_mapping(value: object, argument: str, example: str) -> None:
     """BadInput where `value` is no mapping from names."""
     if not isinstance(value, Mapping):
@@ -78,7 +86,9 @@ def require_axes(ax: object) -> None:
 def whole_numbers(value: object, argument: str) -> tuple[int, ...]:
     """`value` as whole numbers: of a list, an array or an index of pandas, and no mask; BadInput names the
     argument."""
-    items = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [None]
+    items: list[Any] = [None]
+    if isinstance(value, Iterable) and not isinstance(value, str):
+        items = list(value)
     if not all(isinstance(item, Integral) and not isinstance(item, bool) for item in items):
         mask = bool(items) and all(isinstance(item, bool | np.bool_) for item in items)
         raise BadInput(

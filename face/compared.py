@@ -117,14 +117,15 @@ def compare(runs: Sequence[Run | Analysis | Path | str], *, seed: int = 0) -> Co
             allowed="a list of runs or of paths",
             argument="runs",
         )
-    runs = [one.run if isinstance(one, Analysis) else one for one in runs]
+    named: list[Run | Path | str] = []
     for k, one in enumerate(runs):
-        if not isinstance(one, Run | Path | str):
+        if not isinstance(one, Run | Analysis | Path | str):
             raise BadInput(
                 "this is not a run",
                 found=type(one).__name__,
-                allowed="zerobeam.Run, or the path of a run file or result",
+                allowed="zerobeam.Run, a solution, or the path of a run file or result",
                 argument=f"runs[{k}]",
             )
+        named.append(one.run if isinstance(one, Analysis) else one)
     require_number(seed, 0, "seed", whole=True)
-    return ComparedRuns.of(runs, seed=seed)
+    return ComparedRuns.of(named, seed=seed)

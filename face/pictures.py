@@ -43,14 +43,17 @@ class Figure:
 
     @property
     def title(self) -> str:
+        """Its caption."""
         return self.picture.title
 
     @property
     def alt(self) -> str:
+        """What it shows, in words."""
         return self.picture.alt
 
     @property
     def svg(self) -> str:
+        """A whole SVG document."""
         return self.picture.svg
 
     def savefig(self, path: Path | str) -> Path:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, overload
 from ..analysis.covariance import parameter_among
 from ..analysis.posterior.profiles import ProfileContour, ProfileCurve
 from ..analysis.solution import Solution
-from ..analysis.status import UNVALIDATED, Status
+from ..analysis.status import caveat
 from ..model.errors import BadInput
 from ..reports.style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
 from ..reports.style.palette import light
@@ -92,7 +92,7 @@ class Profile(ProfileCurve):
         digits = numbers.decimals(self.u)
         value = f"{self.estimate:.{max(digits, 0)}f} ± {self.u:.{max(digits, 0)}f} {self.unit}"
         by = f"deviates by {_deviation(self.deviation)} from the normal"
-        return f"<Profile of {self.name}: {value}, {by}{_caveat(self.status)}>"
+        return f"<Profile of {self.name}: {value}, {by}{caveat([self.status])}>"
 
     def _repr_html_(self) -> str:
         return self.plot()._repr_html_()
@@ -169,7 +169,7 @@ class Contour(ProfileContour):
     def __repr__(self) -> str:
         which = f"{self.names[0]} and {self.names[1]}, {100 * self.level:g} %"
         by = f"deviates by {_deviation(self.deviation)} from the normal"
-        return f"<Contour of {which}: {by}{_caveat(*self.status)}>"
+        return f"<Contour of {which}: {by}{caveat(self.status)}>"
 
     def _repr_html_(self) -> str:
         return self.plot()._repr_html_()
@@ -185,10 +185,6 @@ def _plotted(draw: Callable[[Axes], None], ax: Axes | None, picture: Picture) ->
         figure = new_figure(3.4)
         draw(figure.subplots())
         return Figure(Picture(picture.name, picture.title, picture.alt, to_svg(figure, picture.name)))
-
-
-def _caveat(*statuses: Status) -> str:
-    return f"; {UNVALIDATED}" if "unvalidated" in statuses else ""
 
 
 def _axis(name: str, unit: str) -> str:

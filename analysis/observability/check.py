@@ -75,8 +75,13 @@ class Violation:
 
 @dataclass(frozen=True)
 class CheckedParameter:
-    """One unknown before the shots: `data_std` None for an exact gauge or a held one; `std` what the
-    calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance."""
+    """One unknown before the shots: the parameter `name` of a `group` (offset, geometry, target, tool, …),
+    its numbers in its `unit` (deg, mm, or 1 of a noise factor).
+
+    `status` is "identified", "weak", "unidentifiable" or "held", and `cause` says why it has no number.
+    `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge or a held one; `std`
+    what the calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance.
+    `tolerance_share` (0 to 1) is the part of the variance that tolerances set."""
 
     name: str
     unit: str

@@ -260,11 +260,12 @@ def joint_positions(
             remedy="state the unit in which the positions were recorded",
             argument="unit",
         )
-    if unit != "deg" and unit != "rad":
+    if unit not in ("deg", "rad"):
         raise BadInput("there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit")
     positions = array(value, argument, columns=robot.n, meaning=f"{robot.name} has {robot.n} joints")
     degrees = positions * robot.display if unit == "rad" else positions
-    check_limits_of_argument(robot, degrees, noun, unit=unit, limits=limits, argument=argument)
+    angle: Literal["deg", "rad"] = "rad" if unit == "rad" else "deg"
+    check_limits_of_argument(robot, degrees, noun, unit=angle, limits=limits, argument=argument)
     return degrees
 
 

@@ -107,9 +107,11 @@ def check_limits_of_argument(
     if not outside.any():
         return
     hint = _unit_hint(robot, joints) if unit == "deg" else None
-    stated = (joints / robot.display)[:, chosen]
+    as_degrees = (joints / robot.display)[:, chosen]
     wrong = (
-        unit == "rad" and _far_outside(robot, joints[:, chosen], chosen) and _inside(robot, stated, chosen)
+        unit == "rad"
+        and _far_outside(robot, joints[:, chosen], chosen)
+        and _inside(robot, as_degrees, chosen)
     )
     if wrong:
         hint = "unit='rad' is stated; as degrees all values are within the limits: state unit='deg'"

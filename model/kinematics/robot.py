@@ -124,14 +124,17 @@ class Robot(ByValue):
 
     @property
     def n(self) -> int:
+        """Number of joints."""
         return len(self.joints)
 
     @property
     def lower(self) -> Matrix:
+        """(n,) lower limits of the joints, rad or mm."""
         return np.array([joint.lower for joint in self.joints])
 
     @property
     def upper(self) -> Matrix:
+        """(n,) upper limits of the joints, rad or mm."""
         return np.array([joint.upper for joint in self.joints])
 
     @property

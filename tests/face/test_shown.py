@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import pickle
 
 import numpy as np
 import pytest
 
 import zerobeam as zb
+from zerobeam.analysis.observability.check import CheckedParameter
+from zerobeam.analysis.solution import ParameterResult
 from zerobeam.analysis.status import UNVALIDATED
 from zerobeam.experiments.demos import demo_runs
 
@@ -71,6 +74,21 @@ def test_a_check_has_the_tables_of_a_solution(best: zb.OptimalPlan) -> None:
     assert "J2" in best
     assert best.verdict == check.verdict
     assert copy.deepcopy(best) == best
+
+
+def test_what_can_be_read_has_a_docstring() -> None:
+    """The methods and properties of every public class and of the rows of a table."""
+    silent = []
+    for one in [*(getattr(zb, name) for name in zb.__all__), ParameterResult, CheckedParameter]:
+        if not isinstance(one, type) or issubclass(one, Exception):
+            continue
+        for name in dir(one):
+            member = inspect.getattr_static(one, name)
+            function = getattr(member, "fget", None) or getattr(member, "func", None) or member
+            function = getattr(function, "__func__", function)
+            if not name.startswith("_") and callable(function) and not function.__doc__:
+                silent.append(f"{one.__name__}.{name}")
+    assert silent == []
 
 
 def test_a_posterior_of_chosen_parameters(good: zb.Analysed) -> None:

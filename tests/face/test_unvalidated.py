@@ -34,6 +34,8 @@ SHOWN = {
     "contour": lambda solution: solution.contour("J3", "J4", size=8),
     "result": lambda solution: solution.result,
     "offsets": lambda solution: solution.offsets,
+    "parameters": lambda solution: solution.parameters,
+    "uncertainties": lambda solution: solution.offset_std,
 }
 
 
