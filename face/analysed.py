@@ -297,6 +297,11 @@ class Analysed(Analysis):
         BadInput
             A misfit or a fit that did not converge predicts nothing; or an argument cannot be used.
 
+        Warns
+        -----
+        DoubtfulJoints
+            A joint is outside its limits, or all are like radians.
+
         Examples
         --------
         >>> import zerobeam as zb

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import inspect
 import pickle
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -74,6 +76,28 @@ def test_a_check_has_the_tables_of_a_solution(best: zb.OptimalPlan) -> None:
     assert "J2" in best
     assert best.verdict == check.verdict
     assert copy.deepcopy(best) == best
+
+
+def numpy_numbers(value: object, path: str = "") -> Iterator[str]:
+    """Where in an answer a number is one of numpy's."""
+    if isinstance(value, np.generic):
+        yield path
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        for field in dataclasses.fields(value):
+            if field.name != "aimed":
+                yield from numpy_numbers(getattr(value, field.name), f"{path}.{field.name}")
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from numpy_numbers(item, f"{path}[{key!r}]")
+    elif isinstance(value, list | tuple):
+        for i, item in enumerate(value):
+            yield from numpy_numbers(item, f"{path}[{i}]")
+
+
+def test_numbers_of_an_answer_are_pythons(good: zb.Analysed, best: zb.OptimalPlan) -> None:
+    assert list(numpy_numbers(good.result)) == list(numpy_numbers(best.check)) == []
+    for values in (good["J2"].interval(0.68), good.profile("J2", size=9).interval(0.68), good.worst):
+        assert list(numpy_numbers(values)) == []
 
 
 def test_what_can_be_read_has_a_docstring() -> None:
