@@ -32,7 +32,7 @@ from ..words.result_json import to_json
 from ..words.wording import clipped, counted
 from .arguments import require_axes, require_choice, require_kind, require_number, require_progress
 from .in_app import AppView, app_of, write_run_beside
-from .pictures import Figure, SceneView
+from .pictures import Figure, SceneView, scene_view
 from .posterior_dataset import posterior_dataset
 from .predicted import predicted_positions
 from .profiles import Contour, Profile, require_estimated
@@ -385,7 +385,10 @@ class Plots:
     `SceneView`, a page in 3D, which has `.save(path)`.
     """
 
-    solution: Analysed
+    _solution: Analysed
+
+    def __repr__(self) -> str:
+        return "<Plots: offsets, residuals, posterior, scene>"
 
     @overload
     def offsets(self, ax: Axes) -> Axes: ...
@@ -394,9 +397,9 @@ class Plots:
     def offsets(self, ax: Axes | None = None) -> Axes | Figure:
         """The offsets with their expanded uncertainties; as a figure also how wide those are."""
         if ax is None:
-            return Figure(offsets_picture(self.solution.result))
+            return Figure(offsets_picture(self._solution.result))
         require_axes(ax)
-        draw_offsets(ax, self.solution.result)
+        draw_offsets(ax, self._solution.result)
         return ax
 
     @overload
@@ -406,9 +409,9 @@ class Plots:
     def residuals(self, ax: Axes | None = None) -> Axes | Figure:
         """The residual of each measurement divided by its standard deviation; as a figure also in mm."""
         if ax is None:
-            return Figure(residuals_picture(self.solution.result))
+            return Figure(residuals_picture(self._solution.result))
         require_axes(ax)
-        draw_residuals(ax, self.solution.result)
+        draw_residuals(ax, self._solution.result)
         return ax
 
     @overload
@@ -435,7 +438,7 @@ class Plots:
             There is nothing that may be drawn: the fit or the sampler did not converge, or the data determine
             no offset. Or `ax` has another shape.
         """
-        result, draws = self.solution.result, self.solution.draws
+        result, draws = self._solution.result, self._solution.draws
         names = [names] if isinstance(names, str) else names
         picture = posterior_picture(result, draws, names)
         if picture is None:
@@ -457,14 +460,14 @@ class Plots:
         BadInput
             The fit did not converge, or its model does not describe the measurements.
         """
-        result = self.solution.result
+        result = self._solution.result
         scene = run_turnable(result)
         if scene is None:
             why = "the fit did not converge" if result.misfit is None else UNVALIDATED
             raise BadInput(
                 "there is no scene of this answer", found=why, allowed="a fit that describes its measurements"
             )
-        return SceneView.of(result.inputs.run, scene)
+        return scene_view(result.inputs.run, scene)
 
 
 def analyse(

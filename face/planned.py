@@ -34,7 +34,7 @@ from ..words.verdict import tone_of
 from ..words.wording import clipped, counted, label
 from .arguments import require_choice, require_number, require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
-from .pictures import SceneView
+from .pictures import SceneView, scene_view
 from .tables import ShownPredictions
 
 if TYPE_CHECKING:
@@ -140,12 +140,15 @@ class CheckedPlan(Check):
 class PlanPlots:
     """The figures of a check."""
 
-    check: CheckedPlan
+    _check: CheckedPlan
+
+    def __repr__(self) -> str:
+        return "<PlanPlots: scene>"
 
     def scene(self) -> SceneView:
         """The arm in its postures and the targets, in 3D."""
-        aimed = self.check.aimed
-        return SceneView.of(aimed.plan.path.name, plan_turnable(aimed, postures_of(aimed)))
+        aimed = self._check.aimed
+        return scene_view(aimed.plan.path.name, plan_turnable(aimed, postures_of(aimed)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -35,7 +35,23 @@ def best() -> zb.OptimalPlan:
 
 
 def test_parts_of_an_answer_have_one_line(good: zb.Analysed, best: zb.OptimalPlan) -> None:
-    for part in (good.result, good.draws, good.fit, good.problem, good.identified, best.made, good["J2"]):
+    assert [name for name in dir(good.plot) if name[0] != "_"] == [
+        "offsets",
+        "posterior",
+        "residuals",
+        "scene",
+    ]
+    for part in (
+        good.plot,
+        best.check.plot,
+        good.result,
+        good.draws,
+        good.fit,
+        good.problem,
+        good.identified,
+        best.made,
+        good["J2"],
+    ):
         assert len(repr(part)) < 120
         assert repr(part).startswith("<")
     row = good["J2"]
