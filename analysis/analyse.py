@@ -49,14 +49,31 @@ Sampling = Literal["always", "where needed", "never"]
 MOST_ESS = 1e5  # quantiles have three digits long before; the draws of more do not go into memory
 
 
+@dataclass(frozen=True)
+class Options:
+    """What an analysis was asked for besides the run: the arguments of `Analysis.of` that change the answer.
+
+    `held_out` are names, or the SHA-256 of another run."""
+
+    seed: int
+    ess: float
+    robust: Loss | None
+    held_out: tuple[str, ...] | str
+    sampling: Sampling
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Analysis(Solution):
     """The solution of a recorded `run` with the whole `result`, and the posterior's `draws` (None where the
-    fit did not converge)."""
+    fit did not converge).
+
+    Two are equal if run, options and versions are: the last digits of a fit depend on what was compiled
+    before it."""
 
     run: Run
     result: Result
     draws: Draws | None
+    options: Options
 
     @classmethod
     def of(
@@ -99,7 +116,21 @@ class Analysis(Solution):
             run=run,
             result=result,
             draws=draws,
+            options=Options(
+                seed, ess, robust, held_out.sha256 if isinstance(held_out, Run) else tuple(held_out), sampling
+            ),
         )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Analysis):
+            return NotImplemented
+        return self is other or self._made_from() == other._made_from()
+
+    def __hash__(self) -> int:
+        return hash((self.run, self.options))
+
+    def _made_from(self) -> tuple[object, ...]:
+        return self.run, self.options, self.result.inputs.versions
 
 
 analyse = Analysis.of

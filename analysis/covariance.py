@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from ..model.arrays import Matrix
+from ..model.arrays import ByValue, Matrix
 from ..model.errors import BadInput, missing_extra
 from ..model.parsing.reading import did_you_mean
-from .status import Status, UnsoundResult, require_no_more_than
+from .status import UNVALIDATED, Status, UnsoundResult, called, caveat, require_no_more_than
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +26,7 @@ class NamedRow(Protocol):
 
 
 Row = TypeVar("Row", bound=NamedRow)
+Value = TypeVar("Value", bound=float | None)
 
 
 def parameter_name(name: str) -> str:
@@ -37,6 +38,31 @@ def parameter_name(name: str) -> str:
     return re.sub(r"^J(?=\d+$)", "delta", str(name))
 
 
+def parameter_among(names: Sequence[str], name: object, argument: str | None = None) -> str:
+    """The name of a parameter among `names`, of an offset also by its joint's ("J2"); BadInput where it is
+    none of them."""
+    if isinstance(name, str) and parameter_name(name) in names:
+        return parameter_name(name)
+    joint = f"J{name}" if isinstance(name, int) else str(name).strip().upper()
+    near = f"did you mean {joint!r}?" if parameter_name(joint) in names else did_you_mean(str(name), names)
+    raise BadInput(
+        "no parameter has this name",
+        found=repr(name),
+        allowed=", ".join(names),
+        remedy=near,
+        argument=argument,
+    )
+
+
+class Names(tuple[str, ...]):
+    """Names of parameters; an offset is among them by its joint's name ("J2") too."""
+
+    __slots__ = ()
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and super().__contains__(parameter_name(name))
+
+
 class Rows(tuple[Row, ...]):
     """Rows with names, in their order."""
 
@@ -44,16 +70,38 @@ class Rows(tuple[Row, ...]):
 
     def named(self, name: str) -> Row:
         """The row of this name, of an offset also its joint's ("J2"); BadInput where there is none."""
-        for row in self:
-            if row.name == parameter_name(name):
-                return row
-        names = [row.name for row in self]
-        raise BadInput(
-            "no parameter has this name",
-            found=name,
-            allowed=", ".join(names),
-            remedy=did_you_mean(str(name), names),
+        names = self.names
+        return self[names.index(parameter_among(names, name))]
+
+    @property
+    def names(self) -> Names:
+        """Of the rows."""
+        return Names(row.name for row in self)
+
+
+class ValuesByName(dict[str, Value]):
+    """Numbers by the name of their parameter, which show the `units` beside them; else a dict.
+
+    >>> ValuesByName({"delta2": 0.0777}, {"delta2": "deg"}, ["identified"])
+    {delta2: 0.0777 deg}
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, Value] | Iterable[tuple[str, Value]] = (),
+        units: Mapping[str, str] | None = None,
+        statuses: Iterable[Status] = (),
+    ) -> None:
+        super().__init__(values)
+        self.units = {name: (units or {}).get(name, "") for name in self}
+        self._caveat = caveat(statuses)
+
+    def __repr__(self) -> str:
+        shown = (
+            f"{name}: {'none' if value is None else f'{value:.6g} {self.units.get(name, '')}'.strip()}"
+            for name, value in self.items()
         )
+        return f"{{{', '.join(shown)}}}{self._caveat}"
 
 
 def frame(data: Any, **how: Any) -> pd.DataFrame:
@@ -65,8 +113,30 @@ def frame(data: Any, **how: Any) -> pd.DataFrame:
     return pd.DataFrame(data, **how)
 
 
+def row_text(name: str, unit: str, status: Status, estimate: float | None, u: float | None) -> str:
+    """A parameter on one line, rounded by its standard uncertainty.
+
+    >>> row_text("delta2", "deg", "identified", -1.2376, 0.0777)
+    '<delta2: -1.238 deg, u 0.078 deg, identified>'
+    """
+    form = "g" if u is None else f".{max(1 - int(f'{u:.1e}'.split('e')[1]), 0)}f"
+    after = "" if unit == "1" else f" {unit}"
+    parts = [
+        f"{label}{value:{form}}{after}" for label, value in (("", estimate), ("u ", u)) if value is not None
+    ]
+    return f"<{name}: {', '.join([*parts, called(status)])}>"
+
+
+def noted(table: pd.DataFrame, units: Mapping[str, str], statuses: Iterable[Status]) -> pd.DataFrame:
+    """The same, with the units of its columns and what stands beside unvalidated numbers in `table.attrs`."""
+    table.attrs["units"] = dict(units)
+    if "unvalidated" in statuses:
+        table.attrs["status"] = UNVALIDATED
+    return table
+
+
 @dataclass(frozen=True, eq=False)
-class Covariance:
+class Covariance(ByValue):
     """The covariance of the m parameters that the data determine, and of nothing else.
 
     Attributes
@@ -76,7 +146,7 @@ class Covariance:
     status : tuple of str
         (m,) "identified" or "weak"; "unvalidated" where the model does not describe the measurements.
     matrix : ndarray
-        (m, m) in the products of those units.
+        (m, m) in the products of those units; `numpy.array(covariance)` is the same.
 
     Raises
     ------
@@ -91,8 +161,8 @@ class Covariance:
     >>> covariance = zb.Covariance(("delta2", "delta3"), ("deg", "deg"), both, np.array([[4, 1], [1, 9.0]]))
     >>> covariance["delta2", "delta3"], covariance.std.tolist()
     (1.0, [2.0, 3.0])
-    >>> covariance.correlation.loc["delta2", "delta3"].round(3)
-    np.float64(0.167)
+    >>> "J2" in covariance, round(float(covariance.correlation.loc["delta2", "delta3"]), 3)
+    (True, 0.167)
     >>> covariance["delta2", "delta4"]
     Traceback (most recent call last):
     zerobeam.model.errors.BadInput: the covariance has no row for this parameter: ...
@@ -104,6 +174,7 @@ class Covariance:
     matrix: Matrix
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "names", Names(self.names))
         for name, status in zip(self.names, self.status, strict=True):
             require_no_more_than(name, status, covariance=self.matrix)
         if self.matrix.shape != (len(self.names),) * 2:
@@ -112,21 +183,35 @@ class Covariance:
             )
 
     def __repr__(self) -> str:
-        width = max([8, *map(len, self.names)]) + 2
-        head = " " * width + "".join(name.rjust(width) for name in self.names)
+        caption = f"Covariance, each element in the product of the units{caveat(self.status)}"
+        labels = [f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True)]
+        left, width = max(map(len, labels), default=0), max([8, *map(len, self.names)]) + 2
+        head = " " * left + "".join(name.rjust(width) for name in self.names)
         rows = (
-            name.ljust(width) + "".join(f"{value:.2g}".rjust(width) for value in row)
-            for name, row in zip(self.names, self.matrix.tolist(), strict=True)
+            label.ljust(left) + "".join(f"{value:.2g}".rjust(width) for value in row)
+            for label, row in zip(labels, self.matrix.tolist(), strict=True)
         )
-        return "\n".join([head, *rows])
+        return "\n".join([caption, head, *rows])
 
     def __getitem__(self, names: tuple[str, str]) -> float:
+        if not isinstance(names, tuple) or len(names) != 2:
+            raise BadInput(
+                "an element of a covariance has two names",
+                found=repr(names),
+                allowed='covariance["J2", "J3"]; covariance["J2", "J2"] is a variance',
+            )
         first, second = names
         return float(self.matrix[self._at(first), self._at(second)])
 
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Matrix:
+        return np.array(self.matrix, dtype=dtype)
+
     def select(self, names: Sequence[str]) -> Covariance:
-        """The covariance of some of the parameters, in the order asked for."""
-        at = [self._at(name) for name in names]
+        """The covariance of some of the parameters, in the order asked for; of one alone for one name."""
+        at = [self._at(name) for name in ([names] if isinstance(names, str) else names)]
         return Covariance(
             tuple(self.names[i] for i in at),
             tuple(self.units[i] for i in at),
@@ -143,14 +228,16 @@ class Covariance:
     def correlation(self) -> pd.DataFrame:
         """(m, m) correlation coefficients, labelled by name on both sides; BadInput without pandas."""
         labels = list(self.names)
-        return frame(self.matrix / np.outer(self.std, self.std), index=labels, columns=labels)
+        table = frame(self.matrix / np.outer(self.std, self.std), index=labels, columns=labels)
+        return noted(table, dict.fromkeys(labels, "1"), self.status)
 
     def to_frame(self) -> pd.DataFrame:
         """A pandas DataFrame labelled by name on both sides; BadInput without pandas."""
-        return frame(self.matrix, index=list(self.names), columns=list(self.names))
+        table = frame(self.matrix, index=list(self.names), columns=list(self.names))
+        return noted(table, dict(zip(self.names, self.units, strict=True)), self.status)
 
     def _at(self, name: str) -> int:
-        if parameter_name(name) in self.names:
+        if name in self.names:
             return self.names.index(parameter_name(name))
         raise BadInput(
             "the covariance has no row for this parameter: the data do not determine it, or it is held",

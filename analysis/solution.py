@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from ..model.errors import BadInput
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
-from .covariance import Covariance, Rows, frame
+from .covariance import Covariance, Rows, ValuesByName, frame, row_text
 from .displacement import Displacement, displacement
 from .estimation.effective_dof import effective_dof, student_half_width
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
@@ -60,11 +61,13 @@ EQUALLY_GOOD = float(np.log(1000.0))
 
 @dataclass(frozen=True)
 class ParameterResult:
-    """One row of the answer.
+    """One row of the answer: the parameter `name` of a `group` (offset, geometry, target, tool, …), its
+    numbers in its `unit` (deg, mm, or 1 of a noise factor).
 
-    `estimate`, `std`, `interval95` are None where status is `unidentifiable` (the data do not determine it);
-    for a `held` one `estimate` is the value it is held at, `std` None and `cause` says why.
-    `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
+    `status` is "identified", "weak", "unidentifiable", "held", or "unvalidated" after a misfit. `estimate`,
+    `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for a "held" one
+    `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that of the prior,
+    `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
     eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
     part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
     `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the effective
@@ -116,6 +119,9 @@ class ParameterResult:
         """The standard uncertainty (GUM), another name for `std`."""
         return self.std
 
+    def __repr__(self) -> str:
+        return row_text(self.name, self.unit, self.status, self.estimate, self.std)
+
     def interval(self, level: float = 0.95) -> tuple[float, float] | None:
         """The central interval that holds `level` of the probability, such as 0.68, by the curvature.
 
@@ -131,9 +137,9 @@ class ParameterResult:
         return self.estimate - half, self.estimate + half
 
 
-def require_level(level: float) -> None:
+def require_level(level: object) -> None:
     """BadInput where `level` is no probability between 0 and 1."""
-    if not 0 < level < 1:
+    if isinstance(level, bool) or not isinstance(level, Real) or not 0 < float(level) < 1:
         raise BadInput(
             "this is no level of an interval",
             found=repr(level),
@@ -207,6 +213,7 @@ class Solution:
 
     @property
     def problem(self) -> Problem:
+        """What was fitted: measurements, parameters and noise, in rad and mm."""
         return self.fit.problem
 
     @property
@@ -366,14 +373,21 @@ class Solution:
 
     @property
     def offset_std(self) -> dict[str, float | None]:
-        """Of each offset that is not held, by name; None where it is not determined."""
-        return {offset.name: offset.std for offset in self.offsets if not offset.held}
+        """Standard uncertainty of each offset that is not held, degrees (mm), by name; None where it is not
+        determined."""
+        return self._by_offset({offset.name: offset.std for offset in self.offsets if not offset.held})
+
+    def _by_offset(self, values: dict[str, float | None]) -> dict[str, float | None]:
+        units = {offset.name: offset.unit for offset in self.offsets}
+        return ValuesByName(values, units, self.status)
 
     @property
     def offset_expanded(self) -> dict[str, float | None]:
         """The same as expanded uncertainties U."""
         k = self.coverage_factor
-        return {name: None if std is None else k * std for name, std in self.offset_std.items()}
+        return self._by_offset(
+            {name: None if std is None else k * std for name, std in self.offset_std.items()}
+        )
 
     @property
     def offset_tolerance(self) -> dict[str, float]:
@@ -395,12 +409,16 @@ class Solution:
 
     @property
     def worst(self) -> float | None:
-        """The largest std of an offset; None while one has none, and without offsets."""
+        """The largest standard uncertainty of an offset, degrees (mm); None while one has none, and without
+        offsets."""
         stds = [std for std in self.offset_std.values() if std is not None]
         return max(stds) if stds and len(stds) == len(self.offset_std) else None
 
     def __getitem__(self, name: str) -> ParameterResult:
         return self.parameters.named(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.parameters.names or name in self.parameters
 
     def __iter__(self) -> Iterator[ParameterResult]:
         return iter(self.parameters)

@@ -16,6 +16,7 @@ from typing import Literal
 from ..model.errors import ZerobeamError
 
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
+UNVALIDATED = "unvalidated: the model does not describe the measurements"
 
 Status = Literal["identified", "weak", "unidentifiable", "held", "unvalidated"]
 Verdict = Literal["pass", "weak", "degenerate", "misfit"]
@@ -38,6 +39,27 @@ def known(status: Status) -> bool:
     """Whether the data determine it, if the model describes them: only then has it an estimate, a standard
     uncertainty, an interval."""
     return status in ("identified", "weak", "unvalidated")
+
+
+def called(*status: Status) -> str:
+    """What stands beside the numbers of parameters of these statuses: of a misfit that they are unvalidated,
+    else the gravest of the statuses.
+
+    >>> called("identified", "weak"), called("identified", "unvalidated")
+    ('weak', 'unvalidated: the model does not describe the measurements')
+    """
+    gravest = max(status, key=("identified", "weak", "held", "unidentifiable", "unvalidated").index)
+    return UNVALIDATED if gravest == "unvalidated" else gravest
+
+
+def caveat(statuses: Iterable[Status]) -> str:
+    """The end of a line or caption with numbers of parameters of these statuses: of a misfit that they are
+    unvalidated, else nothing.
+
+    >>> caveat(["identified", "weak"]), caveat(["held", "unvalidated"])
+    ('', '; unvalidated: the model does not describe the measurements')
+    """
+    return f"; {UNVALIDATED}" if "unvalidated" in statuses else ""
 
 
 def with_misfit(status: Status) -> Status:

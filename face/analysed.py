@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from numpy.typing import ArrayLike, NDArray
 
 from ..analysis.analyse import Analysis
+from ..analysis.covariance import ValuesByName
 from ..analysis.estimation.robust import Loss
+from ..analysis.status import UNVALIDATED, caveat
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
@@ -28,12 +30,12 @@ from ..words.message import message
 from ..words.next_steps import offered
 from ..words.result_json import to_json
 from ..words.wording import clipped, counted
-from .arguments import require_choice, require_kind, require_number
+from .arguments import require_axes, require_choice, require_kind, require_number, require_progress
 from .in_app import AppView, app_of, write_run_beside
-from .pictures import Figure, SceneView
+from .pictures import Figure, SceneView, scene_view
 from .posterior_dataset import posterior_dataset
 from .predicted import predicted_positions
-from .profiles import Contour, Profile
+from .profiles import Contour, Profile, require_estimated
 from .progress import shown_progress
 from .refit import refit_run
 from .tables import ShownParameters, data_frame, residual_frame
@@ -55,7 +57,7 @@ class Analysed(Analysis):
 
     `sol["J2"]` or `sol["delta2"]` is a row with `.estimate`, `.u` (standard uncertainty), `.interval(0.68)`,
     `.status` and `.unit`. All but the last two are None where the data do not determine the parameter.
-    Solutions can be pickled and copied. They are equal if the runs, the options and the numbers are.
+    Solutions can be pickled and copied. They are equal if run, options and versions of the libraries are.
 
     Attributes
     ----------
@@ -108,7 +110,8 @@ class Analysed(Analysis):
         """A row for each parameter, in their order, with the paper's midpoint estimate where there is one."""
         rows = self.result.parameters
         k = self.result.coverage_factor
-        return ShownParameters(rows).with_table(parameter_table("Parameters", rows, k, f"U (k = {k:.3g})"))
+        caption = f"Parameters{caveat(row.status for row in rows)}"
+        return ShownParameters(rows).with_table(parameter_table(caption, rows, k, f"U (k = {k:.3g})"))
 
     @cached_property
     def offsets(self) -> ShownParameters:
@@ -136,7 +139,8 @@ class Analysed(Analysis):
         for links that deviate too. Empty where nothing may be entered; `result.entered` has the error of the
         TCP to expect."""
         values = offered(self.result)
-        return {} if values is None else dict(values.values)
+        units = {row.name: row.unit for row in self.offsets}
+        return ValuesByName({} if values is None else values.values, units, self.status)
 
     @property
     def posterior(self) -> xr.Dataset:
@@ -191,6 +195,7 @@ class Analysed(Analysis):
         """
         require_number(size, 3, "size", whole=True)
         require_number(width, 0.1, "width")
+        require_estimated(self, name, "name")
         return Profile.of(self, name, size=int(size), width=float(width))
 
     def contour(self, first: str, second: str, *, level: float = 0.95, size: int = 36) -> Contour:
@@ -216,13 +221,15 @@ class Analysed(Analysis):
             As `profile`.
         """
         require_number(size, 8, "size", whole=True)
+        require_estimated(self, first, "first")
+        require_estimated(self, second, "second")
         return Contour.of(self, first, second, level=level, size=int(size))
 
     def refit(
         self,
         *,
         hold: Mapping[str, float] | None = None,
-        drop: Collection[int] = (),
+        drop: Iterable[int] = (),
         ess: float = 1000.0,
         progress: Progress | bool | None = None,
     ) -> Analysed:
@@ -257,7 +264,7 @@ class Analysed(Analysis):
         >>> held["J6"].status, len(held.data), len(sol.data)
         ('held', 6, 7)
         """
-        run = refit_run(self, self.run, hold or {}, drop)
+        run = refit_run(self, self.run, {} if hold is None else hold, drop)
         return analyse(run, seed=self.result.inputs.seed, ess=ess, progress=progress)
 
     def predict(
@@ -289,6 +296,11 @@ class Analysed(Analysis):
         ------
         BadInput
             A misfit or a fit that did not converge predicts nothing; or an argument cannot be used.
+
+        Warns
+        -----
+        DoubtfulJoints
+            A joint is outside its limits, or all are like radians.
 
         Examples
         --------
@@ -346,19 +358,6 @@ class Analysed(Analysis):
         """The content of `result.json` (docs/files-results.md) as plain dicts, lists, numbers and text."""
         return to_json(self.result)
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Analysed):
-            return NotImplemented
-        return self is other or self._content() == other._content()
-
-    def __hash__(self) -> int:
-        return hash(self.run.sha256)
-
-    def _content(self) -> dict[str, object]:
-        """All but the time that it took."""
-        timeless = replace(self.result.posterior, seconds=0.0)
-        return to_json(replace(self.result, posterior=timeless))
-
     def __repr__(self) -> str:
         return text(self._page(), offsets_table(self.result))
 
@@ -381,11 +380,15 @@ class Analysed(Analysis):
 class Plots:
     """The figures of an answer.
 
-    Each draws on matplotlib axes of yours, `plot.residuals(ax=ax)`, and returns them. Without `ax` it gives a
-    `Figure`, which shows itself in a notebook and has `.savefig(path)`.
+    All but `scene` draw on matplotlib axes of yours, `plot.residuals(ax=ax)`, and return them. Without `ax`
+    each gives a `Figure`, which shows itself in a notebook and has `.savefig(path)`. `scene()` gives a
+    `SceneView`, a page in 3D, which has `.save(path)`.
     """
 
-    solution: Analysed
+    _solution: Analysed
+
+    def __repr__(self) -> str:
+        return "<Plots: offsets, residuals, posterior, scene>"
 
     @overload
     def offsets(self, ax: Axes) -> Axes: ...
@@ -394,8 +397,9 @@ class Plots:
     def offsets(self, ax: Axes | None = None) -> Axes | Figure:
         """The offsets with their expanded uncertainties; as a figure also how wide those are."""
         if ax is None:
-            return Figure(offsets_picture(self.solution.result))
-        draw_offsets(ax, self.solution.result)
+            return Figure(offsets_picture(self._solution.result))
+        require_axes(ax)
+        draw_offsets(ax, self._solution.result)
         return ax
 
     @overload
@@ -405,21 +409,28 @@ class Plots:
     def residuals(self, ax: Axes | None = None) -> Axes | Figure:
         """The residual of each measurement divided by its standard deviation; as a figure also in mm."""
         if ax is None:
-            return Figure(residuals_picture(self.solution.result))
-        draw_residuals(ax, self.solution.result)
+            return Figure(residuals_picture(self._solution.result))
+        require_axes(ax)
+        draw_residuals(ax, self._solution.result)
         return ax
 
     @overload
-    def posterior(self, ax: NDArray[np.object_]) -> NDArray[np.object_]: ...
+    def posterior(
+        self, ax: NDArray[np.object_], *, names: Sequence[str] | None = None
+    ) -> NDArray[np.object_]: ...
     @overload
-    def posterior(self, ax: None = None) -> Figure: ...
-    def posterior(self, ax: NDArray[np.object_] | None = None) -> NDArray[np.object_] | Figure:
+    def posterior(self, ax: None = None, *, names: Sequence[str] | None = None) -> Figure: ...
+    def posterior(
+        self, ax: NDArray[np.object_] | None = None, *, names: Sequence[str] | None = None
+    ) -> NDArray[np.object_] | Figure:
         """Marginals and pairs of the offsets that the data determine, at most six.
 
         Parameters
         ----------
         ax
-            (m, m) axes, one for each pair of the m offsets, as `subplots(m, m)` gives them.
+            (m, m) axes, one for each pair of the m parameters, as `subplots(m, m)` gives them.
+        names
+            Of other parameters that the data determine, such as ["J2", "psd.x"].
 
         Raises
         ------
@@ -427,8 +438,9 @@ class Plots:
             There is nothing that may be drawn: the fit or the sampler did not converge, or the data determine
             no offset. Or `ax` has another shape.
         """
-        result, draws = self.solution.result, self.solution.draws
-        picture = posterior_picture(result, draws)
+        result, draws = self._solution.result, self._solution.draws
+        names = [names] if isinstance(names, str) else names
+        picture = posterior_picture(result, draws, names)
         if picture is None:
             raise BadInput(
                 "there is no posterior of an offset to draw",
@@ -437,7 +449,7 @@ class Plots:
             )
         if ax is None:
             return Figure(picture)
-        draw_posterior(ax, result, draws)
+        draw_posterior(ax, result, draws, names)
         return ax
 
     def scene(self) -> SceneView:
@@ -446,13 +458,16 @@ class Plots:
         Raises
         ------
         BadInput
-            The fit did not converge.
+            The fit did not converge, or its model does not describe the measurements.
         """
-        result = self.solution.result
+        result = self._solution.result
         scene = run_turnable(result)
         if scene is None:
-            raise BadInput("there is no scene of a fit that did not converge", found=result.likelihood.reason)
-        return SceneView.of(result.inputs.run, scene)
+            why = "the fit did not converge" if result.misfit is None else UNVALIDATED
+            raise BadInput(
+                "there is no scene of this answer", found=why, allowed="a fit that describes its measurements"
+            )
+        return scene_view(result.inputs.run, scene)
 
 
 def analyse(
@@ -506,11 +521,13 @@ def analyse(
     >>> f"{row.estimate:.2f} {row.unit}, u = {row.u:.1g}"
     '-1.24 deg, u = 0.08'
     """
-    require_kind(run, Run, "run", "read a file with zerobeam.read_run(path)")
+    remedy = "zerobeam.read_run(path) reads a file, zerobeam.Run.from_arrays(…) takes joint positions"
+    require_kind(run, Run, "run", remedy)
     require_number(seed, 0, "seed", whole=True)
     require_number(ess, 100, "ess")
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
+    require_progress(progress)
     with shown_progress(progress) as report:
         return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=report)

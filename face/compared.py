@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..analysis.analyse import Analysis
 from ..analysis.repeatability.compare import Comparison
 from ..model.errors import BadInput
 from ..model.files.run import Run
@@ -78,14 +79,14 @@ class ComparedRuns(Comparison):
         return page, next(block for block in page.sections[0].all if isinstance(block, Table))
 
 
-def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
+def compare(runs: Sequence[Run | Analysis | Path | str], *, seed: int = 0) -> ComparedRuns:
     """Compare repeated runs: their scatter against the prediction, drift, and the run that is an outlier.
 
     Parameters
     ----------
     runs
-        Two or more: runs, paths of run files (.jsonl) or of results (.json); or one path of a table of
-        published offsets (.csv).
+        Two or more: runs, solutions (their runs are compared), paths of run files (.jsonl) or of results
+        (.json); or one path of a table of published offsets (.csv).
     seed
         Of the fits.
 
@@ -116,13 +117,15 @@ def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
             allowed="a list of runs or of paths",
             argument="runs",
         )
+    named: list[Run | Path | str] = []
     for k, one in enumerate(runs):
-        if not isinstance(one, Run | Path | str):
+        if not isinstance(one, Run | Analysis | Path | str):
             raise BadInput(
                 "this is not a run",
                 found=type(one).__name__,
-                allowed="zerobeam.Run, or the path of a run file or result",
+                allowed="zerobeam.Run, a solution, or the path of a run file or result",
                 argument=f"runs[{k}]",
             )
+        named.append(one.run if isinstance(one, Analysis) else one)
     require_number(seed, 0, "seed", whole=True)
-    return ComparedRuns.of(runs, seed=seed)
+    return ComparedRuns.of(named, seed=seed)

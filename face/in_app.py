@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path, PurePath
@@ -18,12 +18,11 @@ from weakref import WeakKeyDictionary
 
 from ..model.errors import BadInput, missing_extra
 from ..model.files.header import UrdfRef
-from ..model.files.plan import Plan, write_plan
+from ..model.files.plan import Plan
 from ..model.files.robot_file import built_in_robots
 from ..model.files.run import Run, header_text, shot_text
 
 _HEIGHT = 820  # pixels
-_DECIMALS = 9  # of degrees: what they lose on the way to radians and back is far below
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,19 +108,7 @@ def write_plan_beside(plan: Plan, folder: Path) -> str:
         shutil.copyfile(source, folder / source.name)
         robot = ref.model_copy(update={"urdf": source.name}) if isinstance(ref, UrdfRef) else source.name
         header = header.model_copy(update={"robot": robot})
-    file = folder / "plan.yaml"
-    display = plan.robot.display
-    rows = (plan.postures * display).round(_DECIMALS)
-    write_plan(
-        file,
-        header,
-        rows,
-        plan.targets,
-        means=plan.means,
-        via_deg=[between * display for between in plan.via],
-        constraints=plan.constraints,
-    )
-    return file.name
+    return replace(plan, header=header).write(folder / "plan.yaml").name
 
 
 def _content(run: Run) -> bytes:

@@ -39,19 +39,22 @@ class Figure:
     <Figure offsets: ...>
     """
 
-    picture: Picture
+    _picture: Picture
 
     @property
     def title(self) -> str:
-        return self.picture.title
+        """Its caption."""
+        return self._picture.title
 
     @property
     def alt(self) -> str:
-        return self.picture.alt
+        """What it shows, in words."""
+        return self._picture.alt
 
     @property
     def svg(self) -> str:
-        return self.picture.svg
+        """A whole SVG document."""
+        return self._picture.svg
 
     def savefig(self, path: Path | str) -> Path:
         """Write it as the file's ending says: .svg, .pdf or .png (300 dots an inch).
@@ -66,22 +69,22 @@ class Figure:
         path = _file(path, (".svg", ".pdf", ".png"))
         form = path.suffix.lower()
         if form == ".svg":
-            content = self.picture.svg.encode()
+            content = self._picture.svg.encode()
         else:
-            content = picture_bytes(self.picture, "pdf" if form == ".pdf" else "png")
+            content = picture_bytes(self._picture, "pdf" if form == ".pdf" else "png")
         return _written(path, content, "wb")
 
     def __repr__(self) -> str:
-        return f"<Figure {self.picture.name}: {self.picture.title}>"
+        return f"<Figure {self._picture.name}: {self._picture.title}>"
 
     def _repr_svg_(self) -> str:
-        return self.picture.svg
+        return self._picture.svg
 
     def _repr_html_(self) -> str:
         # As an image it brings its typeface along, and its ids stay its own.
-        start = self.picture.svg.index(">", self.picture.svg.index("<svg")) + 1
+        start = self._picture.svg.index(">", self._picture.svg.index("<svg")) + 1
         style = f"<style>{font_face('Regular')}</style>"
-        svg = self.picture.svg[:start] + style + self.picture.svg[start:]
+        svg = self._picture.svg[:start] + style + self._picture.svg[start:]
         data = base64.b64encode(svg.encode()).decode()
         ground, muted = light("ground"), light("muted")
         return (
@@ -114,11 +117,6 @@ class SceneView:
     name: str
     page: str
 
-    @classmethod
-    def of(cls, name: str, turnable: Turnable) -> SceneView:
-        """The scene of a report as a page of its own."""
-        return cls(name, scene_html(clipped(name, 60), turnable))
-
     def save(self, path: Path | str) -> Path:
         """Write it to a new file (.html).
 
@@ -140,6 +138,11 @@ class SceneView:
             f'<iframe title="{html.escape(clipped(self.name, 60))}, in 3D" sandbox="allow-scripts"'
             f' style="width:100%;height:44rem;border:0" srcdoc="{html.escape(self.page)}"></iframe>'
         )
+
+
+def scene_view(name: str, turnable: Turnable) -> SceneView:
+    """The scene of a report as a page of its own."""
+    return SceneView(name, scene_html(clipped(name, 60), turnable))
 
 
 def _file(path: Path | str, endings: tuple[str, ...]) -> Path:

@@ -2,37 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..analysis.observability.aim import aim_plan
-from ..analysis.observability.check import Check, CheckedParameter, CheckedTable
+from ..analysis.observability.check import Check, CheckedParameter, PlanVerdict
 from ..experiments.plans.constraints import violations
 from ..experiments.plans.make import MadePlan, PlanRequest, Portion, make_plan
 from ..experiments.plans.obstacles import read_obstacles
+from ..model.arrays import ByValue
 from ..model.errors import BadInput
 from ..model.files.arguments import checked, plain
 from ..model.files.header import Header
 from ..model.files.header_file import completed, read_header
 from ..model.files.plan import Plan
 from ..model.files.plan_file import Obstacles
+from ..model.files.robot_file import built_in_robots
 from ..reports.output.html import card, text
-from ..reports.plan.plan_page import plan_turnable, postures_of, verdict_on
+from ..reports.plan.plan_page import plan_turnable, postures_of
 from ..reports.run.parameters import worth_column
-from ..reports.style.blocks import Cell, Page, Row, Table, row_of, table_of
+from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.geometry import check_lines
 from ..words.numbers import unit_of
+from ..words.plan_message import plan_message
 from ..words.result_json import check_json
-from ..words.verdict import check_notes
-from ..words.wording import clipped, counted, label, sentence
-from .arguments import require_choice, require_kind, require_number, vector
+from ..words.verdict import tone_of
+from ..words.wording import clipped, counted, label
+from .arguments import require_choice, require_number, require_plan, vector
 from .in_app import AppView, app_of, write_plan_beside
-from .pictures import SceneView
+from .pictures import SceneView, scene_view
 from .tables import ShownPredictions
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _NO_NUMBER = "unidentifiable from these measurements"
 
@@ -49,10 +55,11 @@ class CheckedPlan(Check):
     verdict : str
         "pass", "weak" or "degenerate", over all offsets; "violated" where a posture breaks a constraint of
         the plan.
-    parameters : tuple
-        A row for each parameter, in their order.
-    offsets : CheckedTable
-        The rows of the joint offsets; `.to_frame()` makes a pandas DataFrame.
+    parameters, offsets : CheckedTable
+        A row for each parameter, in their order; those of the joint offsets alone. `.to_frame()` makes a
+        pandas DataFrame.
+    worst : float or None
+        The largest predicted u of an offset, degrees (mm).
     plot : PlanPlots
         `plot.scene()`, the postures in 3D.
     aimed : AimedPlan
@@ -78,7 +85,17 @@ class CheckedPlan(Check):
         return ShownPredictions(rows).with_table(_table(self))
 
     def __getitem__(self, name: str) -> CheckedParameter:
-        return CheckedTable(self.parameters).named(name)
+        return self.parameters.named(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.parameters.names
+
+    def __iter__(self) -> Iterator[CheckedParameter]:
+        return iter(self.parameters)
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame of all parameters. BadInput without pandas."""
+        return self.parameters.to_frame()
 
     @property
     def plot(self) -> PlanPlots:
@@ -112,9 +129,10 @@ class CheckedPlan(Check):
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
-            verdict_on(self),
-            [*(sentence(note) for note in check_notes(self)), *check_lines(self)],
+            Verdict(tone_of(self.verdict), "", ""),
+            check_lines(self),
             [],
+            message=plan_message(self),
         )
 
 
@@ -122,17 +140,20 @@ class CheckedPlan(Check):
 class PlanPlots:
     """The figures of a check."""
 
-    check: CheckedPlan
+    _check: CheckedPlan
+
+    def __repr__(self) -> str:
+        return "<PlanPlots: scene>"
 
     def scene(self) -> SceneView:
         """The arm in its postures and the targets, in 3D."""
-        aimed = self.check.aimed
-        return SceneView.of(aimed.plan.path.name, plan_turnable(aimed, postures_of(aimed)))
+        aimed = self._check.aimed
+        return scene_view(aimed.plan.path.name, plan_turnable(aimed, postures_of(aimed)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OptimalPlan:
-    """The best plan that was found.
+class OptimalPlan(ByValue):
+    """The best plan that was found. `best["J2"]` is a row of its check.
 
     Attributes
     ----------
@@ -159,7 +180,21 @@ class OptimalPlan:
 
     plan: Plan
     check: CheckedPlan
-    made: MadePlan
+    made: MadePlan = field(compare=False)
+
+    @property
+    def verdict(self) -> PlanVerdict:
+        """That of `check`."""
+        return self.check.verdict
+
+    def __getitem__(self, name: str) -> CheckedParameter:
+        return self.check[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.check
+
+    def __iter__(self) -> Iterator[CheckedParameter]:
+        return iter(self.check)
 
     def app(self) -> AppView:
         """The app's page on this plan, in the notebook, as `check.app()` shows it."""
@@ -204,7 +239,7 @@ def check(plan: Plan) -> CheckedPlan:
     >>> zb.check(plan)["delta2"].status
     'unidentifiable'
     """
-    require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
+    require_plan(plan)
     aimed = aim_plan(plan)
     return CheckedPlan.of(aimed, violations(aimed))
 
@@ -335,6 +370,14 @@ def optimal_plan(
 
 def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Path]:
     """The header, and the folder that its paths are relative to."""
+    if isinstance(header, str) and header in built_in_robots():
+        raise BadInput(
+            "this is the name of a robot, and a plan requires a whole header",
+            found=repr(header),
+            allowed="a mapping with the keys of a header, or the path of a header file",
+            remedy=f'{{"robot": "{header}", "tool": zerobeam.Laser(…), "noise": zerobeam.Noise(…)}}',
+            argument="header",
+        )
     if isinstance(header, Path | str):
         return read_header(Path(header)), Path(header).parent
     if isinstance(header, Header):

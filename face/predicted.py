@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..analysis.covariance import frame
+from ..analysis.covariance import frame, noted
 from ..analysis.diagnostics.tcp_positions import NO_EFFECT, arm_covariance, tool_point, undetermined_offsets
 from ..analysis.solution import Solution
+from ..analysis.status import UNVALIDATED
 from ..model.errors import BadInput
 from ..model.files.arguments import joint_positions
+from ..model.files.limits import joint_warnings
 from .arguments import vector
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+class DoubtfulJoints(UserWarning):
+    """Joint positions outside the limits, or like those of another unit."""
 
 
 def predicted_positions(
@@ -33,13 +40,16 @@ def predicted_positions(
     if not solution.converged or solution.misfit is not None:
         raise BadInput(
             "there is no prediction",
-            found="the fit did not converge"
-            if not solution.converged
-            else "a misfit: no number is validated",
+            found="the fit did not converge" if not solution.converged else f"a misfit, {UNVALIDATED}",
             allowed="a fit that describes its measurements",
         )
     problem, fit = solution.problem, solution.fit
-    recorded = joint_positions(np.atleast_2d(joints), "joints", problem.robot, unit) / problem.robot.display
+    degrees = joint_positions(
+        np.atleast_2d(joints), "joints", problem.robot, unit, noun="posture", limits="warn"
+    )
+    for doubt in joint_warnings(problem.robot, degrees, "posture"):
+        warnings.warn(doubt, DoubtfulJoints, stacklevel=3)
+    recorded = degrees / problem.robot.display
     point = problem.tool.point if point_mm is None else np.array(vector(point_mm, 3, "point_mm"))
     position, jacobian = tool_point(problem, fit.x, point, recorded)
     covariance = arm_covariance(problem, fit.covariance)
@@ -49,4 +59,5 @@ def predicted_positions(
     unknown = (effect[:, undetermined_offsets(problem, solution.status)] > NO_EFFECT).any(axis=1)
     numbers = np.hstack([position, np.sqrt(variance)])
     numbers[unknown] = np.nan
-    return frame(numbers, columns=["x_mm", "y_mm", "z_mm", "u_x_mm", "u_y_mm", "u_z_mm"])
+    columns = ["x_mm", "y_mm", "z_mm", "u_x_mm", "u_y_mm", "u_z_mm"]
+    return noted(frame(numbers, columns=columns), dict.fromkeys(columns, "mm"), solution.status)

@@ -7,12 +7,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
+from ..analysis.covariance import parameter_among
 from ..analysis.posterior.profiles import ProfileContour, ProfileCurve
-from ..reports.style.canvas import DASHES, Picture, new_figure, style, to_svg
+from ..analysis.solution import Solution
+from ..analysis.status import caveat
+from ..model.errors import BadInput
+from ..reports.style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
 from ..reports.style.palette import light
 from ..reports.style.typeface import in_font
 from ..words import numbers
+from ..words.observability import reason
 from ..words.wording import label
+from .arguments import require_axes
 from .pictures import Figure
 
 if TYPE_CHECKING:
@@ -80,14 +86,28 @@ class Profile(ProfileCurve):
         axes.set_xlabel(_axis(self.name, self.unit))
         axes.set_ylabel("(distance / u)²")
         axes.legend(loc="upper center")
+        mark_unvalidated(axes, [self.status])
 
     def __repr__(self) -> str:
         digits = numbers.decimals(self.u)
         value = f"{self.estimate:.{max(digits, 0)}f} ± {self.u:.{max(digits, 0)}f} {self.unit}"
-        return f"<Profile of {self.name}: {value}, deviates by {_deviation(self.deviation)} from the normal>"
+        by = f"deviates by {_deviation(self.deviation)} from the normal"
+        return f"<Profile of {self.name}: {value}, {by}{caveat([self.status])}>"
 
     def _repr_html_(self) -> str:
         return self.plot()._repr_html_()
+
+
+def require_estimated(solution: Solution, name: str, argument: str) -> None:
+    """BadInput for a parameter that is held: it has no profile."""
+    row = solution[parameter_among(solution.parameters.names, name, argument)]
+    if row.cause is not None and row.held:
+        raise BadInput(
+            f"{label(row.name)} is held, and not estimated: it has no profile",
+            found=f"held: {reason(row.cause, label)}",
+            allowed="offsets, geometry and tool that the data determine",
+            argument=argument,
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,10 +164,12 @@ class Contour(ProfileContour):
         axes.set_xlabel(_axis(self.names[0], self.units[0]))
         axes.set_ylabel(_axis(self.names[1], self.units[1]))
         axes.legend()
+        mark_unvalidated(axes, self.status)
 
     def __repr__(self) -> str:
         which = f"{self.names[0]} and {self.names[1]}, {100 * self.level:g} %"
-        return f"<Contour of {which}: deviates by {_deviation(self.deviation)} from the normal>"
+        by = f"deviates by {_deviation(self.deviation)} from the normal"
+        return f"<Contour of {which}: {by}{caveat(self.status)}>"
 
     def _repr_html_(self) -> str:
         return self.plot()._repr_html_()
@@ -157,6 +179,7 @@ def _plotted(draw: Callable[[Axes], None], ax: Axes | None, picture: Picture) ->
     """On the axes that a reader has, or on new ones as a figure of the name, title and words of `picture`."""
     with style():
         if ax is not None:
+            require_axes(ax)
             draw(ax)
             return ax
         figure = new_figure(3.4)

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+from ..analysis.covariance import parameter_among
 from ..analysis.solution import Solution
 from ..model.errors import BadInput
-from ..model.files.run import Run
-from .arguments import require_number
+from ..model.files.run import REFIT, Run
+from .arguments import require_mapping, require_number, whole_numbers
 
 _BY_METHOD = ("first link", "free tool")  # held whatever a header states
 
 
-def refit_run(solution: Solution, run: Run, hold: Mapping[str, float], drop: Collection[int]) -> Run:
+def refit_run(solution: Solution, run: Run, hold: Mapping[str, float], drop: Iterable[int]) -> Run:
     """The run without the measurements of the numbers `drop`, its header with the parameters `hold` held.
 
     Raises BadInput for a name or a number that is not there, and for a value that is not nominal.
     """
+    require_mapping(hold, "hold", '{"J6": 0}: the nominal value by name')
+    drop = whole_numbers(drop, "drop")
     items = solution.problem.parameters.items
     held = [item.name for item in items if item.held and item.held_by not in (None, *_BY_METHOD)]
     names = []
     for name, value in hold.items():
-        row = solution[name]
+        row = solution[parameter_among(solution.parameters.names, name, "hold")]
         item = items[solution.problem.parameters.index(row.name)]
         nominal = item.shown(item.prior_mean)
         require_number(value, -math.inf, f"hold[{name!r}]")
@@ -32,7 +35,9 @@ def refit_run(solution: Solution, run: Run, hold: Mapping[str, float], drop: Col
                 f"{row.name} can be held at its nominal value only",
                 found=f"{value:g} {row.unit}",
                 allowed=f"{nominal:g} {row.unit}",
-                remedy="for other values see solution.profile",
+                remedy="state another position as guess_mm of the target, in a new run"
+                if row.group == "target"
+                else f"solution.profile({row.name!r}) shows the fit at other values",
                 argument="hold",
             )
         names.append(row.name)
@@ -54,6 +59,6 @@ def refit_run(solution: Solution, run: Run, hold: Mapping[str, float], drop: Col
     if names:
         changes["held"] = tuple(dict.fromkeys([*held, *names]))
     kept = [shot for shot in run.shots if shot.shot not in drop]
-    name = f"{run.path.stem} (refit){run.path.suffix}"
+    name = f"{run.path.stem.removesuffix(REFIT)}{REFIT}{run.path.suffix}"
     made = Run.of_shots(run.header.model_copy(update=changes), run.robot, kept, name)
     return replace(made, path=run.path.with_name(name))  # what the header names is beside the run's file

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..analysis.covariance import parameter_among
 from ..experiments.simulate import Truth, simulated_shots
-from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA
 from ..model.files.plan import Plan
 from ..model.files.run import Run
-from ..model.parsing.reading import did_you_mean
-from .arguments import require_kind, require_number
+from ..words.provenance import SIMULATED
+from .arguments import require_mapping, require_number, require_plan
 
 
 def simulate(
@@ -26,8 +26,8 @@ def simulate(
     plan
         What is measured.
     offsets
-        True values by name, such as {"delta2": 0.3}, in degrees (mm for prismatic joints); other parameters,
-        such as "tool.x", in their units. What is not named is nominal. None: random offsets of about 1 degree
+        True values by name, such as {"J2": 0.3}, in degrees (mm for prismatic joints); other parameters, such
+        as "tool.x", in their units. What is not named is nominal. None: random offsets of about 1 degree
         (1 mm), and random errors of an uncalibrated tool.
     seed
         Of the random numbers.
@@ -62,26 +62,19 @@ def simulate(
     >>> zb.simulate(plan, offsets={"delta2": 0.3}, seed=1)
     <Run simulated: 7 measurements of psd, irb1600>
     """
-    require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
+    require_plan(plan)
     require_number(seed, 0, "seed", whole=True)
     rng = np.random.default_rng(seed)
     if offsets is None:
         truth = Truth.drawn(plan, rng)
     else:
-        truth = Truth.with_values(plan, {})
-        names = truth.problem.parameters.names
+        require_mapping(offsets, "offsets", '{"J2": 0.3}: values in degrees (mm) by name')
+        names, values = Truth.with_values(plan, {}).problem.parameters.names, {}
         for parameter, value in offsets.items():
-            if parameter not in names:
-                raise BadInput(
-                    "no parameter has this name",
-                    found=parameter,
-                    allowed=", ".join(names),
-                    remedy=did_you_mean(str(parameter), names),
-                    argument="offsets",
-                )
+            name_of_it = parameter_among(names, parameter, "offsets")
             require_number(value, -np.inf, f"offsets[{parameter!r}]")
-        truth = Truth.with_values(plan, dict(offsets))
-    header = plan.header.model_copy(
-        update={"schema_": RUN_SCHEMA, "provenance": {**plan.header.provenance, **truth.provenance()}}
-    )
+            values[name_of_it] = value
+        truth = Truth.with_values(plan, values)
+    provenance = {**plan.header.provenance, "origin": SIMULATED, **truth.provenance()}
+    header = plan.header.model_copy(update={"schema_": RUN_SCHEMA, "provenance": provenance})
     return Run.of_shots(header, plan.robot, list(simulated_shots(truth, rng)), name)

@@ -45,6 +45,7 @@ from ..analysis.solution import ParameterResult, Solution
 from ..analysis.status import LACK_OF_FIT, Status, Verdict
 from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
+from ..model.files.run import in_no_file
 from ..model.instruments.registry import KINDS
 from . import numbers
 from .controllers import export_command, export_sentence, taken_by
@@ -109,6 +110,12 @@ class _Case:
     def offsets(self) -> list[ParameterResult]:
         """The offsets that are estimated."""
         return [row for row in self.parameters if row.group == "offset" and not row.held]
+
+    @property
+    def held(self) -> list[str]:
+        """The offsets that the header holds, and not the method: a wrong one has to be taken up by others."""
+        by_header = (row for row in self.parameters if row.group == "offset" and row.cause == Held("header"))
+        return [row.name for row in by_header]
 
     def named(self, *status: Status) -> list[str]:
         """The offsets of these statuses."""
@@ -255,7 +262,7 @@ def _message(case: _Case, name: Namer) -> Message:
         verdict=f"{_judged(case)}. {_determined(case, name)}",
         worst=None if worst is None else _worst(case, worst, name),
         cause=_cause(case, name),
-        action=_action(case),
+        action=_saved_first(case, _action(case)),
         cautions=tuple(ended(sentence(text)) for text in _cautions(case, name))[:_MOST_CAUTIONS],
     )
 
@@ -325,12 +332,15 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
     if case.stopped is not None:
         return None
     if case.misfit is not None:
+        held = ""
+        if case.held:
+            held = f"{_are(case.held, name)} held, not estimated: that alone can cause a misfit. "
         if case.diagnosis:
-            return cause_sentence(case.diagnosis)
+            return held + cause_sentence(case.diagnosis)
         first = _sharpest(case.misfit)
         text = criterion_sentence(first, name).removeprefix("Lack of fit: ")
         tried = case.diagnosis is not None and isinstance(first, LackOfFit)
-        return f"{text}. No cause that was tried explains it" if tried else text
+        return held + (f"{text}. No cause that was tried explains it" if tried else text)
     if case.doubt is not None:
         return _doubt_sentence(case.doubt, name)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
@@ -372,6 +382,14 @@ def _doubt_sentence(doubt: Finding | HoldOut, name: Namer) -> str:
     )
 
 
+def _saved_first(case: _Case, action: Action) -> Action:
+    """The same, where a command needs a file and the run is in none."""
+    if action.command is None or not case.run or not in_no_file(case.run):
+        return action
+    save = f'Save the run first: solution.run.write("{run_argument(case.run)}").'
+    return Action(f"{action.text} {save}", action.command)
+
+
 def _action(case: _Case) -> Action:
     run = run_argument(case.run)
     again = f"zerobeam analyse {run}"
@@ -380,6 +398,9 @@ def _action(case: _Case) -> Action:
             "Enter nothing: look for a wrong measurement, or state a better guess of target and tool.", again
         )
     if case.misfit is not None:
+        if case.held:
+            estimate = f"Enter nothing. Estimate {listed([person(each) for each in case.held])} too."
+            return Action(f"{estimate} If the misfit stays: {_mend(case)}", again)
         return Action(f"Enter nothing. {_mend(case)}", again)
     if (doubt := case.doubt) is not None:
         return Action(_check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
@@ -485,8 +506,11 @@ def _plan(case: _Case) -> str | None:
 
 
 def run_argument(name: str) -> str:
-    """The run's file for a command; a stand-in where the name holds what a shell would read."""
-    return shlex.quote(name) if _SAFE.fullmatch(name) else "RUN.jsonl"
+    """The run's file for a command, or of a run in memory the one to write it to; a stand-in where the name
+    holds what a shell would read."""
+    if not _SAFE.fullmatch(name):
+        return "RUN.jsonl"
+    return shlex.quote(f"{name}.jsonl" if in_no_file(name) else name)
 
 
 def _cautions(case: _Case, name: Namer) -> Iterator[str]:

@@ -91,7 +91,8 @@ def _action(check: Check) -> str:
         return f"Change or remove {noun} {listed([str(i) for i in broken])}, or loosen the constraint"
     row = _limiting(check)
     if row is None:
-        return "Measure by this plan" if _offsets(check) else "Estimate an offset: leave it out of `held`"
+        measure = "Nothing needs to change. Measure by this plan"
+        return measure if _offsets(check) else "Estimate an offset: leave it out of `held`"
     if check.advice is not None:
         return advice_sentence(check.advice)
     cause = worst_direction(check.identifiability.null_space, row.name).cause

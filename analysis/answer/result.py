@@ -27,7 +27,7 @@ from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
-from ..status import UnsoundResult, Verdict, as_grave, known, verdict_of
+from ..status import UNVALIDATED, UnsoundResult, Verdict, as_grave, known, verdict_of
 from .findings import Finding
 
 RESULT_SCHEMA = "zerobeam/result/1"
@@ -255,6 +255,10 @@ class Result:
             self._refuse(unknown & {row.name for row in self.placements.jackknife.offsets}, "a jackknife")
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
+
+    def __repr__(self) -> str:
+        verdict = self.verdict if self.misfit is None else f"{self.verdict}, {UNVALIDATED}"
+        return f"<Result of {self.inputs.run}: {verdict}>"
 
     @staticmethod
     def _refuse(names: set[str], what: str) -> None:

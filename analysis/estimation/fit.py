@@ -161,6 +161,10 @@ class LikelihoodFit:
     reason: str
     others: tuple[Optimum, ...] = ()
 
+    def __repr__(self) -> str:
+        how = "converged" if self.converged else f"not converged ({self.reason})"
+        return f"<LikelihoodFit: {how}, {len(self.z)} parameters estimated, {self.iterations} iterations>"
+
     @property
     def other_basins(self) -> int:
         """How many other modes are worth telling."""

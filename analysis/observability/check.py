@@ -14,7 +14,7 @@ from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
-from ..covariance import Rows, frame
+from ..covariance import Rows, frame, row_text
 from ..estimation.threads import one_blas_thread
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
@@ -75,8 +75,13 @@ class Violation:
 
 @dataclass(frozen=True)
 class CheckedParameter:
-    """One unknown before the shots: `data_std` None for an exact gauge or a held one; `std` what the
-    calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance."""
+    """One unknown before the shots: the parameter `name` of a `group` (offset, geometry, target, tool, …),
+    its numbers in its `unit` (deg, mm, or 1 of a noise factor).
+
+    `status` is "identified", "weak", "unidentifiable" or "held", and `cause` says why it has no number.
+    `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge or a held one; `std`
+    what the calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance.
+    `tolerance_share` (0 to 1) is the part of the variance that tolerances set."""
 
     name: str
     unit: str
@@ -97,6 +102,9 @@ class CheckedParameter:
     def u(self) -> float | None:
         """The predicted standard uncertainty (GUM), another name for `std`."""
         return self.std
+
+    def __repr__(self) -> str:
+        return row_text(self.name, self.unit, self.status, None, self.std)
 
 
 class CheckedTable(Rows[CheckedParameter]):
@@ -188,7 +196,7 @@ class Check:
     verdict : str
         "pass", "weak" or "degenerate", over all offsets; "violated" where a posture breaks a constraint of
         the plan.
-    parameters : tuple of CheckedParameter
+    parameters : CheckedTable of CheckedParameter
         A row for each parameter: `name`, `unit`, `status`, `u` (predicted standard uncertainty, None where
         the plan cannot determine it), `data_std` (without prior), `prior_std`, `cause`.
     identifiability : Identifiability
@@ -220,7 +228,7 @@ class Check:
     """
 
     verdict: PlanVerdict
-    parameters: tuple[CheckedParameter, ...]
+    parameters: CheckedTable
     identifiability: Identifiability
     power: tuple[DetectionPower, ...]
     geometry: GeometryResult
@@ -232,6 +240,13 @@ class Check:
     warnings: tuple[str, ...]
     inputs: PlanInputs
     aimed: AimedPlan = field(compare=False, repr=False)
+
+    @property
+    def worst(self) -> float | None:
+        """The largest predicted u of an offset, degrees (mm); None where the plan leaves one undetermined."""
+        stds = [row.std for row in self.parameters if row.group == "offset" and not row.held]
+        known_stds = [std for std in stds if std is not None]
+        return max(known_stds) if known_stds and len(known_stds) == len(stds) else None
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -283,7 +298,7 @@ class Check:
             )
         return cls(
             verdict="violated" if violations else observable,
-            parameters=tuple(rows),
+            parameters=CheckedTable(rows),
             identifiability=identified.facts,
             power=powers(shots, x, identified.facts.rank),
             geometry=geometry,

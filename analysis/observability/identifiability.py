@@ -191,6 +191,11 @@ class Identified:
     data_std: Matrix
     facts: Identifiability
 
+    def __repr__(self) -> str:
+        return (
+            f"<Identified: rank {self.facts.rank}, before the model is tested; solution.status is the answer>"
+        )
+
 
 def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     """Judge the shots of `problem` at the parameters x (p,).

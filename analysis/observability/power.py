@@ -335,7 +335,7 @@ class _Powers:
 
         risk, worst = _risk(power, off, most, lambda error: _beyond(0.0, np.sqrt(1 + error**2)))
         probability = float(power(np.ones(1))[0])
-        return DetectionPower(wrong, size, unit, probability, off, None, risk), worst
+        return DetectionPower(wrong, size, unit, probability, float(off), None, risk), worst
 
 
 def _risk(power: _PowerBy, off: float, most: float, wrong: Callable[[Matrix], Matrix]) -> tuple[float, float]:

@@ -173,6 +173,11 @@ class Draws:
         if self.values.shape[-1] != len(self.names):
             raise UnsoundResult(f"draws of {len(self.names)} parameters have the shape {self.values.shape}")
 
+    def __repr__(self) -> str:
+        count = self.values[..., 0].size if self.names else 0
+        how = "converged" if self.converged else "not converged: no posterior"
+        return f"<Draws: {count} of {len(self.names)} parameters, {how}>"
+
 
 class Whitening:
     """w = L^-1 (v - centre): near the fit a unit normal, where the walkers live."""

@@ -19,7 +19,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from ...model.arrays import Index, Mask, Matrix
+from ...model.arrays import ByValue, Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ..estimation.climb import Climb
@@ -113,7 +113,7 @@ def root_of_drop(distance: Matrix | float, curvature: Matrix, dof: Matrix | floa
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileCurve:
+class ProfileCurve(ByValue):
     """The profile of one parameter.
 
     Attributes
@@ -204,7 +204,7 @@ class ProfileCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileContour:
+class ProfileContour(ByValue):
     """The profile of two parameters: the region that holds `level` of their joint probability.
 
     Attributes

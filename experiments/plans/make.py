@@ -93,6 +93,10 @@ class MadePlan:
     removed: str | None
     untested: LackingTest | None = None
 
+    def __repr__(self) -> str:
+        count = 0 if self.plan is None else len(self.plan.postures)
+        return f"<MadePlan: {self.kind}, {count} postures>"
+
     @property
     def sentences(self) -> list[str]:
         """Sentences on how good the choice is and why it may not be better, or why there is no plan."""

@@ -5,8 +5,9 @@ They are checked by the models of the files, and their errors name the argument 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,10 +18,11 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..instruments import laser, probe
 from ..kinematics.robot import Robot
-from ..parsing.reading import KeyPath
+from ..parsing.reading import KeyPath, did_you_mean
 from ..parsing.validation import Model, validate
 from .header import Header, StatedNoise, StatedTool, check_header
 from .header_file import completed
+from .limits import check_limits_of_argument
 from .robot_file import load_robot
 
 RobotArgument = Robot | str | Path | Mapping[str, str]
@@ -239,8 +241,18 @@ def stated_header(
     return header, arm
 
 
-def joint_positions(value: ArrayLike, argument: str, robot: Robot, unit: str | None) -> Matrix:
-    """`value` (N, n) in `unit` as degrees, mm for prismatic joints; BadInput names the argument."""
+def joint_positions(
+    value: ArrayLike,
+    argument: str,
+    robot: Robot,
+    unit: str | None,
+    *,
+    noun: str,
+    limits: Literal["error", "warn"],
+) -> Matrix:
+    """`value` (N, n) in `unit` as degrees, mm for prismatic joints; BadInput names the argument.
+
+    A row is called by `noun`. Outside the robot's limits is BadInput too, unless `limits` are to warn."""
     if unit is None:
         raise BadInput(
             f"the unit of the {argument} is not stated",
@@ -251,7 +263,25 @@ def joint_positions(value: ArrayLike, argument: str, robot: Robot, unit: str | N
     if unit not in ("deg", "rad"):
         raise BadInput("there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit")
     positions = array(value, argument, columns=robot.n, meaning=f"{robot.name} has {robot.n} joints")
-    return positions * robot.display if unit == "rad" else positions
+    degrees = positions * robot.display if unit == "rad" else positions
+    angle: Literal["deg", "rad"] = "rad" if unit == "rad" else "deg"
+    check_limits_of_argument(robot, degrees, noun, unit=angle, limits=limits, argument=argument)
+    return degrees
+
+
+def require_arguments(function: Callable[..., object], header: Mapping[str, object]) -> None:
+    """BadInput where one of the further arguments `header` of a function is no key of a header."""
+    arguments = [name for name, one in signature(function).parameters.items() if one.kind is one.KEYWORD_ONLY]
+    allowed = [*arguments, *(key for key in Header.model_fields if key not in (*arguments, "schema_"))]
+    for name in header:
+        if name not in allowed:
+            raise BadInput(
+                "there is no such argument",
+                found=name,
+                allowed=", ".join(allowed),
+                remedy=did_you_mean(name, allowed),
+                argument=name,
+            )
 
 
 def target_of_each(

@@ -20,6 +20,14 @@ ROUNDING = 1e-6
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
 
 
+def warned(warnings: Sequence[str]) -> str:
+    """The last of a run's or plan's warnings, as the end of its repr; a doubt about the unit is the last."""
+    if not warnings:
+        return ""
+    more = "" if len(warnings) == 1 else f" ({len(warnings) - 1} more in warnings)"
+    return f"; warning: {warnings[-1]}{more}"
+
+
 def require_joint_count(
     values: Sequence[float], robot: Robot, what: str, file: Path | None, line: int | None
 ) -> None:
@@ -59,18 +67,9 @@ def check_limits(
         return _perhaps_radians(robot, joints)
     hint = _unit_hint(robot, joints)
     if limits == "error":
-        row, i = (int(index) for index in np.argwhere(outside)[0])
-        joint, limit = robot.joints[i], pendant.nearest_limit(robot, joints[row] / robot.display, i)
-        rest = int(outside.any(axis=1).sum()) - 1
-        more = "" if rest == 0 else f"; {rest} more like it"
-        raise BadInput(
-            f"{noun} {numbers[row]}: joint {i + 1} is outside its limits{more}",
-            found=f"{limit.value:.6g} {joint.unit}{limit.counting and f', {limit.counting}'}",
-            allowed=f"{limit.lower:.6g} to {limit.upper:.6g} {joint.unit} ({robot.name}, {joint.name})",
-            remedy=hint or "correct the value; if the arm was really there, state limits: warn in the header",
-            file=file,
-            line=lines[row],
-        )
+        remedy = hint or "correct the value; if the arm was really there, state limits: warn in the header"
+        row, error = _first_outside(robot, joints, outside, noun, numbers, remedy)
+        raise error.at(file, lines[row]) if file is not None else error
     warnings = []
     for i in range(robot.n):
         rows = [int(row) for row in np.flatnonzero(outside[:, i])]
@@ -85,6 +84,65 @@ def check_limits(
             f" {len(rows)} of {len(joints)} {noun}s: " + ", ".join(str(numbers[row]) for row in rows)
         )
     return (*warnings, hint) if hint else tuple(warnings)
+
+
+def joint_warnings(robot: Robot, joints: Matrix, noun: str) -> tuple[str, ...]:
+    """The sentences of `check_limits` on joint values (N, n), degrees or mm, that are no measurements."""
+    count = len(joints)
+    return check_limits(robot, joints, noun, range(count), [None] * count, limits="warn", file=None)
+
+
+def check_limits_of_argument(
+    robot: Robot,
+    joints: Matrix,
+    noun: str,
+    *,
+    unit: Literal["deg", "rad"],
+    limits: Literal["error", "warn"],
+    argument: str,
+) -> None:
+    """Judge joint values (N, n), degrees or mm, of a call in Python that states them in `unit`: BadInput for
+    one outside its limits, unless `limits` are to warn, and for degrees that are stated to be radians."""
+    outside, chosen = beyond_limits(robot, joints), _revolute(robot)
+    if not outside.any():
+        return
+    hint = _unit_hint(robot, joints) if unit == "deg" else None
+    as_degrees = (joints / robot.display)[:, chosen]
+    wrong = (
+        unit == "rad"
+        and _far_outside(robot, joints[:, chosen], chosen)
+        and _inside(robot, as_degrees, chosen)
+    )
+    if wrong:
+        hint = "unit='rad' is stated; as degrees all values are within the limits: state unit='deg'"
+    if wrong or limits == "error":
+        remedy = hint or "correct the value; if the arm was really there, state limits='warn'"
+        _, error = _first_outside(robot, joints, outside, noun, range(len(joints)), remedy, unit)
+        raise error.of_argument(argument)
+
+
+def _first_outside(
+    robot: Robot,
+    joints: Matrix,
+    outside: NDArray[np.bool_],
+    noun: str,
+    numbers: Sequence[int],
+    remedy: str,
+    unit: Literal["deg", "rad"] = "deg",
+) -> tuple[int, BadInput]:
+    """The first row of joint values (N, n), degrees or mm, that has one `outside`, and the error of it, its
+    angles in `unit`."""
+    row, i = (int(index) for index in np.argwhere(outside)[0])
+    joint, limit = robot.joints[i], pendant.nearest_limit(robot, joints[row] / robot.display, i)
+    rest = int(outside.any(axis=1).sum()) - 1
+    more = "" if rest == 0 else f"; {rest} more like it"
+    shown, per = (unit, joint.display if unit == "rad" else 1.0) if joint.kind == "revolute" else ("mm", 1.0)
+    return row, BadInput(
+        f"{noun} {numbers[row]}: joint {i + 1} is outside its limits{more}",
+        found=f"{limit.value / per:.6g} {shown}{limit.counting and f', {limit.counting}'}",
+        allowed=f"{limit.lower / per:.6g} to {limit.upper / per:.6g} {shown} ({robot.name}, {joint.name})",
+        remedy=remedy,
+    )
 
 
 def _revolute(robot: Robot) -> list[int]:
@@ -104,14 +162,18 @@ def _unit_hint(robot: Robot, joints: Matrix) -> str | None:
         return None
     if np.abs(values).max() <= ONE_TURN and _inside(robot, np.degrees(values), chosen):
         return "radians? read as radians, all values would be within the limits; degrees are wanted"
-    furthest = np.maximum(np.abs(robot.lower[chosen]), np.abs(robot.upper[chosen])) * robot.display[chosen]
-    # A single slip also comes back within limits when it is made 57 times smaller; a wrong unit goes far.
-    if np.any(np.abs(values) > 3 * furthest) and _inside(robot, np.radians(values), chosen):
+    if _far_outside(robot, values, chosen) and _inside(robot, np.radians(values), chosen):
         return (
             "radians? all values are within the limits if they are divided by 57.3: "
             "perhaps they were converted from radians to degrees twice"
         )
     return None
+
+
+def _far_outside(robot: Robot, degrees: Matrix, chosen: list[int]) -> bool:
+    """A single slip also comes back within limits when it is made 57 times smaller; a wrong unit goes far."""
+    furthest = np.maximum(np.abs(robot.lower[chosen]), np.abs(robot.upper[chosen])) * robot.display[chosen]
+    return bool(np.any(np.abs(degrees) > 3 * furthest))
 
 
 def like_radians(robot: Robot, joints: Matrix) -> bool:

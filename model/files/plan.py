@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from ..arrays import Matrix
+from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
@@ -27,17 +27,20 @@ from .arguments import (
     checked,
     joint_positions,
     plain,
+    require_arguments,
     require_count,
     stated_header,
     target_of_each,
 )
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
-from .limits import check_limits, require_joint_count
+from .limits import check_limits, require_joint_count, warned
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
-from .robot_file import load_robot
+from .robot_file import load_robot, require_loadable
 from .shot import Shot, ShotRules, check_ties, target_names, unknown_targets
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
+
+_DECIMALS = 9  # of degrees in a file: what they lose on the way to radians and back is far below
 
 
 class Means(NamedTuple):
@@ -54,8 +57,10 @@ class Means(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan:
+class Plan(ByValue):
     """Planned postures of a robot of n joints: from a file (`read_plan`) or from arrays.
+
+    Plans are equal if header, robot, postures, targets, constraints and means are, wherever they are kept.
 
     Attributes
     ----------
@@ -100,10 +105,10 @@ class Plan:
     robot: Robot
     postures: Matrix
     targets: tuple[str | None, ...]
-    lines: tuple[int | None, ...]
-    path: Path
-    sha256: str
-    warnings: tuple[str, ...]
+    lines: tuple[int | None, ...] = field(compare=False)
+    path: Path = field(compare=False)
+    sha256: str = field(compare=False)
+    warnings: tuple[str, ...] = field(compare=False)
     via: tuple[Matrix, ...] = ()
     constraints: StatedConstraints = UNCONSTRAINED
     means: tuple[Means, ...] = ()
@@ -166,10 +171,11 @@ class Plan:
         BadInput
             Names the argument, what was found, what is allowed and what to do.
         """
+        require_arguments(cls.from_arrays, header)
         parsed, arm = stated_header(
             robot, tool, instruments, noise, target_priors, {"schema": PLAN_SCHEMA, **header}
         )
-        positions = joint_positions(postures, "postures", arm, unit)
+        positions = joint_positions(postures, "postures", arm, unit, noun="posture", limits=parsed.limits)
         names = target_of_each(targets, parsed, len(positions), "postures")
         if means:
             require_count("means", len(means), len(positions), "postures")
@@ -227,8 +233,44 @@ class Plan:
         )
 
     def __repr__(self) -> str:
-        targets = ", ".join(self.target_names)
-        return f"<Plan {self.path.name}: {len(self.postures)} postures at {targets}, {self.robot.name}>"
+        targets, count = ", ".join(self.target_names), len(self.postures)
+        what = f"{count} posture{'' if count == 1 else 's'} at {targets}, {self.robot.name}"
+        return f"<Plan {self.path.name}: {what}{warned(self.warnings)}>"
+
+    def write(self, path: Path | str, *, force: bool = False) -> Path:
+        """Write the plan to a new file (.yaml), whole or not at all.
+
+        Parameters
+        ----------
+        path
+            The file; what the header names is relative to its folder.
+        force
+            A file that is there is replaced.
+
+        Returns
+        -------
+        Path
+            The file; its postures are rounded to 1e-9 degrees (mm).
+
+        Raises
+        ------
+        BadInput
+            The file is there, or the plan could not be read again: its robot is in no file, say.
+        """
+        path = Path(path)
+        refuse_existing(path, force=force)
+        require_loadable(self.robot, self.header.robot, path)
+        write_plan(
+            path,
+            self.header,
+            (self.postures * self.robot.display).round(_DECIMALS),
+            self.targets,
+            means=self.means,
+            via_deg=[(between * self.robot.display).round(_DECIMALS) for between in self.via],
+            constraints=self.constraints,
+            force=force,
+        )
+        return path
 
     def via_of(self, posture: int) -> Matrix:
         """(k, n) the intermediate postures on the way to a posture (from 0), rad or mm; k may be 0."""

@@ -295,6 +295,17 @@ def load_robot(
     )
 
 
+def require_loadable(robot: Robot, ref: str | UrdfRef, path: Path) -> None:
+    """BadInput where `ref`, in a file `path` that is to be written, does not stand for the robot."""
+    if load_robot(ref, path.parent) != robot:
+        raise BadInput(
+            f"the robot that {path.name} would name is another one",
+            found=f"{robot!r} of the call, {ref!r} of the file",
+            remedy="write the robot into a robot file, and name that file: robot='NAME.yaml'",
+            file=path,
+        )
+
+
 def _urdf_robot(ref: UrdfRef, path: Path) -> Robot:
     robot = read_urdf(path, ref.base, ref.tip)
     try:

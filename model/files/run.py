@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -18,7 +18,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Matrix
+from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
@@ -40,23 +40,28 @@ from .arguments import (
     array,
     joint_positions,
     measured_of_each,
+    require_arguments,
     require_count,
     stated_header,
     target_of_each,
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
-from .robot_file import load_robot
+from .limits import warned
+from .robot_file import load_robot, require_loadable
 from .shot import Shot, ShotRules, check_shots, check_ties, shot_model, target_names
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
 _UNKNOWNS = 3  # of a target
+REFIT = " (refit)"  # what the name of a run that was made of another one ends with
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class Run(ByValue):
     """A recorded run of N measurements: from a file (`read_run`) or from arrays.
+
+    Runs are equal if header, robot and measurements are, wherever they are kept.
 
     Attributes
     ----------
@@ -79,11 +84,11 @@ class Run:
     header: Header
     robot: Robot
     shots: tuple[Shot, ...]
-    lines: tuple[int | None, ...]
-    header_line: int | None
-    path: Path
-    sha256: str
-    warnings: tuple[str, ...]
+    lines: tuple[int | None, ...] = field(compare=False)
+    header_line: int | None = field(compare=False)
+    path: Path = field(compare=False)
+    sha256: str = field(compare=False)
+    warnings: tuple[str, ...] = field(compare=False)
 
     @classmethod
     def from_arrays(
@@ -159,10 +164,11 @@ class Run:
         >>> run.joints.shape, run.target_names
         ((2, 6), ('psd',))
         """
+        require_arguments(cls.from_arrays, header)
         parsed, arm = stated_header(
             robot, tool, instruments, noise, target_priors, {"schema": RUN_SCHEMA, **header}
         )
-        positions = joint_positions(joints, "joints", arm, unit)
+        positions = joint_positions(joints, "joints", arm, unit, noun="measurement", limits=parsed.limits)
         count, spots = len(positions), None
         if spots_mm is not None:
             if not parsed.tool_kind.columns:
@@ -195,8 +201,35 @@ class Run:
         return cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
 
     def __repr__(self) -> str:
-        targets = ", ".join(self.target_names)
-        return f"<Run {self.path.name}: {len(self.shots)} measurements of {targets}, {self.robot.name}>"
+        targets, count = ", ".join(self.target_names), len(self.shots)
+        what = f"{count} measurement{'' if count == 1 else 's'} of {targets}, {self.robot.name}"
+        return f"<Run {self.path.name}: {what}{warned(self.warnings)}>"
+
+    def write(self, path: Path | str, *, force: bool = False) -> Path:
+        """Write the run to a new file (.jsonl), whole or not at all.
+
+        Parameters
+        ----------
+        path
+            The file; what the header names is relative to its folder.
+        force
+            A file that is there is replaced.
+
+        Returns
+        -------
+        Path
+            The file; `read_run` of it gives an equal run.
+
+        Raises
+        ------
+        BadInput
+            The file is there, or the run could not be read again: its robot is in no file, say.
+        """
+        path = Path(path)
+        refuse_existing(path, force=force)
+        require_loadable(self.robot, self.header.robot, path)
+        write_run(path, self.header, self.shots, force=force)
+        return path
 
     @cached_property
     def joints(self) -> Matrix:
@@ -352,6 +385,11 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
         warnings += check_shots(header, robot, shots, lines, file=path)
     sha256 = hashlib.sha256(content).hexdigest()
     return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
+
+
+def in_no_file(name: str) -> bool:
+    """Whether the name is one of a run in memory, made from arrays or of another run: it is no file's."""
+    return not Path(name).suffix or Path(name).stem.endswith(REFIT)
 
 
 def is_run_name(name: str) -> bool:

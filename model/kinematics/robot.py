@@ -8,7 +8,7 @@ transform `flange`. Angles are radians and lengths millimetres.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Matrix
+from ..arrays import ByValue, Matrix
 from ..errors import BadInput
 
 JointKind = Literal["revolute", "prismatic"]
@@ -27,7 +27,7 @@ Turn = tuple[ca.SX, ca.SX]  # cosine and sine of a revolute joint, position and 
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(ByValue):
     """One joint: `fixed` (4, 4) goes before the motion, `axis` (3,) is its unit axis in its own frame.
 
     `lower`, `upper` are rad or mm, `speed` is rad/s or mm/s (None where the robot file states none).
@@ -87,8 +87,8 @@ NOTHING_STATED = Conventions()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robot:
-    """A serial arm of n joints from base to flange, with nominal geometry.
+class Robot(ByValue):
+    """A serial arm of n joints from base to flange, with nominal geometry. Robots are equal by value.
 
     Parameters
     ----------
@@ -124,14 +124,17 @@ class Robot:
 
     @property
     def n(self) -> int:
+        """Number of joints."""
         return len(self.joints)
 
     @property
     def lower(self) -> Matrix:
+        """(n,) lower limits of the joints, rad or mm."""
         return np.array([joint.lower for joint in self.joints])
 
     @property
     def upper(self) -> Matrix:
+        """(n,) upper limits of the joints, rad or mm."""
         return np.array([joint.upper for joint in self.joints])
 
     @property
@@ -184,14 +187,25 @@ class Robot:
         """
         return self.pose_and_jacobian(self._internal(q, unit))[1]
 
-    def with_offsets(self, delta: Matrix) -> Robot:
+    def with_offsets(self, delta: ArrayLike) -> Robot:
         """The robot that is at recorded positions where this one is at those plus `delta` (n,), rad or mm.
 
-        The offsets are in the transforms before the joints; limits stay.
+        The offsets are in the transforms before the joints; limits stay. BadInput for anything but n numbers.
         """
+        if isinstance(delta, Mapping) or np.shape(delta) != (self.n,):
+            raise BadInput(
+                "these are not the offsets of all joints",
+                found=f"{type(delta).__name__} of {len(delta)}" if isinstance(delta, Sized) else repr(delta),
+                allowed=f"{self.n} numbers, joint 1 first, rad (mm for prismatic joints)",
+                remedy="of offsets by name, degrees: numpy.radians([offsets.get(f'delta{i + 1}', 0) for i in"
+                f" range({self.n})])"
+                if isinstance(delta, Mapping)
+                else None,
+                argument="delta",
+            )
         joints = tuple(
             replace(joint, fixed=joint.fixed @ _motion(joint, float(value)))
-            for joint, value in zip(self.joints, delta, strict=True)
+            for joint, value in zip(self.joints, np.asarray(delta, dtype=float), strict=True)
         )
         return replace(self, joints=joints)
 
@@ -216,6 +230,7 @@ class Robot:
 
     def pose_and_jacobian(self, joints: Matrix) -> tuple[Matrix, Matrix]:
         """What `fk` and `jacobian` return, computed together, of joint positions (..., n), rad or mm."""
+        joints = np.asarray(joints, dtype=float)
         batch, rows = joints.shape[:-1], joints.reshape(-1, self.n)
         pose, jacobian = np.zeros((len(rows), 4, 4)), np.zeros((len(rows), 6, self.n))
         if len(rows):

@@ -81,6 +81,13 @@ class Problem:
     weights: Matrix
     planned: bool = False
 
+    def __repr__(self) -> str:
+        count, free = self.shots, int(self.parameters.free.sum())
+        noun = "measurement" if count == 1 else "measurements"
+        return (
+            f"<Problem: {count} {noun}, {free} of {len(self.parameters)} parameters free, {self.robot.name}>"
+        )
+
     @classmethod
     def build(
         cls,

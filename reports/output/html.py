@@ -152,7 +152,6 @@ def _css(turnable: Turnable | None) -> Markup:
 
 _WIDTH = 96
 _MOST_ROWS = 8  # with verdict and heads, text stays below fifteen lines
-_MOST_LINES = 3  # of a headline
 
 
 def card(page: Page | None, tables: Sequence[Table]) -> str:
@@ -163,17 +162,13 @@ def card(page: Page | None, tables: Sequence[Table]) -> str:
 
 
 def text(page: Page, table: Table) -> str:
-    """The same as text of a screen at most: title, message or verdict, one table; long ones are cut short."""
+    """The same as text: title, message or verdict, one table; of a long table the first rows."""
     from ...words.message import lines_of
 
     sentences = (
         [f"{page.verdict.word}. {page.verdict.sentence}"] if page.message is None else lines_of(page.message)
     )
-    headline = [
-        line
-        for text in sentences
-        for line in textwrap.wrap(text, _WIDTH, max_lines=_MOST_LINES, placeholder=" …")
-    ]
+    headline = [line for text in sentences for line in textwrap.wrap(text, _WIDTH)]
     lines = (*headline, *table_lines(table, _MOST_ROWS))
     return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in lines)])
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
-from ...analysis.status import Status
+from ...analysis.status import UNVALIDATED, Status
 from ...model.errors import BadInput
 from ...model.likelihood.parameters import Group
 from ...words import numbers
@@ -42,7 +42,7 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
-from ..style.canvas import Picture, bare_y, beside, hatched, new_figure, style, to_svg
+from ..style.canvas import Picture, bare_y, beside, hatched, mark_unvalidated, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 
@@ -54,9 +54,7 @@ if TYPE_CHECKING:
 
 OFFSETS = "Joint offsets of the arm: true position = recorded position + offset"
 NO_NUMBER = "—"
-UNVALIDATED_OFFSETS = (
-    "Joint offsets, unvalidated: the model does not describe the measurements; not to be applied"
-)
+UNVALIDATED_OFFSETS = f"Joint offsets, {UNVALIDATED}; not to be applied"
 
 
 class ParameterRow(Protocol):
@@ -265,6 +263,8 @@ def offsets_picture(result: Result) -> Picture:
             _widths(right, rows, numbers.symbol(unit), k)
         svg = to_svg(figure, "offsets")
     title = f"Offsets with their expanded uncertainties U ({numbers.coverage(k)})"
+    if result.misfit is not None:
+        title = UNVALIDATED_OFFSETS
     return Picture("offsets", title, _alt(offsets, k), svg)
 
 
@@ -281,16 +281,18 @@ def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str, k: float)
         colour, shape = light(row.status), SHAPES[row.status]
         if row.estimate is None:
             hatched(axes, y, NOT_DETERMINED)
-        elif row.std is None:
+        elif row.std is None or row.status == "unvalidated":
             axes.plot([row.estimate], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
-            beside(axes, row.estimate, y, "held", color=colour)
+            beside(axes, row.estimate, y, row.status, color=colour)
         else:
             ends = [row.estimate - k * row.std, row.estimate + k * row.std]
             axes.plot(ends, [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
             axes.plot([row.estimate], [y], shape, markersize=5, color=colour)
     axes.axvline(0, color=light("muted"), linewidth=0.8)
     axes.margins(x=0.08)
-    axes.set_xlabel(f"offset ± U, {unit}")
+    unvalidated = any(row.status == "unvalidated" for row in rows)
+    axes.set_xlabel(f"estimate, {unit}" if unvalidated else f"offset ± U, {unit}")
+    mark_unvalidated(axes, [row.status for row in rows])
 
 
 def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str, k: float) -> None:
@@ -301,7 +303,9 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str, k: float) ->
     for y, row in enumerate(rows):
         if row.estimate is None:
             hatched(axes, y, "")
-        if row.std is None:
+        if row.status == "unvalidated":
+            hatched(axes, y, "no U")
+        if row.std is None or row.status == "unvalidated":
             continue
         half = k * row.std
         halves.append(half)
@@ -326,11 +330,14 @@ def _alt(rows: Sequence[ParameterResult], k: float) -> str:
             parts.append(f"{name} {NOT_DETERMINED}")
         elif row.std is None:
             parts.append(f"{name} held")
+        elif row.status == "unvalidated":
+            parts.append(f"{name} {numbers.estimate(row.estimate, k * row.std, row.unit)}")
         else:
             u = k * row.std
             value = f"{numbers.estimate(row.estimate, u, row.unit)} ± {numbers.spread(u, row.unit)}"
             parts.append(f"{name} {value} ({row.status})")
-    return f"Joint offsets ± U: {'; '.join(parts)}."
+    unvalidated = any(row.status == "unvalidated" for row in rows)
+    return f"{UNVALIDATED_OFFSETS if unvalidated else 'Joint offsets ± U'}: {'; '.join(parts)}."
 
 
 class Estimated(Protocol):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.answer.result import Result
+from ...analysis.covariance import parameter_among
 from ...analysis.posterior.posterior import Draws
 from ...analysis.solution import ParameterResult
 from ...model.arrays import Matrix
@@ -95,36 +97,41 @@ _GAP = 0.12  # between panels, by their size
 _NAME_AT = 0.15  # inches: names of the parameters, from the figure's edge
 
 
-def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
+def posterior_picture(
+    result: Result, draws: Draws | None, names: Sequence[str] | None = None
+) -> Picture | None:
     """Marginals on the diagonal, 50 % and 95 % regions below it, for up to six offsets that the data
-    determine.
+    determine, or for the parameters of these `names`.
 
     None where there is nothing that may be drawn: no draws, a posterior that has not converged, or
     no offset that the data determine. Directions drawn from the prior are never shown.
     """
-    chosen, values = _chosen(result, draws)
+    chosen, values = _chosen(result, draws, names)
     if not chosen:
         return None
     with style():
         svg = to_svg(_corner(chosen, values), "posterior")
-    names = ", ".join(label(row.name) for row in chosen)
+    of = ", ".join(label(row.name) for row in chosen)
     assert draws is not None
-    omitted = len(_determined(result, draws)) - len(chosen)
+    omitted = 0 if names is not None else len(_determined(result, draws)) - len(chosen)
     more = f" {omitted} more are in posterior.nc." if omitted else ""
     return Picture(
         "posterior",
-        "Posterior of the offsets: each alone, and each pair with its 50 % and 95 % regions",
-        f"Corner plot of {names}.{more} The table beside it has the same means, spreads and quantiles.",
+        f"Posterior of {'the offsets' if names is None else of}: each alone, and each pair with its 50 % and"
+        " 95 % regions",
+        f"Corner plot of {of}.{more} The table beside it has the same means, spreads and quantiles.",
         svg,
     )
 
 
-def draw_posterior(axes: NDArray[np.object_], result: Result, draws: Draws | None) -> None:
-    """The same in a reader's own axes (m, m), one for each pair of the m offsets that the data determine.
+def draw_posterior(
+    axes: NDArray[np.object_], result: Result, draws: Draws | None, names: Sequence[str] | None = None
+) -> None:
+    """The same in a reader's own axes (m, m), one for each pair of the m parameters.
 
     Those above the diagonal are made invisible. BadInput for axes of another shape.
     """
-    chosen, values = _chosen(result, draws)
+    chosen, values = _chosen(result, draws, names)
     if np.shape(axes) != (len(chosen), len(chosen)):
         raise BadInput(
             "these axes do not suit the posterior of the offsets",
@@ -146,20 +153,23 @@ def draw_posterior(axes: NDArray[np.object_], result: Result, draws: Draws | Non
                     axes[i, j].set_ylabel(_named(row), color=light("ink"))
 
 
-def _determined(result: Result, draws: Draws | None) -> list[ParameterResult]:
-    """The offsets of which there are draws that may be shown."""
-    if draws is None or not draws.converged or not result.posterior.converged:
-        return []
+def _determined(result: Result, draws: Draws) -> list[ParameterResult]:
+    """The offsets of which there are draws."""
     return [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
 
 
-def _chosen(result: Result, draws: Draws | None) -> tuple[list[ParameterResult], Matrix]:
-    """The offsets of the figure, at most six, and their draws (n, m)."""
-    determined = _determined(result, draws)
-    if draws is None or not determined:
+def _chosen(
+    result: Result, draws: Draws | None, names: Sequence[str] | None
+) -> tuple[list[ParameterResult], Matrix]:
+    """The offsets of the figure, at most six, or the parameters of the names, and their draws (n, m)."""
+    if draws is None or not draws.converged or not result.posterior.converged:
         return [], np.zeros((0, 0))
-    widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
-    chosen = [row for row in determined if row in widest]
+    if names is not None:
+        chosen = [result.parameters.named(parameter_among(draws.names, name, "names")) for name in names]
+    else:
+        determined = _determined(result, draws)
+        widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
+        chosen = [row for row in determined if row in widest]
     columns = [draws.names.index(row.name) for row in chosen]
     flat = draws.values.reshape(-1, draws.values.shape[-1])[:, columns]
     return chosen, flat[:: max(1, len(flat) // _MOST_DRAWS)]

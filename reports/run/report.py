@@ -113,7 +113,7 @@ class ReportPaths:
     figures: tuple[Path, ...]
 
 
-def write_report(folder: Path | str, result: Result, draws: Draws | None) -> ReportPaths:
+def write_report(folder: Path | str, result: Result, draws: Draws | None = None) -> ReportPaths:
     """Write the whole report, or nothing: HTML, PDF, result.json, posterior.nc and figures.
 
     Parameters

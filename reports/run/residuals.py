@@ -12,10 +12,11 @@ from scipy.special import chdtri
 
 from ...analysis.answer.result import Result
 from ...analysis.diagnostics.influence import ShotResult
+from ...analysis.status import Status
 from ...words import numbers
 from ...words.wording import clipped, measured_at, places_counted, shown
 from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
-from ..style.canvas import DASHES, Picture, new_figure, style, to_svg
+from ..style.canvas import DASHES, Picture, mark_unvalidated, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
 
@@ -100,6 +101,7 @@ def _rotation(shot: ShotResult) -> str:
 FEW_SHOTS = 60
 MOST_DRAWN, LARGEST_DRAWN = 1000, 100
 _FEW_TARGETS = 8
+_KEY_ROOM = 18.0  # points above a panel, which its key takes
 
 
 def draw_residuals(axes: Axes, result: Result) -> None:
@@ -108,9 +110,14 @@ def draw_residuals(axes: Axes, result: Result) -> None:
     drawn = drawn_of(order)
     with style():
         _sigmas(axes, drawn, len(order) <= FEW_SHOTS)
+        mark_unvalidated(axes, _statuses(result), above=_KEY_ROOM)
         axes.set(ylim=(0, None), xlim=(-0.7, len(order) - 0.3), xlabel="measurement")
         if len(order) <= FEW_SHOTS:
             axes.set_xticks(range(len(order)), [str(shot.shot) for shot in order])
+
+
+def _statuses(result: Result) -> list[Status]:
+    return [row.status for row in result.parameters]
 
 
 def _by_target(result: Result) -> list[ShotResult]:
@@ -135,6 +142,7 @@ def residuals_picture(result: Result) -> Picture:
         figure = new_figure(3.7)
         above, below = figure.subplots(2, 1, sharex=True)
         _millimetres(above, drawn, few)
+        mark_unvalidated(above, _statuses(result), above=_KEY_ROOM)
         _sigmas(below, drawn, few)
         room = _targets(above, below, order)
         if few:

@@ -13,10 +13,11 @@ import io
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ...analysis.status import UNVALIDATED, Status
 from ...words import numbers
 from .palette import PALETTE, light
 from .typeface import FAMILY, font_file
@@ -133,6 +134,14 @@ def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float
             fontsize=size,
             bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 1},
         )
+
+
+def mark_unvalidated(axes: Axes, statuses: Iterable[Status], *, above: float = 4) -> None:
+    """Say above axes, that many points away, that their numbers are unvalidated, where one of these statuses
+    is: the axes of every figure of an answer go through here."""
+    if "unvalidated" in statuses:
+        words = UNVALIDATED.replace(": ", ":\n")  # narrow axes have room for half of it
+        axes.set_title(words, loc="left", pad=above, color=light("misfit"), fontsize=8.5)
 
 
 def to_svg(figure: Figure, name: str) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import zerobeam as zb
+from zerobeam.words.plan_message import plan_message
 from zerobeam.words.result_json import check_json
 
 HEADER = {
@@ -65,6 +68,18 @@ def test_a_degenerate_plan_has_no_number_where_there_is_none() -> None:
     assert not any(letter.isdigit() for letter in line.replace("J2 (δ2)", ""))
     assert np.isnan(found.offsets.to_frame().loc["delta2", "u"])
     assert "<script" not in found._repr_html_()
+
+
+def test_a_check_says_it_all_and_what_to_change(best: zb.OptimalPlan) -> None:
+    """The message of the command, whole; of a pass that nothing needs to change."""
+    found = zb.check(in_a_row())
+    message = plan_message(found)
+    for shown in (" ".join(repr(found).split()), re.sub(r"<[^>]+>", "", found._repr_html_())):
+        assert "…" not in shown
+        for sentence in (message.verdict, message.cause, message.action.text):
+            assert " ".join(sentence.split()) in " ".join(shown.split())
+    assert "The single change that helps most" in repr(found)
+    assert "To do: Nothing needs to change." in repr(best)
 
 
 @pytest.mark.long
