@@ -97,10 +97,11 @@ class ValuesByName(dict[str, Value]):
         self._caveat = caveat(statuses)
 
     def __repr__(self) -> str:
-        shown = (
-            f"{name}: {'none' if value is None else f'{value:.6g} {self.units.get(name, '')}'.strip()}"
+        texts = {
+            name: "none" if value is None else f"{value:.6g} {self.units.get(name, '')}".strip()
             for name, value in self.items()
-        )
+        }
+        shown = (f"{name}: {text}" for name, text in texts.items())
         return f"{{{', '.join(shown)}}}{self._caveat}"
 
 

@@ -123,7 +123,7 @@ def test_names_of_joints_and_lists_are_taken(good: zb.Analysed, plan: zb.Plan) -
     assert zb.simulate(plan, {"J2": 0.3}, seed=1) == zb.simulate(plan, {"delta2": 0.3}, seed=1)
     assert good.covariance.select("J2").names == ("delta2",)
     pose, _ = good.run.robot.pose_and_jacobian([0.0] * 6)
-    np.testing.assert_array_equal(pose, good.run.robot.fk([0.0] * 6))
+    np.testing.assert_array_equal(pose, good.run.robot.fk([0.0] * 6, "deg"))
 
 
 def test_solutions_are_compared_by_their_runs(plan: zb.Plan) -> None:
