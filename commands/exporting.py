@@ -14,12 +14,13 @@ from ..experiments.makers.maker import (
     makers,
     program_languages,
 )
-from .console import EXIT_STATUS, print_json, say
+from .console import EXIT_STATUS, out, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.makers.calibration import RobotCalibration
+    from ..experiments.makers.solving import CorrectedTarget
     from ..model.files.plan import Plan
     from ..model.files.run import Run
 
@@ -50,7 +51,8 @@ Without = Annotated[
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
 _PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 
-Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]  # of the files; notes
+# Of the files; notes; the targets of a corrected program.
+Texts = tuple[Mapping[Path, str | bytes], Sequence[str], "Sequence[CorrectedTarget]"]
 
 
 def exports() -> typer.Typer:
@@ -76,7 +78,7 @@ def _offsets_command(kind: OffsetFile) -> Command:
             from ..model.files.whole_file import schema_line
 
             head = "" if kind.schema is None else schema_line(file, kind.schema)
-            return {file: head + kind.text(recorded, calibration, **choices)}, ()
+            return {file: head + kind.text(recorded, calibration, **choices)}, (), ()
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
         _export(run, file, texts, read, kind.holds, kind.no_place, as_data=kind.as_data, **options)
@@ -125,15 +127,22 @@ def _export(
         holds=holds,
         no_place=no_place(recorded),
     )
-    files, notes = texts(recorded, judged)
+    files, notes, targets = texts(recorded, judged)
     for path in files:
         refuse_existing(path, force=force, keep=keep)
     for path, content in files.items():
         write_whole(path, content, force=force)
     if as_json:
-        print_json(document(judged, notes))
+        of_program = {"targets": [target.as_json() for target in targets]} if targets else {}
+        print_json({**document(judged, notes), **of_program})
     else:
-        for line in [*judged.head, *notes, *(f"Written to {path}" for path in files)]:
+        for line in judged.head:
+            say(line)
+        if targets:
+            from ..reports.terminal.corrected_program import print_targets
+
+            print_targets(out, targets)
+        for line in [*notes, *(f"Written to {path}" for path in files)]:
             say(line)
     if judged.misfit:
         raise typer.Exit(EXIT_STATUS["misfit"])
@@ -307,7 +316,7 @@ def _program_command() -> Command:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             for path in corrected.files:  # those that are there are judged by --force afterwards
                 refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
-            return corrected.files, corrected.notes
+            return corrected.files, corrected.notes, corrected.targets
 
         _export(run, file, texts, [program], "postures", **options)
 

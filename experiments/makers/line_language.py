@@ -64,8 +64,8 @@ class LineLanguage:
     Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
     `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
     without it they are not interpreted. `saved_decimals` are those that a controller saves, where they are
-    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree. `marked` is that of
-    the `Language`.
+    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree. `marked` and
+    `with_data` are those of the `Language`.
     """
 
     name: str
@@ -97,6 +97,7 @@ class LineLanguage:
     saved_decimals: int | None = None
     derives: Callable[[Tree[Token]], bool] | None = None
     marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
+    with_data: Mapping[str, Callable[[str, str], str]] = field(default_factory=dict)
 
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""

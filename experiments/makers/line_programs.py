@@ -441,4 +441,5 @@ def for_correction(language: LineLanguage | Language) -> Language:
         by_joint2=True,
         remark_end=language.comment_end,
         marked=language.marked,
+        with_data=language.with_data,
     )

@@ -287,7 +287,8 @@ class Language:
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
     poses and joints, found without the grammar; `up` and `by_joint2` as of `Branches`. `remark_width` is how
     long a remark may be, if that is little; `remark_end` closes it. Files whose endings are in `marked` take
-    no remarks: the first match of the pattern says that they are corrected.
+    no remarks: the first match of the pattern says that they are corrected. `with_data` puts that into the
+    data of a file by its ending (text, mark), where an editor keeps it that drops remarks.
     """
 
     name: str
@@ -303,6 +304,7 @@ class Language:
     by_joint2: bool = False
     remark_end: str = ""
     marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
+    with_data: Mapping[str, Callable[[str, str], str]] = field(default_factory=dict)
 
 
 def new_number(old: str, value: float, decimals: int) -> str:

@@ -99,19 +99,41 @@ class Arms:
         return commanded
 
 
+@dataclass(frozen=True, eq=False)
+class CorrectedTarget:
+    """One target: the `joints` (n,) of the nominal arm, degrees (mm), at which the program means it, with the
+    `configuration` that it states (of a Cartesian one), and how far it moves: the joint that moves most,
+    degrees (mm), and the pose, mm (of a joint target that of the flange)."""
+
+    name: str
+    cartesian: bool
+    joints: Matrix
+    configuration: str
+    moved_joint: float
+    moved_mm: float
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values, with the keys of `targets` in the answer of `zerobeam export program --json`."""
+        return {
+            "name": self.name,
+            "kind": "pose" if self.cartesian else "joints",
+            "joints_deg": self.joints.tolist(),
+            "configuration": self.configuration or None,
+            "moved_deg": self.moved_joint,
+            "moved_mm": self.moved_mm,
+        }
+
+
 @dataclass(frozen=True)
 class Corrections:
-    """The edits of a program, and how far its targets move: degrees (mm) of a joint, mm of a pose.
+    """The edits of a program, and its `targets`.
 
     `changed` are names of targets whose configuration changes, `nearest` those whose configuration was taken
     from the joints nearest to known ones.
     """
 
     edits: list[Edit]
-    joint_targets: int
-    poses: int
-    most_joint: float
-    most_mm: float
+    targets: list[CorrectedTarget]
     changed: list[str]
     nearest: list[str]
 
@@ -125,10 +147,7 @@ def correct_targets(parsed: Parsed, arms: Arms, near: Matrix | None) -> Correcti
         work.solved(target)
     return Corrections(
         work.edits,
-        sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
-        sum(isinstance(target, PoseTarget) for target in parsed.targets.values()),
-        work.most_joint,
-        work.most_mm,
+        [work.corrected[name] for name in parsed.targets if name in work.corrected],
         work.changed,
         list(dict.fromkeys(work.nearest)),
     )
@@ -138,7 +157,7 @@ class _Corrector:
     def __init__(self, arms: Arms, near: Matrix | None, parsed: Parsed) -> None:
         self.arms, self.near, self.parsed = arms, near, parsed
         self.edits: list[Edit] = []
-        self.most_joint = self.most_mm = 0.0
+        self.corrected: dict[str, CorrectedTarget] = {}
         self.changed: list[str] = []
         self.nearest: list[str] = []
         self._joints: dict[str, Matrix | None] = {}
@@ -250,14 +269,15 @@ class _Corrector:
         arms = self.arms
         if isinstance(target, JointTarget):
             commanded = self._commanded[target.name] = arms.commanded(target.joints)
-            self.most_joint = max(self.most_joint, float(np.abs(commanded - target.joints).max()))
+            flanges = arms.nominal.fk(np.array([target.joints, commanded]))
+            self._enter(target.name, target.joints, None, flanges)
             self.edits += target.write(commanded)
             return target.joints
         flange = target.frame @ target.pose @ np.linalg.inv(target.tool)
         joints = self._chosen(target, flange)
         commanded = self._commanded[target.name] = arms.commanded(joints)
         pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
-        self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
+        self._enter(target.name, joints, target.configuration, np.array([target.pose, pose]))
         branch = arms.branch(commanded)
         if target.turns is not None and not (target.turns(joints) and target.turns(commanded)):
             raise _Unsolved("a joint is, or would be, in another turn than its configuration states")
@@ -269,6 +289,17 @@ class _Corrector:
             self.changed.append(target.name)
         self.edits += target.write(np.asarray(pose), branch, commanded)
         return joints
+
+    def _enter(self, name: str, joints: Matrix, configuration: str | None, poses: Matrix) -> None:
+        """A target that is corrected: `poses` (2, 4, 4) are those before and after."""
+        self.corrected[name] = CorrectedTarget(
+            name,
+            configuration is not None,
+            joints,
+            configuration or "",
+            float(np.abs(self._commanded[name] - joints).max()),
+            float(np.linalg.norm(poses[1, :3, 3] - poses[0, :3, 3])),
+        )
 
     def _require_words(self, target: PoseTarget, joints: Matrix, commanded: Branch | None) -> None:
         """The words of a configuration must be those of the joints. Words that are not interpreted must be

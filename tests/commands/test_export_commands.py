@@ -57,6 +57,8 @@ def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
     assert file.read_bytes() == TEXTS[what](run, calibration(run)).encode()
     assert "delta1 (j1): HELD at 0" in told.out
     assert "Written to" in told.out
+    for text in (file.read_text(encoding="utf-8"), told.out):
+        assert "Do ONE of these, never both: enter the values" in text
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     again = zerobeam("export", what, run.path, "-o", tmp_path / "two", "--json")
     assert again.json == json.loads(json.dumps(document(calibration(run))))

@@ -213,6 +213,22 @@ def _literals(text: str) -> list[tuple[int, int]]:
     return spans
 
 
+_DATAS = re.compile(r"<Datas>[ \t]*\r?\n?")
+_LASTING = "zb_corrected"
+
+
+def _with_mark(text: str, mark: str) -> str:
+    """A data file with the mark as a string variable, which stays when an editor saves the application
+    without its comments; as it is where its variables are of an older form."""
+    datas = _DATAS.search(text)
+    if datas is None or 'xsi:type="array"' not in text or f'"{_LASTING}"' in text:
+        return text
+    value = f'<Value key="0" value="{mark}" />'
+    data = f'<Data name="{_LASTING}" access="private" xsi:type="array" type="string" size="1">{value}</Data>'
+    newline = "\r\n" if "\r\n" in text else "\n"
+    return f"{text[: datas.end()]}    {data}{newline}{text[datas.end() :]}"
+
+
 def _blank(match: re.Match[str]) -> str:
     return " " * len(match[0])
 
@@ -235,4 +251,5 @@ VAL3 = LineLanguage(
     read=_statements,
     positions=_literals,
     words=_words,
+    with_data={".dtx": _with_mark},
 )

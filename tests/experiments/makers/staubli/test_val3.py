@@ -112,6 +112,19 @@ def test_what_is_left_stays_and_a_second_correction_is_refused(tmp_path: Path) -
     assert "corrected before" in problems(tmp_path, text)
 
 
+def test_the_mark_of_a_correction_survives_an_editor_that_drops_remarks(tmp_path: Path) -> None:
+    program = controller.in_files(tmp_path / "job", WHOLE)
+    done = corrected_program(ROBOT, judged(ROBOT), program, program)
+    heads = {path.suffix: content.count(b"<!--") for path, content in done.files.items()}
+    assert heads[".dtx"] == 1 < heads[".pgx"]  # the whole head once
+    for path, content in done.files.items():
+        path.write_bytes(re.sub(rb"<!--.*?-->\r?\n", b"", content))
+    assert all(b"<!--" not in path.read_bytes() for path in done.files)
+    with pytest.raises(BadInput, match="corrected before"):
+        corrected_program(ROBOT, judged(ROBOT), program, program)
+    assert len(controller.commanded(read(done), ROBOT, ROWS)) == len(ROWS)  # the variable disturbs nothing
+
+
 def test_damaged_programs_are_refused_or_have_the_same_positions() -> None:
     positions = positions_read(VAL3, ROBOT)
     lines = {
