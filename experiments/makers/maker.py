@@ -108,7 +108,8 @@ class PlanProgram:
     """`zerobeam export plan NAME`: `texts` makes the files of a plan, a motion and the path that was stated.
 
     `options` are those of the motion that the format has room for; `notes` are sentences on how it counts
-    joints, by default where the pendant does not count them as the robot file.
+    joints, by default where the pendant does not count them as the robot file; `overwrites` says what is lost
+    in the controller when the program runs.
     """
 
     name: str
@@ -116,6 +117,7 @@ class PlanProgram:
     texts: Callable[..., Mapping[Any, str]]
     options: tuple[str, ...]
     notes: Callable[..., str | None] | None = None
+    overwrites: Callable[..., str] | None = None
 
 
 @dataclass(frozen=True)
