@@ -19,8 +19,8 @@ from ..model.files.run import read_run
 from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
-from ..words.message import headline_so_far, message_so_far
-from ..words.provenance import SIMULATED, true_values
+from ..words.message import headline_so_far, message_so_far, verification_message
+from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed
 from .plans.constraints import require_constraints, violations
@@ -419,11 +419,16 @@ def _answer(
         numbers = listed([str(number) for number in result.missing], 99)
         be = "is" if len(result.missing) == 1 else "are"
         incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
-    summary = message_so_far(state, file.name, header)
+    verifies = header.provenance.get(VERIFIES)
+    if verifies is None:
+        summary, headline = message_so_far(state, file.name, header), headline_so_far(state)
+    else:
+        summary = verification_message(len(result.shots), str(verifies), file.name)
+        headline = summary.verdict
     return Ended(
         file=file.name,
         verdict=state.verdict,
-        headline=incomplete + headline_so_far(state),
+        headline=incomplete + headline,
         message=replace(summary, verdict=incomplete + summary.verdict),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
@@ -441,4 +446,5 @@ def _answer(
         true=true_values(header.provenance),
         missing=result.missing,
         coverage_factor=state.coverage_factor,
+        verifies=None if verifies is None else str(verifies),
     )

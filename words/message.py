@@ -63,7 +63,19 @@ from .misfit_causes import mend
 from .observability import condition, reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
-from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
+from .wording import (
+    NOT_DETERMINED,
+    Namer,
+    be,
+    capital,
+    clipped,
+    counted,
+    ended,
+    listed,
+    person,
+    sentence,
+    shown,
+)
 
 Tone = Verdict | Literal["held"]
 
@@ -152,6 +164,20 @@ def tone(result: Result) -> Tone:
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
     """The same while the measurements of a run, a file of that name, are being made."""
     return _message(_case_so_far(solution, run, header.model_dump(mode="json")), person)
+
+
+def verification_message(measurements: int, calibration: str, run: str) -> Message:
+    """The message of a run that tests a corrected robot: its own offsets do not judge it."""
+    return Message(
+        verdict=f"{counted(measurements, 'measurement')} for the test of {shown(calibration)}.",
+        worst=None,
+        cause=None,
+        action=Action(
+            "Compare them with the calibration.",
+            f"zerobeam verify {run_argument(calibration)} {run_argument(run)}",
+        ),
+        cautions=(),
+    )
 
 
 def lines_of(content: Message) -> list[str]:

@@ -33,7 +33,15 @@ def rehearsed(plan, tmp_path, offsets):
     cell.write_text(f"schema: zerobeam/cell/1\n{laser}arm: {{geometry: [], offsets_deg: {{{offsets}}}}}\n")
     new = tmp_path / "new.jsonl"
     how = ["--rig", "simulated", "--no-camera", "--cell", cell, "--seed", 5, "-o", new, "--force"]
-    assert zerobeam("run", plan, *how).status in (0, 1)
+    answer = zerobeam("run", plan, *how)
+    count = len(read_plan(plan).postures)
+    # Its own offsets are weakly observable, and say nothing of the values that were entered.
+    assert (answer.status, answer.out.splitlines()[0]) == (
+        0,
+        f"{count} measurements for the test of {GOOD.name}.",
+    )
+    assert f"zerobeam verify {GOOD.name} new.jsonl" in answer.out
+    assert "Enter nothing" not in answer.out
     return zerobeam("verify", GOOD, new, "-o", tmp_path / "report")
 
 
@@ -61,6 +69,7 @@ def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):
         assert "no robot was verified" in words
     told = rehearsed(plan, tmp_path, "delta2: -1.2168")
     assert (told.status, told.out.partition(".")[0]) == (1, "Fail")
+    assert "Put the old values back" in " ".join(told.out.split())
     assert "J2 (δ2) had been left at the old value" in " ".join(told.out.split())
     report = json.loads((folder / "verification.json").read_text(encoding="utf-8"))
     assert report["verdict"] == "fail"
