@@ -43,20 +43,23 @@ from .verification import offsets_to_enter
 
 @dataclass(frozen=True)
 class CorrectedArm:
-    """`values` are true values by parameter (deg, mm): the offsets less what was entered, the tool and
-    the geometry as they were. `run` and `sha256` are of the run's file."""
+    """`values` are true values by parameter (deg, mm): the offsets less what was entered (if anything was),
+    the tool and the geometry as they were. `run` and `sha256` are of the run's file."""
 
     run: str
     sha256: str
     values: Mapping[str, float]
+    entered: bool = True
 
     def provenance(self) -> dict[str, str]:
         """For the header of a run of this arm."""
-        return {"arm": self.run, "arm sha256": self.sha256}
+        state = {} if self.entered else {"arm offsets": "as found, none entered"}
+        return {"arm": self.run, "arm sha256": self.sha256, **state}
 
 
-def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm:
-    """The arm of the simulated run at `path`, for a plan of the same robot in the same cell.
+def corrected_arm(path: Path, plan: Plan, cell: CellFile | None, *, as_found: bool = False) -> CorrectedArm:
+    """The arm of the simulated run at `path`, for a plan of the same robot in the same cell; `as_found`
+    without the offsets of that run entered.
 
     BadInput for a run that is not simulated, of another robot, from another cell (which has the arm's
     backlash, geometry and encoders), or that does not determine all its offsets: nothing would be entered.
@@ -89,9 +92,9 @@ def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm
             file=path,
             line=run.header_line,
         )
-    entered = offsets_to_enter(run)
+    entered = {} if as_found else offsets_to_enter(run)
     values = {name: value - entered.get(name, 0.0) for name, value in true.items()}
-    return CorrectedArm(path.name, run.sha256, values)
+    return CorrectedArm(path.name, run.sha256, values, not as_found)
 
 
 RigName = Literal["simulated", "replay", "abb", "manual", "live"]
@@ -125,7 +128,8 @@ class Answers:
 @dataclass(frozen=True)
 class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
-    measurements; `cell`, `camera` and `arm` (a simulated run, whose arm it takes) are of the simulated rig,
+    measurements; `cell`, `camera` and `arm` (a simulated run, whose arm it takes, `as_found` or with its
+    offsets entered) are of the simulated rig,
     `recording` of the replay, `controller` of ABB's, `answers` of the rig that is a person. `force` lets a
     simulated run take the place of another simulated one; `scene` asks for the events of a picture."""
 
@@ -134,6 +138,7 @@ class RunRequest:
     cell: Path | None = None
     camera: bool = True
     arm: Path | None = None
+    as_found: bool = False
     recording: Path | None = None
     resume: bool = False
     tolerance: float | None = None
@@ -267,10 +272,11 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
             f"the rig {request.rig} cannot lead a {plan.header.tool_kind.name}",
             remedy=f"use a {' or '.join(names_of(beam=True))}, or --rig simulated to rehearse",
         )
-    arm = None if request.arm is None else corrected_arm(request.arm, plan, None)
+    arm = None if request.arm is None else corrected_arm(request.arm, plan, None, as_found=request.as_found)
     # An arm that is known was measured before, perhaps with this seed.
     rng = np.random.default_rng(request.seed if arm is None else [request.seed, 1])
-    drawn = Truth.drawn(plan, rng)
+    # As found the targets are where they were in a run with this seed.
+    drawn = Truth.drawn(plan, np.random.default_rng(request.seed) if request.as_found else rng)
     truth = drawn if arm is None else drawn.knowing(arm.values)
 
     def measure(journal: RunJournal) -> ProcedureResult:
@@ -335,7 +341,8 @@ def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | Ab
         about["cell sha256"] = str(cell.sha256)
     arm = None
     if request.arm is not None:
-        arm = corrected_arm(request.arm, plan, None if request.cell is None else cell)
+        of_run = None if request.cell is None else cell
+        arm = corrected_arm(request.arm, plan, of_run, as_found=request.as_found)
         about |= arm.provenance()
     if not request.camera:
         cell, about["camera"] = cell.model_copy(update={"camera": None}), False

@@ -20,6 +20,7 @@ from ..analysis.answer.findings import (
     OtherBasins,
     Outlying,
     on_the_model,
+    prediction_failed,
 )
 from ..analysis.answer.message import Action, Message, WorstOffset
 from ..analysis.answer.result import Result
@@ -158,6 +159,8 @@ def tone(result: Result) -> Tone:
     case = _case(result)
     if case.verdict != "pass":
         return case.verdict
+    if prediction_failed(case.findings) is not None:
+        return "weak"
     return "held" if case.simulated else "weak" if case.unmet else "pass"
 
 
@@ -299,6 +302,9 @@ def _judged(case: _Case) -> str:
     """The verdict's word, that of a simulated run as such; and whether the robot meets what it must."""
     word = VERDICT_WORDS[case.verdict]
     word = f"Simulated: {word.lower()}" if case.simulated else word
+    run = prediction_failed(case.findings)
+    if run is not None and case.verdict == "pass":
+        return f"{word} of this run alone, but it does not predict {clipped(shown(run), 60)}: enter nothing"
     return word if case.met is None else f"{word}; {case.met}"
 
 

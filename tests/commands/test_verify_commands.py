@@ -149,6 +149,28 @@ def verified(folder: Path, name: str, *how: object) -> Answer:
     return zerobeam("verify", folder / "run.jsonl", new, "--json")
 
 
+@pytest.mark.parametrize("tool", ["laser", "probe"])
+def test_a_second_run_of_the_arm_as_it_was_is_predicted_and_of_another_arm_is_not(
+    tool: str, tmp_path: Path
+) -> None:
+    run, plan = calibrated(tmp_path, tool), tmp_path / "plan.yaml"
+    second, other = tmp_path / "second.jsonl", tmp_path / "other.jsonl"
+    how = ["run", plan, "--rig", "simulated", "--no-camera"]
+    assert zerobeam(*how, "--arm", run, "--as-found", "-o", second).status == 0
+    truths = [true_values(read_run(file).header.provenance) for file in (run, second)]
+    assert truths[0] == pytest.approx(truths[1])
+    assert read_run(second).header.provenance["arm offsets"] == "as found, none entered"
+    answer = zerobeam("analyse", run, "--hold-out", second, "--ess", 100)
+    assert (answer.status, answer.out.startswith("Simulated: pass. ")) == (0, True)
+    assert zerobeam(*how, "--seed", 9, "-o", other).status == 0
+    answer = zerobeam("analyse", run, "--hold-out", other, "--ess", 100)
+    assert answer.status == 1
+    first = " ".join(answer.out.split()).partition(".jsonl")[0]
+    assert first == "Simulated: pass of this run alone, but it does not predict other"
+    assert zerobeam("analyse", run, "--hold-out", other, "--ess", 100, "--json").json["verdict"] == "pass"
+    assert "add --arm RUN" in zerobeam(*how, "--as-found", "-o", tmp_path / "no.jsonl").refused()
+
+
 @pytest.mark.parametrize("tool", HEADERS)
 def test_the_arm_of_a_simulated_run_with_its_offsets_entered_passes(tool: str, tmp_path: Path) -> None:
     """From the plan to the acceptance test; a wrong offset and another arm fail."""
