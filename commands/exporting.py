@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
 from ..experiments.makers.maker import (
     Holds,
@@ -14,6 +15,7 @@ from ..experiments.makers.maker import (
     makers,
     program_languages,
 )
+from ..model.errors import BadInput
 from .console import EXIT_STATUS, out, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
@@ -55,9 +57,35 @@ _PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 Texts = tuple[Mapping[Path, str | bytes], Sequence[str], "Sequence[CorrectedTarget]"]
 
 
+class _Exports(TyperGroup):
+    """The group, which says of a maker without offset files what there is for its controllers."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        maker = next((each for each in makers() if each.vendor == args[0].lower()), None)
+        if maker is not None and args[0].lower() not in self.commands:
+            programs = ", ".join(files.about for files in maker.correct)
+            raise BadInput(
+                f"there is no file of offsets for controllers of {maker.name}: no published way is known by"
+                " which they take them"
+                if maker.takes != "offsets"
+                else f"a file for {maker.name} has another name",
+                found=f"export {args[0]}",
+                allowed=", ".join(
+                    [
+                        *(f"export {kind.name}" for kind in maker.offsets),
+                        *([f"export program ({programs})"] if programs else []),
+                        "export robot",
+                        "export urdf",
+                    ]
+                ),
+            )
+        return super().resolve_command(ctx, args)
+
+
 def exports() -> typer.Typer:
     """The commands of the group: one for each kind of offset file, plans, programs."""
     group = typer.Typer(
+        cls=_Exports,
         help="Write what a run determines in the form in which it is applied: only what is identifiable.",
         no_args_is_help=True,
     )

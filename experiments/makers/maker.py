@@ -227,9 +227,9 @@ def vendor_of(robot: Robot) -> str | None:
     return vendors[0] if len(vendors) == 1 else None
 
 
-def require_vendor(robot: Robot, vendor: Vendor, what: str) -> str | None:
-    """BadInput where `robot` is known to be of another vendor than `what` is for; where its vendor is not
-    known, a sentence that says what to check."""
+def require_vendor(robot: Robot, vendor: Vendor, what: str, remedy: str | None = None) -> str | None:
+    """BadInput where `robot` is known to be of another vendor than `what` is for, with what to do then; where
+    its vendor is not known, a sentence that says what to check."""
     stated_vendor = vendor_of(robot)
     name = next(maker.name for maker in makers() if maker.vendor == vendor)
     if stated_vendor == vendor:
@@ -240,7 +240,7 @@ def require_vendor(robot: Robot, vendor: Vendor, what: str) -> str | None:
         f"{what} is for robots of {name}",
         found=f"{robot.name}, of {'another vendor' if stated_vendor == 'other' else stated_vendor}",
         allowed=f"a robot of {name}",
-        remedy="choose the format of this robot's controller; csv is for every robot",
+        remedy=remedy or "choose the format of this robot's controller; csv is for every robot",
     )
 
 

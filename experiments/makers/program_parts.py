@@ -81,7 +81,8 @@ class PoseTarget:
     of joints alone, for a language whose configurations are not those of `Branch`; they are not rewritten.
     `turns` says whether joints, degrees, have the turns that are stated, as they are meant and as they are
     corrected.
-    `words` of a configuration that does not select joints are compared with those of the joints nearest by.
+    `words` of a configuration that does not select joints are compared with those of the joints nearest by;
+    `words_mean` says what they are.
     """
 
     name: str
@@ -95,6 +96,7 @@ class PoseTarget:
     matching: Callable[[Matrix], bool] | None = None
     turns: Callable[[Matrix], bool] | None = None
     words: Callable[[Branch, Matrix], str] | None = None
+    words_mean: str = ""
 
     @property
     def configured(self) -> bool:
@@ -243,7 +245,7 @@ class ProgramFacts:
                         f"{option} names what the program does not have",
                         found=name,
                         allowed=", ".join(sorted(filter(None, here.values()))) or "nothing in this program",
-                        remedy=did_you_mean(name, here),
+                        remedy=did_you_mean(name, [*here.values()]),
                     )
             open_names = self._in_program[f"{option} without a name"]
             if "" in names and len(open_names) != 1:

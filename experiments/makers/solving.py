@@ -37,6 +37,10 @@ class _Unsolved(Exception):
     """A target that cannot be corrected; the sentence says why."""
 
 
+class _Follows(_Unsolved):
+    """The same, for no other reason than a target before it, which is a problem already."""
+
+
 def up_to_flange(robot: Robot, nominal: Robot) -> Robot:
     """The arm up to what its controller calls the flange: that of the paper ends at the wrist's centre."""
     if not same_arm(nominal, load_robot("irb1600")):
@@ -162,6 +166,7 @@ class _Corrector:
         self.nearest: list[str] = []
         self._joints: dict[str, Matrix | None] = {}
         self._last: Matrix | None = None
+        self._broken = False  # the target of the motion before is a problem
         self._linear = False
         self._commanded: dict[str, Matrix] = {}
         self._start: str | None = None  # the target of the motion before
@@ -172,14 +177,16 @@ class _Corrector:
         """Solve the target of a motion, from where the arm is before it."""
         if motion.first:
             self._last = self._start = None
+            self._broken = False
         if motion.name is None:
             self._last = self._start = None
+            self._broken = False
             return
         target = self.parsed.targets[motion.name]
         before, self._linear, self._near_motion = self._last, motion.linear, motion.near
         start, self._start = self._start, motion.name
         self._last = self._reached(target, motion)
-        self._linear, self._near_motion = False, None
+        self._linear, self._near_motion, self._broken = False, None, self._last is None
         if self._last is None or self.arms.branches is None:
             return
         changes = before is not None and self.arms.branch(before) != self.arms.branch(self._last)
@@ -243,7 +250,8 @@ class _Corrector:
                 self._joints[target.name] = self._solve(target)
             except _Unsolved as error:
                 self._joints[target.name] = None
-                self.parsed.problems.append((target.line, f"{target.name}: {error}"))
+                if not isinstance(error, _Follows):
+                    self.parsed.problems.append((target.line, f"{target.name}: {error}"))
         return self._joints[target.name]
 
     def _reached(self, target: Target, motion: Motion) -> Matrix | None:
@@ -256,7 +264,8 @@ class _Corrector:
         try:
             again = self._chosen(target, target.frame @ target.pose @ np.linalg.inv(target.tool))
         except _Unsolved as error:
-            self.parsed.problems.append((motion.line, f"{target.name}: {error}"))
+            if not isinstance(error, _Follows):
+                self.parsed.problems.append((motion.line, f"{target.name}: {error}"))
             return None
         apart = np.abs((again - joints + 180) % 360 - 180).max()
         if apart > _SAME_POSTURE:
@@ -309,8 +318,9 @@ class _Corrector:
             right = target.words(meant, joints)
             if right != target.configuration:
                 raise _Unsolved(
-                    f"its configuration is {target.configuration}, and that of the joints nearest by {right};"
-                    " state --near, or a joint target before it"
+                    f"its configuration is {target.configuration}, and that of the joints nearest by"
+                    f" ({', '.join(f'{value:.1f}' for value in joints)}) is {right}; state --near, or a joint"
+                    f" target before it{f'. {target.words_mean}' if target.words_mean else ''}"
                 )
             return
         if commanded != meant:
@@ -398,6 +408,8 @@ class _Corrector:
     def _nearest(self, target: PoseTarget, flange: Matrix, known: Sequence[Matrix | None]) -> Matrix:
         """The joints nearest to the first that are `known`, degrees."""
         near = next((each for each in known if each is not None), None)
+        if near is None and self._broken:
+            raise _Follows
         if near is None:
             raise _Unsolved("nothing says in which configuration the arm reaches it; state --near")
         solver, display = self.arms.solver, self.arms.nominal.display

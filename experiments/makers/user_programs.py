@@ -84,10 +84,13 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
             file=path,
         )
     if path.is_dir():
+        endings = {ending for files, maker in program_languages() for ending in files.endings}
+        first = next((each.name for each in sorted(path.iterdir()) if each.suffix.lower() in endings), None)
         raise BadInput(
             "this is a folder, and a program is named by one of its files",
-            found=path.name,
-            remedy="name a file of it, and a file in another folder by -o: both have the same ending",
+            found=path.name if first is None else f"{path.name}, with {first} in it",
+            remedy="name a file of it, and a file of the same ending in another folder by -o"
+            + ("" if first is None else f": {path.name}/{first} -o corrected/{first}"),
             file=path,
         )
     raise BadInput(
@@ -96,6 +99,12 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
         allowed=", ".join(files.about for files, _ in program_languages()),
         file=path,
     )
+
+
+def _programs_for(robot: Robot) -> str | None:
+    """What can be corrected for the controller of a robot."""
+    about = [files.about for files, maker in program_languages() if maker == vendor_of(robot)]
+    return f"name a program of this robot's controller: {', '.join(about)}" if about else None
 
 
 def files_of(path: Path, vendor: str | None) -> list[Path]:
@@ -135,7 +144,7 @@ def corrected_program(
     """
     files_of_language, vendor = program_files_of(path, vendor_of(nominal))
     language, choices = for_correction(files_of_language.language()), choices or ProgramOptions()
-    note = require_vendor(nominal, vendor, f"a program in {language.name}")
+    note = require_vendor(nominal, vendor, f"a program in {language.name}", _programs_for(nominal))
     require_axes(nominal, 6, f"a program in {language.name}")
     if out.suffix.lower() != path.suffix.lower():
         raise BadInput(
@@ -165,7 +174,9 @@ def corrected_program(
         raise BadInput(
             "the program has no targets to correct", file=path, allowed="joint and Cartesian targets"
         )
-    notes = [*_summary(calibration, parsed, corrections, choices), *([] if note is None else [note])]
+    counting = Pendant(nominal, facts.j3).counting
+    also = [each for each in (note, counting) if each is not None]
+    notes = [*_summary(calibration, parsed, corrections, choices), *also]
     ends = np.cumsum([0, *map(len, parts)])
     files = {}
     for each, text, start in zip(paths, texts, ends.tolist(), strict=False):
@@ -246,9 +257,9 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
 
 
 def _bare(names: Sequence[str], language: Language) -> list[str]:
-    """The names as the language has them: P[3] of FANUC is 3, p[0] of VAL3 p."""
+    """The names as the language has them: P[3] and P3 of FANUC are 3, p[0] of VAL3 is p."""
     if language.name == "TP":
-        return [re.sub(r"^[Pp]\[(\d+)\]$", r"\1", name) for name in names]
+        return [re.sub(r"^[Pp](?:\[(\d+)\]|(\d+))$", r"\1\2", name) for name in names]
     return [name.removesuffix("[0]") for name in names] if language.name == "VAL3" else list(names)
 
 

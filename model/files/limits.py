@@ -67,7 +67,9 @@ def check_limits(
             f"{noun} {numbers[row]}: joint {i + 1} is outside its limits{more}",
             found=f"{limit.value:.6g} {joint.unit}{limit.counting and f', {limit.counting}'}",
             allowed=f"{limit.lower:.6g} to {limit.upper:.6g} {joint.unit} ({robot.name}, {joint.name})",
-            remedy=hint or "correct the value; if the arm was really there, state limits: warn in the header",
+            remedy=hint
+            or "correct the value; or is it another arm? If this arm was really there, state limits: warn in"
+            " the header",
             file=file,
             line=lines[row],
         )

@@ -129,3 +129,16 @@ def test_options_of_another_tool_are_bad_usage(run: Run, tmp_path: Path) -> None
         "--without names"
         in zerobeam("export", "csv", run.path, "-o", tmp_path / "a", "--without", "delta9").refused()
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("staubli", ["no published way", ".pgx or .dtx", "export robot, export urdf"]),
+        ("franka", ["no published way", "allowed: export robot, export urdf"]),
+        ("abb", ["has another name", "export moc, export rapid"]),
+    ],
+)
+def test_a_maker_without_a_file_of_offsets_has_a_way(name: str, words: list[str], tmp_path: Path) -> None:
+    refused = " ".join(zerobeam("export", name, "run.jsonl", "-o", tmp_path / "out").refused().split())
+    assert all(word in refused for word in words)

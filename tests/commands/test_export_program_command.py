@@ -119,3 +119,14 @@ def test_a_run_of_a_corrected_robot_file_corrects_no_program(tmp_path: Path) -> 
     assert zerobeam("robot", "irb1600", "-o", tmp_path / "nominal.yaml").status == 0  # the control
     run.write_text(GOOD.read_text().replace('"robot":"irb1600"', '"robot":"nominal.yaml"', 1))
     assert zerobeam("export", "program", run, path, "-o", tmp_path / "out.mod").status == 0
+
+
+def test_programs_of_another_maker_and_folders_are_refused_with_what_to_name(tmp_path: Path) -> None:
+    listing = program(tmp_path, "lrmate_200id", "fanuc")
+    refused = " ".join(
+        zerobeam("export", "program", GOOD, listing, "-o", tmp_path / "a.ls").refused().split()
+    )
+    assert "is for robots of FANUC" in refused
+    assert "name a program of this robot's controller: .mod (RAPID)" in refused
+    whole = " ".join(zerobeam("export", "program", GOOD, tmp_path, "-o", tmp_path / "b").refused().split())
+    assert f"{tmp_path.name}/{listing.name} -o corrected/{listing.name}" in whole

@@ -251,5 +251,15 @@ VAL3 = LineLanguage(
     read=_statements,
     positions=_literals,
     words=_words,
+    words_mean=(
+        "Here lefty is: the centre of the wrist is in front of axis 1, on the side to which joint 2 leads as"
+        " it increases; righty is behind. epositive and wpositive are joints 3 and 5 from 0 on. Compare with"
+        " the pendant, which shows shoulder, elbow and wrist of a point (from the VAL3 reference manual and"
+        " post processors; tried on no controller)"
+    ),
+    computed={
+        r"\b(?:appro|compose)\s*\(": "this computes a target from a point, and the correction of the point is"
+        " not that of the computed target; write it as a point of its own, with its configuration"
+    },
     with_data={".dtx": _with_mark},
 )
