@@ -15,7 +15,7 @@ from ..experiments.makers.maker import (
     makers,
     program_languages,
 )
-from ..model.errors import BadInput
+from ..model.errors import BadInput, NotWritten
 from .console import EXIT_STATUS, out, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
@@ -140,11 +140,13 @@ def _export(
     from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
+    from ..model.parsing.confinement import require_within
 
-    refuse_existing(file, force=force, keep=[run, *read])
+    require_within(file, hidden=True)
+    if file.parent.exists():  # else it is made once all is judged
+        refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
     keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
-    refuse_existing(file, force=force, keep=keep)
     judged = calibration(
         recorded,
         allow_weak=allow_weak,
@@ -156,6 +158,8 @@ def _export(
         no_place=no_place(recorded),
     )
     files, notes, targets = texts(recorded, judged)
+    if not file.parent.exists():
+        _make_folder(file.parent)
     for path in files:
         refuse_existing(path, force=force, keep=keep)
     for path, content in files.items():
@@ -174,6 +178,13 @@ def _export(
             say(line)
     if judged.misfit:
         raise typer.Exit(EXIT_STATUS["misfit"])
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise NotWritten(f"the folder cannot be made: {error.strerror}", file=folder) from None
 
 
 def _plan_command() -> Command:
@@ -343,7 +354,8 @@ def _program_command() -> Command:
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             for path in corrected.files:  # those that are there are judged by --force afterwards
-                refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
+                if path.exists():
+                    refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
             return corrected.files, corrected.notes, corrected.targets
 
         _export(run, file, texts, [program], "postures", **options)

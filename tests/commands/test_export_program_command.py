@@ -130,3 +130,16 @@ def test_programs_of_another_maker_and_folders_are_refused_with_what_to_name(tmp
     assert "name a program of this robot's controller: .mod (RAPID)" in refused
     whole = " ".join(zerobeam("export", "program", GOOD, tmp_path, "-o", tmp_path / "b").refused().split())
     assert f"{tmp_path.name}/{listing.name} -o corrected/{listing.name}" in whole
+
+
+def test_a_folder_is_made_for_a_program_that_is_corrected_and_for_no_other(tmp_path: Path) -> None:
+    path, out = program(tmp_path), tmp_path / "corr" / "job.mod"
+    text = path.read_bytes()
+    path.write_bytes(
+        text.replace(b"    MoveJ p1", b"    MoveL Offs(p1,0,0,5),v100,fine,tGrip;\r\n    MoveJ p1")
+    )
+    assert "is computed" in zerobeam("export", "program", GOOD, path, "-o", out).refused()
+    assert not out.parent.exists()
+    path.write_bytes(text)
+    assert zerobeam("export", "program", GOOD, path, "-o", out).status == 0
+    assert out.is_file()

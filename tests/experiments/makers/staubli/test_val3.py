@@ -132,7 +132,7 @@ def test_names_keep_their_letters(tmp_path: Path) -> None:
     sentence = problems(tmp_path, CODE.replace("  waitEndMove()", f"{line}  waitEndMove()") + DATA)
     assert "jOther has no value in this file (--leave jOther?)" in sentence
     with pytest.raises(BadInput) as refused:
-        corrected(tmp_path / "other", WHOLE, "pAt[7]")
+        corrected(tmp_path, WHOLE, "pAt[7]")
     assert refused.value.allowed == "jAt, jAt[1], jAt[2], jAt[3], pAt, pAt[1]"
 
 
