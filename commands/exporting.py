@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
 from ..experiments.makers.maker import (
     Holds,
@@ -14,12 +15,14 @@ from ..experiments.makers.maker import (
     makers,
     program_languages,
 )
-from .console import EXIT_STATUS, print_json, say
+from ..model.errors import BadInput, NotWritten
+from .console import EXIT_STATUS, out, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.makers.calibration import RobotCalibration
+    from ..experiments.makers.solving import CorrectedTarget
     from ..model.files.plan import Plan
     from ..model.files.run import Run
 
@@ -50,12 +53,39 @@ Without = Annotated[
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
 _PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 
-Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]  # of the files; notes
+# Of the files; notes; the targets of a corrected program.
+Texts = tuple[Mapping[Path, str | bytes], Sequence[str], "Sequence[CorrectedTarget]"]
+
+
+class _Exports(TyperGroup):
+    """The group, which says of a maker without offset files what there is for its controllers."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        maker = next((each for each in makers() if each.vendor == args[0].lower()), None)
+        if maker is not None and args[0].lower() not in self.commands:
+            programs = ", ".join(files.about for files in maker.correct)
+            raise BadInput(
+                f"there is no file of offsets for controllers of {maker.name}: no published way is known by"
+                " which they take them"
+                if maker.takes != "offsets"
+                else f"a file for {maker.name} has another name",
+                found=f"export {args[0]}",
+                allowed=", ".join(
+                    [
+                        *(f"export {kind.name}" for kind in maker.offsets),
+                        *([f"export program ({programs})"] if programs else []),
+                        "export robot",
+                        "export urdf",
+                    ]
+                ),
+            )
+        return super().resolve_command(ctx, args)
 
 
 def exports() -> typer.Typer:
     """The commands of the group: one for each kind of offset file, plans, programs."""
     group = typer.Typer(
+        cls=_Exports,
         help="Write what a run determines in the form in which it is applied: only what is identifiable.",
         no_args_is_help=True,
     )
@@ -76,7 +106,7 @@ def _offsets_command(kind: OffsetFile) -> Command:
             from ..model.files.whole_file import schema_line
 
             head = "" if kind.schema is None else schema_line(file, kind.schema)
-            return {file: head + kind.text(recorded, calibration, **choices)}, ()
+            return {file: head + kind.text(recorded, calibration, **choices)}, (), ()
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
         _export(run, file, texts, read, kind.holds, kind.no_place, as_data=kind.as_data, **options)
@@ -110,11 +140,13 @@ def _export(
     from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
+    from ..model.parsing.confinement import require_within
 
-    refuse_existing(file, force=force, keep=[run, *read])
+    require_within(file, hidden=True)
+    if file.parent.exists():  # else it is made once all is judged
+        refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
     keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
-    refuse_existing(file, force=force, keep=keep)
     judged = calibration(
         recorded,
         allow_weak=allow_weak,
@@ -125,18 +157,34 @@ def _export(
         holds=holds,
         no_place=no_place(recorded),
     )
-    files, notes = texts(recorded, judged)
+    files, notes, targets = texts(recorded, judged)
+    if not file.parent.exists():
+        _make_folder(file.parent)
     for path in files:
         refuse_existing(path, force=force, keep=keep)
     for path, content in files.items():
         write_whole(path, content, force=force)
     if as_json:
-        print_json(document(judged, notes))
+        of_program = {"targets": [target.as_json() for target in targets]} if targets else {}
+        print_json({**document(judged, notes), **of_program})
     else:
-        for line in [*judged.head, *notes, *(f"Written to {path}" for path in files)]:
+        for line in judged.head:
+            say(line)
+        if targets:
+            from ..reports.terminal.corrected_program import print_targets
+
+            print_targets(out, targets)
+        for line in [*notes, *(f"Written to {path}" for path in files)]:
             say(line)
     if judged.misfit:
         raise typer.Exit(EXIT_STATUS["misfit"])
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise NotWritten(f"the folder cannot be made: {error.strerror}", file=folder) from None
 
 
 def _plan_command() -> Command:
@@ -306,8 +354,9 @@ def _program_command() -> Command:
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             for path in corrected.files:  # those that are there are judged by --force afterwards
-                refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
-            return corrected.files, corrected.notes
+                if path.exists():
+                    refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
+            return corrected.files, corrected.notes, corrected.targets
 
         _export(run, file, texts, [program], "postures", **options)
 

@@ -253,7 +253,13 @@ def _held_out(values: list[str]) -> list[str] | Run:
 
 
 def _status(analysis: Analysis) -> int:
-    return EXIT_STATUS[analysis.verdict] if analysis.converged else FAULT
+    """The exit status: 1 too for a run that does not predict the one that was held out."""
+    from ..analysis.answer.findings import prediction_failed
+
+    if not analysis.converged:
+        return FAULT
+    failed = prediction_failed(analysis.result.findings) is not None
+    return max(EXIT_STATUS[analysis.verdict], int(failed))
 
 
 _SAMPLING: dict[bool | None, Sampling] = {None: "where needed", True: "always", False: "never"}

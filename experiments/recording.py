@@ -19,8 +19,8 @@ from ..model.files.run import read_run
 from ..model.instruments.registry import names_of
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
-from ..words.message import headline_so_far, message_so_far
-from ..words.provenance import SIMULATED, true_values
+from ..words.message import headline_so_far, message_so_far, verification_message
+from ..words.provenance import SIMULATED, VERIFIES, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed
 from .plans.constraints import require_constraints, violations
@@ -43,20 +43,23 @@ from .verification import offsets_to_enter
 
 @dataclass(frozen=True)
 class CorrectedArm:
-    """`values` are true values by parameter (deg, mm): the offsets less what was entered, the tool and
-    the geometry as they were. `run` and `sha256` are of the run's file."""
+    """`values` are true values by parameter (deg, mm): the offsets less what was entered (if anything was),
+    the tool and the geometry as they were. `run` and `sha256` are of the run's file."""
 
     run: str
     sha256: str
     values: Mapping[str, float]
+    entered: bool = True
 
     def provenance(self) -> dict[str, str]:
         """For the header of a run of this arm."""
-        return {"arm": self.run, "arm sha256": self.sha256}
+        state = {} if self.entered else {"arm offsets": "as found, none entered"}
+        return {"arm": self.run, "arm sha256": self.sha256, **state}
 
 
-def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm:
-    """The arm of the simulated run at `path`, for a plan of the same robot in the same cell.
+def corrected_arm(path: Path, plan: Plan, cell: CellFile | None, *, as_found: bool = False) -> CorrectedArm:
+    """The arm of the simulated run at `path`, for a plan of the same robot in the same cell; `as_found`
+    without the offsets of that run entered.
 
     BadInput for a run that is not simulated, of another robot, from another cell (which has the arm's
     backlash, geometry and encoders), or that does not determine all its offsets: nothing would be entered.
@@ -89,9 +92,9 @@ def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm
             file=path,
             line=run.header_line,
         )
-    entered = offsets_to_enter(run)
+    entered = {} if as_found else offsets_to_enter(run)
     values = {name: value - entered.get(name, 0.0) for name, value in true.items()}
-    return CorrectedArm(path.name, run.sha256, values)
+    return CorrectedArm(path.name, run.sha256, values, not as_found)
 
 
 RigName = Literal["simulated", "replay", "abb", "manual", "live"]
@@ -125,7 +128,8 @@ class Answers:
 @dataclass(frozen=True)
 class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
-    measurements; `cell`, `camera` and `arm` (a simulated run, whose arm it takes) are of the simulated rig,
+    measurements; `cell`, `camera` and `arm` (a simulated run, whose arm it takes, `as_found` or with its
+    offsets entered) are of the simulated rig,
     `recording` of the replay, `controller` of ABB's, `answers` of the rig that is a person. `force` lets a
     simulated run take the place of another simulated one; `scene` asks for the events of a picture."""
 
@@ -134,6 +138,7 @@ class RunRequest:
     cell: Path | None = None
     camera: bool = True
     arm: Path | None = None
+    as_found: bool = False
     recording: Path | None = None
     resume: bool = False
     tolerance: float | None = None
@@ -267,10 +272,11 @@ def _rehearsed_by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _
             f"the rig {request.rig} cannot lead a {plan.header.tool_kind.name}",
             remedy=f"use a {' or '.join(names_of(beam=True))}, or --rig simulated to rehearse",
         )
-    arm = None if request.arm is None else corrected_arm(request.arm, plan, None)
+    arm = None if request.arm is None else corrected_arm(request.arm, plan, None, as_found=request.as_found)
     # An arm that is known was measured before, perhaps with this seed.
     rng = np.random.default_rng(request.seed if arm is None else [request.seed, 1])
-    drawn = Truth.drawn(plan, rng)
+    # As found the targets are where they were in a run with this seed.
+    drawn = Truth.drawn(plan, np.random.default_rng(request.seed) if request.as_found else rng)
     truth = drawn if arm is None else drawn.knowing(arm.values)
 
     def measure(journal: RunJournal) -> ProcedureResult:
@@ -335,7 +341,8 @@ def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | Ab
         about["cell sha256"] = str(cell.sha256)
     arm = None
     if request.arm is not None:
-        arm = corrected_arm(request.arm, plan, None if request.cell is None else cell)
+        of_run = None if request.cell is None else cell
+        arm = corrected_arm(request.arm, plan, of_run, as_found=request.as_found)
         about |= arm.provenance()
     if not request.camera:
         cell, about["camera"] = cell.model_copy(update={"camera": None}), False
@@ -419,11 +426,16 @@ def _answer(
         numbers = listed([str(number) for number in result.missing], 99)
         be = "is" if len(result.missing) == 1 else "are"
         incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
-    summary = message_so_far(state, file.name, header)
+    verifies = header.provenance.get(VERIFIES)
+    if verifies is None:
+        summary, headline = message_so_far(state, file.name, header), headline_so_far(state)
+    else:
+        summary = verification_message(len(result.shots), str(verifies), file.name)
+        headline = summary.verdict
     return Ended(
         file=file.name,
         verdict=state.verdict,
-        headline=incomplete + headline_so_far(state),
+        headline=incomplete + headline,
         message=replace(summary, verdict=incomplete + summary.verdict),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
@@ -441,4 +453,5 @@ def _answer(
         true=true_values(header.provenance),
         missing=result.missing,
         coverage_factor=state.coverage_factor,
+        verifies=None if verifies is None else str(verifies),
     )

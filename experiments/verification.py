@@ -29,10 +29,11 @@ from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
 from ..model.instruments.kind import POINT, Instrument
 from ..model.likelihood.problem import Problem, by_posture
+from ..words.provenance import VERIFIES
 from .makers.calibration import converged_solution, require_validated
 from .makers.maker import vendor_of
 
-_RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
+_SHA, _ENTERED = f"{VERIFIES} sha256", "entered"
 _DECIMALS = 6  # of degrees and mm in the plan
 
 
@@ -176,7 +177,7 @@ def _write(
 ) -> None:
     problem = solution.problem
     about: dict[str, str | bool | int | float] = {
-        _RUN: run.path.name,
+        VERIFIES: run.path.name,
         _SHA: run.sha256,
         _ENTERED: ", ".join(entered),
     }

@@ -12,6 +12,7 @@ from ..analysis.acceptance.acceptance_test import (
     AcceptanceResult,
     EnteredOffset,
     Mistake,
+    MistakeKind,
 )
 from ..analysis.acceptance.measured_error import MeasuredError
 from ..analysis.acceptance.outlook import LackingTest
@@ -30,7 +31,13 @@ CONTROLLERS_MODEL = (
     " controller reads them. Targets, and instruments without one, are where the measurements of that time"
     " fit best, so that their places may have changed."
 )
-_ENTERED = {"not entered": "left at the old value", "wrong sign": "entered with the wrong sign"}
+_ENTERED: dict[MistakeKind, str] = {
+    "not entered": "left at the old value",
+    "wrong sign": "entered with the wrong sign",
+    "entered twice": "corrected twice (entered twice, or programs corrected too)",
+    "joint 2 added": "entered with the value of J2 (δ2) added",
+    "joint 2 subtracted": "entered with the value of J2 (δ2) subtracted",
+}
 
 
 def acceptance_reason(answer: AcceptanceResult) -> str:
@@ -46,6 +53,7 @@ def acceptance_reason(answer: AcceptanceResult) -> str:
         return (
             f"The corrected robot is not where its calibration says: residuals {rms}, where {expected} were"
             f" predicted ({measure}). Do not use it; a false alarm has a probability of {FALSE_ALARM:.0%}."
+            " Put the old values back, look for the mistake in what was entered, and test again."
         )
     agrees = f"Residuals {rms} agree with the prediction ({measure})"
     if answer.verdict == "pass":

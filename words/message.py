@@ -20,6 +20,7 @@ from ..analysis.answer.findings import (
     OtherBasins,
     Outlying,
     on_the_model,
+    prediction_failed,
 )
 from ..analysis.answer.message import Action, Message, WorstOffset
 from ..analysis.answer.result import Result
@@ -64,7 +65,19 @@ from .misfit_causes import mend
 from .observability import condition, reason, remedy, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
-from .wording import NOT_DETERMINED, Namer, be, capital, clipped, ended, listed, person, sentence
+from .wording import (
+    NOT_DETERMINED,
+    Namer,
+    be,
+    capital,
+    clipped,
+    counted,
+    ended,
+    listed,
+    person,
+    sentence,
+    shown,
+)
 
 Tone = Verdict | Literal["held"]
 
@@ -153,12 +166,28 @@ def tone(result: Result) -> Tone:
     case = _case(result)
     if case.verdict != "pass":
         return case.verdict
+    if prediction_failed(case.findings) is not None:
+        return "weak"
     return "held" if case.simulated else "weak" if case.unmet else "pass"
 
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
     """The same while the measurements of a run, a file of that name, are being made."""
     return _message(_case_so_far(solution, run, header.model_dump(mode="json")), person)
+
+
+def verification_message(measurements: int, calibration: str, run: str) -> Message:
+    """The message of a run that tests a corrected robot: its own offsets do not judge it."""
+    return Message(
+        verdict=f"{counted(measurements, 'measurement')} for the test of {shown(calibration)}.",
+        worst=None,
+        cause=None,
+        action=Action(
+            "Compare them with the calibration.",
+            f"zerobeam verify {run_argument(calibration)} {run_argument(run)}",
+        ),
+        cautions=(),
+    )
 
 
 def lines_of(content: Message) -> list[str]:
@@ -280,6 +309,9 @@ def _judged(case: _Case) -> str:
     """The verdict's word, that of a simulated run as such; and whether the robot meets what it must."""
     word = VERDICT_WORDS[case.verdict]
     word = f"Simulated: {word.lower()}" if case.simulated else word
+    run = prediction_failed(case.findings)
+    if run is not None and case.verdict == "pass":
+        return f"{word} of this run alone, but it does not predict {clipped(shown(run), 60)}: enter nothing"
     return word if case.met is None else f"{word}; {case.met}"
 
 

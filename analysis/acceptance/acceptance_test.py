@@ -26,6 +26,7 @@ from scipy import stats
 from scipy.linalg import block_diag, solve_triangular
 
 from ...model.arrays import Matrix
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, Whitened
 from ..solution import Solution
 from .new_measurements import NewMeasurements, of_rows
@@ -55,12 +56,19 @@ class EnteredOffset:
     power_not_entered: float
 
 
+MistakeKind = Literal["not entered", "wrong sign", "entered twice", "joint 2 added", "joint 2 subtracted"]
+# By how many times its value an offset of the arm is then too large.
+_TIMES: Mapping[MistakeKind, float] = {"not entered": 1.0, "wrong sign": 2.0, "entered twice": -1.0}
+_COUPLED: Mapping[MistakeKind, float] = {"joint 2 added": -1.0, "joint 2 subtracted": 1.0}
+
+
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake in entering that would explain the new measurements: `offsets` not entered, or with the
-    wrong sign."""
+    """A mistake in entering that would explain the new measurements: `offsets` not entered, with the wrong
+    sign, or twice (also as a corrected program besides); at joint 3 with the value of joint 2 added, or
+    subtracted, as from a wrong coupling."""
 
-    kind: Literal["not entered", "wrong sign"]
+    kind: MistakeKind
     offsets: tuple[str, ...]
     p_value: float
 
@@ -276,12 +284,25 @@ def entered_offsets(
 def _mistakes(prediction: AcceptancePrediction) -> tuple[Mistake, ...]:
     """Mistakes in entering one offset, or all, that the measurements do not contradict, likeliest first."""
     entered, mistakes = prediction.entered, []
-    for kind, times in (("not entered", 1.0), ("wrong sign", 2.0)):
-        for names in [*((name,) for name in entered), tuple(entered)]:
-            p = prediction.p_value(prediction.shifted({name: times * entered[name] for name in names}))
-            if p is not None and p >= FALSE_ALARM:
-                mistakes.append(Mistake(kind, names, p))  # type: ignore[arg-type]
+    tried: list[tuple[MistakeKind, tuple[str, ...], dict[str, float]]] = [
+        (kind, names, {name: times * entered[name] for name in names})
+        for kind, times in _TIMES.items()
+        for names in [*((name,) for name in entered), tuple(entered)]
+    ]
+    if _couples(prediction.problem.robot) and {"delta2", "delta3"} <= entered.keys():
+        tried += [
+            (kind, ("delta3",), {"delta3": times * entered["delta2"]}) for kind, times in _COUPLED.items()
+        ]
+    for kind, names, more in tried:
+        p = prediction.p_value(prediction.shifted(more))
+        if p is not None and p >= FALSE_ALARM:
+            mistakes.append(Mistake(kind, names, p))
     return tuple(sorted(dict.fromkeys(mistakes), key=lambda mistake: -mistake.p_value))
+
+
+def _couples(robot: Robot) -> bool:
+    """Whether the pendant or an encoder counts joint 3 together with joint 2."""
+    return "ground" in (robot.conventions.joint3, robot.conventions.encoder3)
 
 
 def _left_of(columns: Matrix) -> Matrix:

@@ -25,10 +25,11 @@ from ...analysis.solution import ParameterResult, ParameterTable, Solution, requ
 from ...analysis.status import Status, known, versions
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, FitFailed, located
+from ...model.files.robot_file import robot_path
 from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
-from ...model.parsing.reading import did_you_mean
+from ...model.parsing.reading import did_you_mean, read_bytes
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.provenance import is_simulated
@@ -206,10 +207,15 @@ def _sharing(problem: Problem, placed: Mask) -> list[Index]:
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 NO_ROBOT = "SIMULATED: no robot was measured, so that nothing here may be applied to one"
 MEANING = "true position = recorded position + offset"
+ONCE = (
+    "Do ONE of these, never both: enter the values at the controller, or use corrected programs and robot"
+    " models. Both together correct twice."
+)
 ENTERED = (
     "To enter: what serves a controller with nominal geometry best. It makes up for links and bending too, as"
     " far as offsets can, and is no offset of the arm."
 )
+_SHA_LINE = "sha256 of the run: "  # in the head of every file of a corrected robot
 _ROUNDED = 5e-7  # deg, mm: six decimals are written
 
 
@@ -286,8 +292,9 @@ class RobotCalibration:
         lines = [
             one_line(f"zerobeam {self.versions['zerobeam']}: joint offsets of {self.robot}"),
             one_line(f"from the run {self.run}, {self.shots} measurements"),
-            f"sha256 of the run: {self.sha256}",
+            f"{_SHA_LINE}{self.sha256}",
             "applied by, on: ______________________",
+            ONCE,
             f"{MEANING}. An offset that is held or excluded counts as 0.",
             *([ENTERED] if self.enters else []),
             *(offset.sentence for offset in self.offsets),
@@ -340,6 +347,16 @@ def calibration(
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with one_blas_thread(), located(run.path, run.header_line):
+        corrected_before = _corrected_before(run)
+        if corrected_before and holds == "postures":
+            raise BadInput(
+                "the robot file of this run is a corrected arm already: what a program needs for a controller"
+                " that computes with the nominal arm cannot be told from this run",
+                found=f"robot: {corrected_before}, which zerobeam export wrote",
+                allowed="a run with the robot file of the nominal arm",
+                remedy="name the nominal arm (robot: …) in the head of a copy of this run, or correct the"
+                " program by the first run, whose offsets are in that file",
+            )
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
             require_validated(solution, allow_displaced)
@@ -390,12 +407,34 @@ def calibration(
             solution.problem.shots,
             versions(),
             solution.misfit is not None,
-            (*_simulated(run), *map(criterion_sentence, solution.contradictions), *run.warnings),
+            (
+                *_simulated(run),
+                *_relative(corrected_before, holds),
+                *map(criterion_sentence, solution.contradictions),
+                *run.warnings,
+            ),
         )
 
 
 def _simulated(run: Run) -> tuple[str, ...]:
     return (NO_ROBOT,) if is_simulated(run.header.provenance) else ()
+
+
+def _corrected_before(run: Run) -> str | None:
+    """The name of the run's robot file where that is an export: the arm with the offsets of another run."""
+    path = robot_path(run.header.robot, run.path.parent)
+    if path is None or not path.is_file() or _SHA_LINE.encode() not in read_bytes(path):
+        return None
+    return path.name
+
+
+def _relative(corrected_before: str | None, holds: Holds) -> tuple[str, ...]:
+    if corrected_before is None or holds != "offsets":
+        return ()
+    return (
+        f"the robot file of the run ({corrected_before}) is a corrected arm already: these values are what is"
+        " left beside it, not the offsets for a controller that computes with the nominal arm",
+    )
 
 
 def converged_solution(run: Run, so: str) -> Solution:

@@ -63,9 +63,11 @@ class LineLanguage:
     without it the words are compared with each other.
     Where more than lines of code has positions, `read` has all statements, and `positions` the spans that
     `literal` has else. `words` are those of the configuration of joints (n,), degrees, in their order;
-    without it they are not interpreted. `saved_decimals` are those that a controller saves, where they are
-    fewer than `joint_decimals`. `derives` says what the grammar cannot of a line's tree. `marked` is that of
-    the `Language`.
+    without it they are not interpreted, and `words_mean` says what they are, and from where. `computed` has
+    patterns of what computes a target, each with the reason why it is refused. `saved_decimals` are those
+    that a controller saves, where they are fewer than `joint_decimals`. `derives` says what the grammar
+    cannot of a line's tree. `marked` and
+    `with_data` are those of the `Language`.
     """
 
     name: str
@@ -94,9 +96,12 @@ class LineLanguage:
     read: Callable[[str], Iterator[Statement]] | None = None
     positions: Callable[[str], list[tuple[int, int]]] | None = None
     words: Callable[[Branch, Matrix], str] | None = None
+    words_mean: str = ""
+    computed: Mapping[str, str] = field(default_factory=dict)
     saved_decimals: int | None = None
     derives: Callable[[Tree[Token]], bool] | None = None
     marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
+    with_data: Mapping[str, Callable[[str, str], str]] = field(default_factory=dict)
 
     def literals(self, text: str) -> list[tuple[int, int]]:
         """The spans of all that looks like joints or a pose."""

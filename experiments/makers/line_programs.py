@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -81,7 +82,9 @@ class LineProgram:
         for begin, end, tree in self.language.statements(text):
             written = " ".join(text[begin:end].split())[:60]
             if tree is None:
-                self._problem(begin, f"{written}: this is not understood")
+                words = self.language.computed.items()
+                why = (reason for pattern, reason in words if re.search(pattern, written, re.IGNORECASE))
+                self._problem(begin, f"{written}: {next(why, 'this is not understood')}")
             else:
                 self.trees.append((begin, written, tree))
         self._declare()
@@ -141,6 +144,7 @@ class LineProgram:
 
     def _named(self, begin: int, name: str, pos: int, position: _Position) -> None:
         key = self._key(name)
+        name = self.source.written(key)
         self.known.add(pos)
         if self.facts.leaves(key, name):
             self.left.add(key)
@@ -250,25 +254,26 @@ class LineProgram:
             for which, names in self.settings[key].items():
                 if names - {self.active[which]}:
                     self.active[which] = None
-        elif not self.facts.harmless(key, name):
-            self._problem(begin, f"{written}: what {name} does is not known; --call {name} {_HARMLESS}")
+        elif not self.facts.harmless(key, called := self.source.written(key)):
+            self._problem(begin, f"{written}: what {called} does is not known; --call {called} {_HARMLESS}")
 
     def _motion(self, begin: int, written: str, at: Tree[Token], reached_as: str, *, linear: bool) -> None:
         line = self.source.line(begin)
         names = tokens(at, "NAME")
         if names:
             key = self._key(str(names[0]))
+            name = self.source.written(key)
             self.known.add(span(names[0])[0])
-            if key in self.left or self.facts.leaves(key, str(names[0])):
+            if key in self.left or self.facts.leaves(key, name):
                 self.parsed.motions.append(Motion(None, line, False, True))
                 self.first = True
                 return
             if key not in self.positions:
-                if not self.parsed.speaks_of(line, str(names[0])):
-                    self._problem(begin, f"{names[0]} has no value in this file (--leave {names[0]}?)")
+                if not self.parsed.speaks_of(line, name):
+                    self._problem(begin, f"{name} has no value in this file (--leave {name}?)")
                 self.first = True
                 return
-            name, position = self.source.written(key), self._of_kind(begin, written, at, key)
+            position = self._of_kind(begin, written, at, key)
             if position is None:
                 self.first = True
                 return
@@ -376,6 +381,7 @@ class LineProgram:
             matching=matching,
             turns=self.language.turns,
             words=words,
+            words_mean=self.language.words_mean,
         )
         return True
 
@@ -410,7 +416,7 @@ class LineProgram:
             for name in tokens(tree, "NAME"):
                 key = self._key(str(name))
                 if key in self.positions and span(name)[0] not in self.known:
-                    self.parsed.changed(self.source.line(begin), str(name))
+                    self.parsed.changed(self.source.line(begin), self.source.written(key))
         for key, position in self.positions.items():
             written = self.source.written(key)
             if written in self.parsed.targets or self.parsed.speaks_of(position.line, written):
@@ -441,4 +447,5 @@ def for_correction(language: LineLanguage | Language) -> Language:
         by_joint2=True,
         remark_end=language.comment_end,
         marked=language.marked,
+        with_data=language.with_data,
     )

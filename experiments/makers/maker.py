@@ -108,7 +108,8 @@ class PlanProgram:
     """`zerobeam export plan NAME`: `texts` makes the files of a plan, a motion and the path that was stated.
 
     `options` are those of the motion that the format has room for; `notes` are sentences on how it counts
-    joints, by default where the pendant does not count them as the robot file.
+    joints, by default where the pendant does not count them as the robot file; `overwrites` says what is lost
+    in the controller when the program runs.
     """
 
     name: str
@@ -116,6 +117,7 @@ class PlanProgram:
     texts: Callable[..., Mapping[Any, str]]
     options: tuple[str, ...]
     notes: Callable[..., str | None] | None = None
+    overwrites: Callable[..., str] | None = None
 
 
 @dataclass(frozen=True)
@@ -225,9 +227,9 @@ def vendor_of(robot: Robot) -> str | None:
     return vendors[0] if len(vendors) == 1 else None
 
 
-def require_vendor(robot: Robot, vendor: Vendor, what: str) -> str | None:
-    """BadInput where `robot` is known to be of another vendor than `what` is for; where its vendor is not
-    known, a sentence that says what to check."""
+def require_vendor(robot: Robot, vendor: Vendor, what: str, remedy: str | None = None) -> str | None:
+    """BadInput where `robot` is known to be of another vendor than `what` is for, with what to do then; where
+    its vendor is not known, a sentence that says what to check."""
     stated_vendor = vendor_of(robot)
     name = next(maker.name for maker in makers() if maker.vendor == vendor)
     if stated_vendor == vendor:
@@ -238,7 +240,7 @@ def require_vendor(robot: Robot, vendor: Vendor, what: str) -> str | None:
         f"{what} is for robots of {name}",
         found=f"{robot.name}, of {'another vendor' if stated_vendor == 'other' else stated_vendor}",
         allowed=f"a robot of {name}",
-        remedy="choose the format of this robot's controller; csv is for every robot",
+        remedy=remedy or "choose the format of this robot's controller; csv is for every robot",
     )
 
 

@@ -206,5 +206,6 @@ def write_program(
     notes = [
         None if vendor is None else require_vendor(plan.robot, vendor, f"a program in {kind}"),
         program.notes(plan, motion) if program.notes else Pendant(plan.robot, motion.j3).counting,
+        program.overwrites(plan, motion) if program.overwrites else None,
     ]
     return list(texts), [*plan.warnings, *(note for note in notes if note is not None)]

@@ -81,7 +81,8 @@ class PoseTarget:
     of joints alone, for a language whose configurations are not those of `Branch`; they are not rewritten.
     `turns` says whether joints, degrees, have the turns that are stated, as they are meant and as they are
     corrected.
-    `words` of a configuration that does not select joints are compared with those of the joints nearest by.
+    `words` of a configuration that does not select joints are compared with those of the joints nearest by;
+    `words_mean` says what they are.
     """
 
     name: str
@@ -95,6 +96,7 @@ class PoseTarget:
     matching: Callable[[Matrix], bool] | None = None
     turns: Callable[[Matrix], bool] | None = None
     words: Callable[[Branch, Matrix], str] | None = None
+    words_mean: str = ""
 
     @property
     def configured(self) -> bool:
@@ -243,7 +245,7 @@ class ProgramFacts:
                         f"{option} names what the program does not have",
                         found=name,
                         allowed=", ".join(sorted(filter(None, here.values()))) or "nothing in this program",
-                        remedy=did_you_mean(name, here),
+                        remedy=did_you_mean(name, [*here.values()]),
                     )
             open_names = self._in_program[f"{option} without a name"]
             if "" in names and len(open_names) != 1:
@@ -287,7 +289,8 @@ class Language:
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
     poses and joints, found without the grammar; `up` and `by_joint2` as of `Branches`. `remark_width` is how
     long a remark may be, if that is little; `remark_end` closes it. Files whose endings are in `marked` take
-    no remarks: the first match of the pattern says that they are corrected.
+    no remarks: the first match of the pattern says that they are corrected. `with_data` puts that into the
+    data of a file by its ending (text, mark), where an editor keeps it that drops remarks.
     """
 
     name: str
@@ -303,6 +306,7 @@ class Language:
     by_joint2: bool = False
     remark_end: str = ""
     marked: Mapping[str, re.Pattern[str]] = field(default_factory=dict)
+    with_data: Mapping[str, Callable[[str, str], str]] = field(default_factory=dict)
 
 
 def new_number(old: str, value: float, decimals: int) -> str:

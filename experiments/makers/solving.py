@@ -37,6 +37,10 @@ class _Unsolved(Exception):
     """A target that cannot be corrected; the sentence says why."""
 
 
+class _Follows(_Unsolved):
+    """The same, for no other reason than a target before it, which is a problem already."""
+
+
 def up_to_flange(robot: Robot, nominal: Robot) -> Robot:
     """The arm up to what its controller calls the flange: that of the paper ends at the wrist's centre."""
     if not same_arm(nominal, load_robot("irb1600")):
@@ -99,19 +103,41 @@ class Arms:
         return commanded
 
 
+@dataclass(frozen=True, eq=False)
+class CorrectedTarget:
+    """One target: the `joints` (n,) of the nominal arm, degrees (mm), at which the program means it, with the
+    `configuration` that it states (of a Cartesian one), and how far it moves: the joint that moves most,
+    degrees (mm), and the pose, mm (of a joint target that of the flange)."""
+
+    name: str
+    cartesian: bool
+    joints: Matrix
+    configuration: str
+    moved_joint: float
+    moved_mm: float
+
+    def as_json(self) -> dict[str, object]:
+        """Plain values, with the keys of `targets` in the answer of `zerobeam export program --json`."""
+        return {
+            "name": self.name,
+            "kind": "pose" if self.cartesian else "joints",
+            "joints_deg": self.joints.tolist(),
+            "configuration": self.configuration or None,
+            "moved_deg": self.moved_joint,
+            "moved_mm": self.moved_mm,
+        }
+
+
 @dataclass(frozen=True)
 class Corrections:
-    """The edits of a program, and how far its targets move: degrees (mm) of a joint, mm of a pose.
+    """The edits of a program, and its `targets`.
 
     `changed` are names of targets whose configuration changes, `nearest` those whose configuration was taken
     from the joints nearest to known ones.
     """
 
     edits: list[Edit]
-    joint_targets: int
-    poses: int
-    most_joint: float
-    most_mm: float
+    targets: list[CorrectedTarget]
     changed: list[str]
     nearest: list[str]
 
@@ -125,10 +151,7 @@ def correct_targets(parsed: Parsed, arms: Arms, near: Matrix | None) -> Correcti
         work.solved(target)
     return Corrections(
         work.edits,
-        sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
-        sum(isinstance(target, PoseTarget) for target in parsed.targets.values()),
-        work.most_joint,
-        work.most_mm,
+        [work.corrected[name] for name in parsed.targets if name in work.corrected],
         work.changed,
         list(dict.fromkeys(work.nearest)),
     )
@@ -138,11 +161,12 @@ class _Corrector:
     def __init__(self, arms: Arms, near: Matrix | None, parsed: Parsed) -> None:
         self.arms, self.near, self.parsed = arms, near, parsed
         self.edits: list[Edit] = []
-        self.most_joint = self.most_mm = 0.0
+        self.corrected: dict[str, CorrectedTarget] = {}
         self.changed: list[str] = []
         self.nearest: list[str] = []
         self._joints: dict[str, Matrix | None] = {}
         self._last: Matrix | None = None
+        self._broken = False  # the target of the motion before is a problem
         self._linear = False
         self._commanded: dict[str, Matrix] = {}
         self._start: str | None = None  # the target of the motion before
@@ -153,14 +177,16 @@ class _Corrector:
         """Solve the target of a motion, from where the arm is before it."""
         if motion.first:
             self._last = self._start = None
+            self._broken = False
         if motion.name is None:
             self._last = self._start = None
+            self._broken = False
             return
         target = self.parsed.targets[motion.name]
         before, self._linear, self._near_motion = self._last, motion.linear, motion.near
         start, self._start = self._start, motion.name
         self._last = self._reached(target, motion)
-        self._linear, self._near_motion = False, None
+        self._linear, self._near_motion, self._broken = False, None, self._last is None
         if self._last is None or self.arms.branches is None:
             return
         changes = before is not None and self.arms.branch(before) != self.arms.branch(self._last)
@@ -224,7 +250,8 @@ class _Corrector:
                 self._joints[target.name] = self._solve(target)
             except _Unsolved as error:
                 self._joints[target.name] = None
-                self.parsed.problems.append((target.line, f"{target.name}: {error}"))
+                if not isinstance(error, _Follows):
+                    self.parsed.problems.append((target.line, f"{target.name}: {error}"))
         return self._joints[target.name]
 
     def _reached(self, target: Target, motion: Motion) -> Matrix | None:
@@ -237,7 +264,8 @@ class _Corrector:
         try:
             again = self._chosen(target, target.frame @ target.pose @ np.linalg.inv(target.tool))
         except _Unsolved as error:
-            self.parsed.problems.append((motion.line, f"{target.name}: {error}"))
+            if not isinstance(error, _Follows):
+                self.parsed.problems.append((motion.line, f"{target.name}: {error}"))
             return None
         apart = np.abs((again - joints + 180) % 360 - 180).max()
         if apart > _SAME_POSTURE:
@@ -250,14 +278,15 @@ class _Corrector:
         arms = self.arms
         if isinstance(target, JointTarget):
             commanded = self._commanded[target.name] = arms.commanded(target.joints)
-            self.most_joint = max(self.most_joint, float(np.abs(commanded - target.joints).max()))
+            flanges = arms.nominal.fk(np.array([target.joints, commanded]), "deg")
+            self._enter(target.name, target.joints, None, flanges)
             self.edits += target.write(commanded)
             return target.joints
         flange = target.frame @ target.pose @ np.linalg.inv(target.tool)
         joints = self._chosen(target, flange)
         commanded = self._commanded[target.name] = arms.commanded(joints)
         pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded, "deg") @ target.tool
-        self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
+        self._enter(target.name, joints, target.configuration, np.array([target.pose, pose]))
         branch = arms.branch(commanded)
         if target.turns is not None and not (target.turns(joints) and target.turns(commanded)):
             raise _Unsolved("a joint is, or would be, in another turn than its configuration states")
@@ -270,6 +299,17 @@ class _Corrector:
         self.edits += target.write(np.asarray(pose), branch, commanded)
         return joints
 
+    def _enter(self, name: str, joints: Matrix, configuration: str | None, poses: Matrix) -> None:
+        """A target that is corrected: `poses` (2, 4, 4) are those before and after."""
+        self.corrected[name] = CorrectedTarget(
+            name,
+            configuration is not None,
+            joints,
+            configuration or "",
+            float(np.abs(self._commanded[name] - joints).max()),
+            float(np.linalg.norm(poses[1, :3, 3] - poses[0, :3, 3])),
+        )
+
     def _require_words(self, target: PoseTarget, joints: Matrix, commanded: Branch | None) -> None:
         """The words of a configuration must be those of the joints. Words that are not interpreted must be
         those of one branch, and a branch have one; the corrected target keeps them."""
@@ -278,8 +318,9 @@ class _Corrector:
             right = target.words(meant, joints)
             if right != target.configuration:
                 raise _Unsolved(
-                    f"its configuration is {target.configuration}, and that of the joints nearest by {right};"
-                    " state --near, or a joint target before it"
+                    f"its configuration is {target.configuration}, and that of the joints nearest by"
+                    f" ({', '.join(f'{value:.1f}' for value in joints)}) is {right}; state --near, or a joint"
+                    f" target before it{f'. {target.words_mean}' if target.words_mean else ''}"
                 )
             return
         if commanded != meant:
@@ -367,6 +408,8 @@ class _Corrector:
     def _nearest(self, target: PoseTarget, flange: Matrix, known: Sequence[Matrix | None]) -> Matrix:
         """The joints nearest to the first that are `known`, degrees."""
         near = next((each for each in known if each is not None), None)
+        if near is None and self._broken:
+            raise _Follows
         if near is None:
             raise _Unsolved("nothing says in which configuration the arm reaches it; state --near")
         solver, display = self.arms.solver, self.arms.nominal.display

@@ -28,9 +28,20 @@ from .line_programs import for_correction
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
-from .solving import Arms, Corrections, correct_targets, up_to_flange
+from .solving import Arms, CorrectedTarget, Corrections, correct_targets, up_to_flange
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
+_BEFORE_THE_FIRST_RUN = (
+    "targets that were taught on this arm hold the offsets already: leave them as they are by --leave NAME",
+    "tools and frames that were measured with the uncorrected arm hold its error: measure them again",
+    "first run: reduced speed, a hand on the enabling switch",
+)
+_SHORT = (  # the same, where a remark has few letters
+    "NEVER ENTER THE OFFSETS AS WELL",
+    "TAUGHT TARGETS: USE --leave",
+    "MEASURE TOOLS AND FRAMES AGAIN",
+    "FIRST RUN AT REDUCED SPEED",
+)
 _SHOWN = 8  # problems of a program that are named
 
 
@@ -48,10 +59,12 @@ class ProgramOptions:
 
 @dataclass(frozen=True)
 class CorrectedProgram:
-    """The files of the corrected program, and sentences about what was corrections and what was not."""
+    """The files of the corrected program, sentences about what was corrected and what was not, and the
+    targets, with joints as the pendant of the robot counts them."""
 
     files: dict[Path, bytes]
     notes: list[str]
+    targets: list[CorrectedTarget]
 
 
 def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFiles, Vendor]:
@@ -71,10 +84,13 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
             file=path,
         )
     if path.is_dir():
+        endings = {ending for files, maker in program_languages() for ending in files.endings}
+        first = next((each.name for each in sorted(path.iterdir()) if each.suffix.lower() in endings), None)
         raise BadInput(
             "this is a folder, and a program is named by one of its files",
-            found=path.name,
-            remedy="name a file of it, and a file in another folder by -o: both have the same ending",
+            found=path.name if first is None else f"{path.name}, with {first} in it",
+            remedy="name a file of it, and a file of the same ending in another folder by -o"
+            + ("" if first is None else f": {path.name}/{first} -o corrected/{first}"),
             file=path,
         )
     raise BadInput(
@@ -83,6 +99,12 @@ def program_files_of(path: Path, vendor: str | None = None) -> tuple[ProgramFile
         allowed=", ".join(files.about for files, _ in program_languages()),
         file=path,
     )
+
+
+def _programs_for(robot: Robot) -> str | None:
+    """What can be corrected for the controller of a robot."""
+    about = [files.about for files, maker in program_languages() if maker == vendor_of(robot)]
+    return f"name a program of this robot's controller: {', '.join(about)}" if about else None
 
 
 def files_of(path: Path, vendor: str | None) -> list[Path]:
@@ -122,7 +144,7 @@ def corrected_program(
     """
     files_of_language, vendor = program_files_of(path, vendor_of(nominal))
     language, choices = for_correction(files_of_language.language()), choices or ProgramOptions()
-    note = require_vendor(nominal, vendor, f"a program in {language.name}")
+    note = require_vendor(nominal, vendor, f"a program in {language.name}", _programs_for(nominal))
     require_axes(nominal, 6, f"a program in {language.name}")
     if out.suffix.lower() != path.suffix.lower():
         raise BadInput(
@@ -152,7 +174,9 @@ def corrected_program(
         raise BadInput(
             "the program has no targets to correct", file=path, allowed="joint and Cartesian targets"
         )
-    notes = [*_summary(calibration, parsed, corrections, choices), *([] if note is None else [note])]
+    counting = Pendant(nominal, facts.j3).counting
+    also = [each for each in (note, counting) if each is not None]
+    notes = [*_summary(calibration, parsed, corrections, choices), *also]
     ends = np.cumsum([0, *map(len, parts)])
     files = {}
     for each, text, start in zip(paths, texts, ends.tolist(), strict=False):
@@ -165,14 +189,21 @@ def corrected_program(
         other = each.name if suffix in files_of_language.folder else out.stem + each.suffix
         name = out if each == path else out.with_name(other)
         whole = _applied(text, edits)
+        mark = f"{MARK}: offsets of the run {calibration.sha256[:16]}"
         if suffix in language.marked:
             whole = language.marked[suffix].sub(MARK, whole, count=1)
+        elif language.remark_end and each != path:  # the whole head once in an application of many files
+            whole = _behind_head(language, whole, [f"{mark}; {out.name} says more"])
         else:
-            whole = _with_head(language, whole, calibration, notes, path.name)
+            whole = _behind_head(language, whole, _head_lines(language, calibration, notes, path.name))
+        if suffix in language.with_data:
+            whole = language.with_data[suffix](whole, mark)
         # What an editor put before the first line stays there, and only there.
         content = whole.encode("latin-1")
         files[name] = BOM_UTF8 + content if read_bytes(each).startswith(BOM_UTF8) else content
-    return CorrectedProgram(files, notes)
+    pendant = Pendant(nominal, facts.j3)
+    targets = [replace(each, joints=pendant.counted(each.joints)) for each in corrections.targets]
+    return CorrectedProgram(files, notes, targets)
 
 
 def _text(path: Path) -> str:
@@ -226,9 +257,9 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
 
 
 def _bare(names: Sequence[str], language: Language) -> list[str]:
-    """The names as the language has them: P[3] of FANUC is 3, p[0] of VAL3 p."""
+    """The names as the language has them: P[3] and P3 of FANUC are 3, p[0] of VAL3 is p."""
     if language.name == "TP":
-        return [re.sub(r"^[Pp]\[(\d+)\]$", r"\1", name) for name in names]
+        return [re.sub(r"^[Pp](?:\[(\d+)\]|(\d+))$", r"\1\2", name) for name in names]
     return [name.removesuffix("[0]") for name in names] if language.name == "VAL3" else list(names)
 
 
@@ -265,11 +296,14 @@ def _summary(
 ) -> list[str]:
     gone = [offset.name for offset in calibration.offsets if not offset.exported]
     uses = Counter(literal.use for literal in parsed.literals)
+    by_joints = [each.moved_joint for each in moved.targets if not each.cartesian]
+    poses = [each.moved_mm for each in moved.targets if each.cartesian]
     notes = [
         f"positions in the program: {uses.total()}; corrected: {uses['target']};"
         f" left as they are: {uses['left']}; poses of tools and frames: {uses['frame']}",
-        f"joint targets: {moved.joint_targets}, moved by up to {moved.most_joint:.3f} deg; Cartesian targets:"
-        f" {moved.poses}, moved by up to {moved.most_mm:.3f} mm",
+        f"joint targets: {len(by_joints)}, moved by up to {max(by_joints, default=0.0):.3f} deg; Cartesian"
+        f" targets: {len(poses)}, moved by up to {max(poses, default=0.0):.3f} mm",
+        *_BEFORE_THE_FIRST_RUN,
     ]
     if gone:
         notes.append(f"not corrected, as 0: {', '.join(gone)}")
@@ -288,33 +322,34 @@ def _applied(text: str, edits: Sequence[Edit]) -> str:
     return text
 
 
-def _with_head(
-    language: Language, text: str, calibration: RobotCalibration, notes: Sequence[str], name: str
-) -> str:
+def _head_lines(
+    language: Language, calibration: RobotCalibration, notes: Sequence[str], name: str
+) -> list[str]:
+    if language.remark_width is None:
+        return [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
+    return [
+        MARK,
+        *_SHORT,
+        *(["SIMULATED RUN, NO ROBOT MEASURED"] if NO_ROBOT in calibration.warnings else []),
+        f"zerobeam {calibration.versions['zerobeam']}, offsets of run",
+        calibration.sha256[:16],
+        *(
+            f"{offset.name} {offset.applied:+.4f}" if offset.exported else f"{offset.name} NOT CORRECTED"
+            for offset in calibration.offsets
+        ),
+    ]
+
+
+def _behind_head(language: Language, text: str, lines: Sequence[str]) -> str:
+    """The text with remarks behind the head of its language."""
     head = re.search(language.head, text, re.MULTILINE | re.IGNORECASE)
     start = 0 if head is None else head.end()
     newline = "\r\n" if "\r\n" in text else "\n"
+    rows = [one_line(line) for line in lines]
     if language.remark_width is not None:
-        lines = [
-            MARK,
-            *(["SIMULATED RUN, NO ROBOT MEASURED"] if NO_ROBOT in calibration.warnings else []),
-            f"zerobeam {calibration.versions['zerobeam']}, offsets of run",
-            calibration.sha256[:16],
-            *(
-                f"{offset.name} {offset.applied:+.4f}" if offset.exported else f"{offset.name} NOT CORRECTED"
-                for offset in calibration.offsets
-            ),
-        ]
-        end = " ;" if language.name == "TP" else ""
-        rows = [
-            f"{language.remark}{one_line(line).replace(';', ',')[: language.remark_width]}{end}"
-            for line in lines
-        ]
-    else:
-        lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
-        rows = [language.remark + one_line(line) for line in lines]
-        if language.remark_end:  # of XML: no -- in it
-            rows = [
-                language.remark + one_line(line).replace("--", "- -") + language.remark_end for line in lines
-            ]
-    return text[:start] + "".join(row + newline for row in rows) + text[start:]
+        rows = [row.replace(";", ",")[: language.remark_width] for row in rows]
+    if language.remark_end:  # of XML: no -- in it
+        rows = [row.replace("--", "- -") for row in rows]
+    end = " ;" if language.name == "TP" else language.remark_end
+    remarks = "".join(f"{language.remark}{row}{end}{newline}" for row in rows)
+    return text[:start] + remarks + text[start:]

@@ -264,6 +264,7 @@ class Ended(RunEvent):
     measurements that were still to come where a run by hand ended before the plan was through. `seconds` by
     phase. `coverage_factor` is k of every expanded uncertainty. `geometry` says what the offsets are worth if
     the arm deviates from what was taken. `true` has the true offsets (deg; mm) of a simulated run by name.
+    `verifies` names the calibration run that the plan tests; None of any other plan.
     """
 
     event: ClassVar[str] = "end"
@@ -284,6 +285,7 @@ class Ended(RunEvent):
     true: Mapping[str, float] = field(default_factory=dict)
     missing: tuple[int, ...] = ()
     coverage_factor: float = 2.0
+    verifies: str | None = None
 
 
 Listener = Callable[[RunEvent], None]

@@ -67,7 +67,11 @@ def check_limits(
         return _perhaps_radians(robot, joints)
     hint = _unit_hint(robot, joints)
     if limits == "error":
-        remedy = hint or "correct the value; if the arm was really there, state limits: warn in the header"
+        remedy = (
+            hint
+            or "correct the value; or is it another arm? If this arm was really there, state limits: warn in"
+            " the header"
+        )
         row, error = _first_outside(robot, joints, outside, noun, numbers, remedy)
         raise error.at(file, lines[row]) if file is not None else error
     warnings = []

@@ -103,9 +103,9 @@ def print_proposal(console: Console, made: MadePlan) -> None:
 
 def print_carried(console: Console, answer: Ended) -> None:
     """The end of `run`: message, notes, offsets, what was measured and how long it took, what to do next."""
-    print_message(console, answer.verdict, answer.message)
+    print_message(console, "held" if answer.verifies else answer.verdict, answer.message)
     print_notes(console, map(sentence, answer.notes))
-    if answer.parameters:
+    if answer.parameters and not answer.verifies:
         caption = offsets_caption(row.status for row in answer.parameters)
         console.print(Text(caption, style="italic"))
         table = Table(box=None, pad_edge=False)
@@ -130,7 +130,7 @@ def print_carried(console: Console, answer: Ended) -> None:
         table_of_truth = truth_table(answer.true, answer.parameters, k)
         if table_of_truth is not None and answer.verdict != "misfit":
             _print_table(console, table_of_truth)
-    if answer.consistent and answer.p_value is not None:
+    if answer.consistent and answer.p_value is not None and not answer.verifies:
         p_value = numbers.p_value(answer.p_value)
         console.print(Text(f"p-value of the residuals under the stated noise: {p_value}."))
     console.print(Text(_measured(answer)))
@@ -141,7 +141,8 @@ def print_carried(console: Console, answer: Ended) -> None:
         phases = [f"{name} {numbers.significant(value, 2)}" for name, value in answer.seconds.items()]
         whole = numbers.significant(sum(answer.seconds.values()), 2, "s")
         console.print(Text(f"This session took {whole}: {', '.join(phases)}."))
-    console.print(Text("Intervals from the posterior: zerobeam report RUN -o DIR"))
+    if not answer.verifies:
+        console.print(Text("Intervals from the posterior: zerobeam report RUN -o DIR"))
 
 
 def contradicted(p_value: float | None) -> Text:

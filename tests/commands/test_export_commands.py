@@ -58,6 +58,8 @@ def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
     assert file.read_bytes() == TEXTS[what](run, calibration(run)).encode()
     assert "delta1 (j1): HELD at 0" in told.out
     assert "Written to" in told.out
+    for text in (file.read_text(encoding="utf-8"), told.out):
+        assert "Do ONE of these, never both: enter the values" in text
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     again = zerobeam("export", what, run.path, "-o", tmp_path / "two", "--json")
     assert again.json == json.loads(json.dumps(document(calibration(run))))
@@ -129,3 +131,16 @@ def test_options_of_another_tool_are_bad_usage(run: Run, tmp_path: Path) -> None
         "--without names"
         in zerobeam("export", "csv", run.path, "-o", tmp_path / "a", "--without", "delta9").refused()
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("staubli", ["no published way", ".pgx or .dtx", "export robot, export urdf"]),
+        ("franka", ["no published way", "allowed: export robot, export urdf"]),
+        ("abb", ["has another name", "export moc, export rapid"]),
+    ],
+)
+def test_a_maker_without_a_file_of_offsets_has_a_way(name: str, words: list[str], tmp_path: Path) -> None:
+    refused = " ".join(zerobeam("export", name, "run.jsonl", "-o", tmp_path / "out").refused().split())
+    assert all(word in refused for word in words)

@@ -33,7 +33,15 @@ def rehearsed(plan, tmp_path, offsets):
     cell.write_text(f"schema: zerobeam/cell/1\n{laser}arm: {{geometry: [], offsets_deg: {{{offsets}}}}}\n")
     new = tmp_path / "new.jsonl"
     how = ["--rig", "simulated", "--no-camera", "--cell", cell, "--seed", 5, "-o", new, "--force"]
-    assert zerobeam("run", plan, *how).status in (0, 1)
+    answer = zerobeam("run", plan, *how)
+    count = len(read_plan(plan).postures)
+    # Its own offsets are weakly observable, and say nothing of the values that were entered.
+    assert (answer.status, answer.out.splitlines()[0]) == (
+        0,
+        f"{count} measurements for the test of {GOOD.name}.",
+    )
+    assert f"zerobeam verify {GOOD.name} new.jsonl" in answer.out
+    assert "Enter nothing" not in answer.out
     return zerobeam("verify", GOOD, new, "-o", tmp_path / "report")
 
 
@@ -61,6 +69,7 @@ def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):
         assert "no robot was verified" in words
     told = rehearsed(plan, tmp_path, "delta2: -1.2168")
     assert (told.status, told.out.partition(".")[0]) == (1, "Fail")
+    assert "Put the old values back" in " ".join(told.out.split())
     assert "J2 (δ2) had been left at the old value" in " ".join(told.out.split())
     report = json.loads((folder / "verification.json").read_text(encoding="utf-8"))
     assert report["verdict"] == "fail"
@@ -139,6 +148,28 @@ def verified(folder: Path, name: str, *how: object) -> Answer:
     rehearse = ["run", folder / "verify.yaml", "--rig", "simulated", "--no-camera"]
     assert zerobeam(*rehearse, *how, "-o", new).status in (0, 1)
     return zerobeam("verify", folder / "run.jsonl", new, "--json")
+
+
+@pytest.mark.parametrize("tool", ["laser", "probe"])
+def test_a_second_run_of_the_arm_as_it_was_is_predicted_and_of_another_arm_is_not(
+    tool: str, tmp_path: Path
+) -> None:
+    run, plan = calibrated(tmp_path, tool), tmp_path / "plan.yaml"
+    second, other = tmp_path / "second.jsonl", tmp_path / "other.jsonl"
+    how = ["run", plan, "--rig", "simulated", "--no-camera"]
+    assert zerobeam(*how, "--arm", run, "--as-found", "-o", second).status == 0
+    truths = [true_values(read_run(file).header.provenance) for file in (run, second)]
+    assert truths[0] == pytest.approx(truths[1])
+    assert read_run(second).header.provenance["arm offsets"] == "as found, none entered"
+    answer = zerobeam("analyse", run, "--hold-out", second, "--ess", 100)
+    assert (answer.status, answer.out.startswith("Simulated: pass. ")) == (0, True)
+    assert zerobeam(*how, "--seed", 9, "-o", other).status == 0
+    answer = zerobeam("analyse", run, "--hold-out", other, "--ess", 100)
+    assert answer.status == 1
+    first = " ".join(answer.out.split()).partition(".jsonl")[0]
+    assert first == "Simulated: pass of this run alone, but it does not predict other"
+    assert zerobeam("analyse", run, "--hold-out", other, "--ess", 100, "--json").json["verdict"] == "pass"
+    assert "add --arm RUN" in zerobeam(*how, "--as-found", "-o", tmp_path / "no.jsonl").refused()
 
 
 @pytest.mark.parametrize("tool", HEADERS)

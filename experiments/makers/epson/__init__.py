@@ -30,7 +30,7 @@ _ABOUT = [
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Epson: a sheet for a person, where each joint is calibrated. Nothing is applied."""
-    from ....model.kinematics.pendant import require_link_encoder
+    from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
 
     require_vendor(run.robot, "epson", "this sheet")
@@ -44,7 +44,7 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
             for i, offset in enumerate(calibration.offsets, start=1)
         ),
     ]
-    return sheet_text(calibration, _ABOUT, table)
+    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
 
 
 def _spel_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:

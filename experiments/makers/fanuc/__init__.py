@@ -51,6 +51,16 @@ def _tp_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Pa
     return {file: fanuc_program(plan, motion, file.stem)}
 
 
+def _overwrites(plan: "Plan", motion: "ProgramMotion") -> str:
+    from .tp_program import registers_of
+
+    first, last = registers_of(plan, motion)
+    return (
+        f"the program overwrites PR[{first}] to PR[{last}], and leaves the recorded joints in them: save"
+        " posreg.va before it is started, or choose others by --register N"
+    )
+
+
 def _read_points(
     job: "ImportJob",
     j3: J3Counting = None,
@@ -86,7 +96,15 @@ MAKER = Maker(
     "fanuc",
     r"fanuc|lr ?mate\w*|crx\w*|arcmate|m ?\d+i[a-d]?\w*|r ?\d+i[a-d]?\w*",
     offsets=(OffsetFile("fanuc", _sheet),),
-    program=(PlanProgram("fanuc", "fanuc", _tp_program, ("speed", "zone", "tool", "j3", "register")),),
+    program=(
+        PlanProgram(
+            "fanuc",
+            "fanuc",
+            _tp_program,
+            ("speed", "zone", "tool", "j3", "register"),
+            overwrites=_overwrites,
+        ),
+    ),
     read=(
         Reader(
             "fanuc",

@@ -41,6 +41,19 @@ _SAFETY = [
 ]
 
 
+_FEWEST_PULSES = 100.0
+_BEFORE = [
+    "Before you enter anything, check the sign of the pulses: jog each joint alone (JOINT) by +10 deg and",
+    "read its pulses before and after (MENU, STATUS, Axis, PULSE). They must change by 10 times its pulses",
+    "per degree, sign included. Where the sign is the other one, stop: the new count would be wrong by twice",
+    "the offset.",
+]
+_AS_MASTERED = [
+    "confirm: $MASTER_ENB is 1, so that MENU, SYSTEM shows Master/Cal.",
+    "confirm: $DMR_GRP[1].$MASTER_DONE is TRUE after the counts are written, and before CALIBRATE.",
+]
+
+
 @dataclass(frozen=True)
 class FanucCounts:
     """Present master count of each joint, and pulses for one degree, negative where they fall."""
@@ -62,8 +75,13 @@ class FanucCounts:
         if any(value != int(value) for value in counts):
             raise BadInput("--master-counts are whole numbers", found=master)
         pulses = _numbers(per_degree, joints, "--pulses-per-degree")
-        if not all(pulses):
-            raise BadInput("a joint cannot have 0 pulses for a degree", found=per_degree)
+        if any(abs(value) < _FEWEST_PULSES for value in pulses):
+            raise BadInput(
+                "these are not the pulses for a degree of a FANUC joint",
+                found=per_degree,
+                allowed=f"at least {_FEWEST_PULSES:g} in size, thousands as a rule, negative where they fall",
+                remedy="read $PARAM_GROUP[1].$ENCSCALES[i]",
+            )
         return cls(tuple(int(value) for value in counts), tuple(pulses))
 
 
@@ -78,6 +96,9 @@ def fanuc_text(
     encoder = encoder3_of(robot, "fanuc")
     offsets = _as_fanuc(calibration, encoder)
     lines = ["joint  offset deg   new master count"]
+    jogged = (
+        [] if counts is None else [f"J{i} {10 * p:+.0f}" for i, p in enumerate(counts.per_degree, start=1)]
+    )
     for i, offset in enumerate(offsets):
         if offset is None:
             lines.append(f"J{i + 1}   {'-':>11}   as it is")
@@ -97,10 +118,14 @@ def fanuc_text(
             *_RELIED_ON[encoder],
             *(_ON_THE_PENDANT if pendant.ground else ["The pendant counts J3 from link 2."]),
             *(_WITHOUT_COUNTS if counts is None else ()),
+            *_BEFORE,
+            *([f"By these pulses: {', '.join(jogged)}."] if jogged else []),
+            *_AS_MASTERED,
             "Write the new counts, calibrate (MENU, SYSTEM, Master/Cal), turn the controller off and on.",
             *_SAFETY,
         ],
         lines,
+        pendant,
     )
 
 

@@ -20,6 +20,12 @@ _REGISTERS = 100
 _NAME = re.compile(r"[A-Za-z]\w{0,35}")
 
 
+def registers_of(plan: Plan, motion: ProgramMotion) -> tuple[int, int]:
+    """The first and the last position register that the program writes."""
+    first = 1 if motion.register is None else motion.register
+    return first, first + len(plan.postures) - 1
+
+
 def fanuc_program(plan: Plan, motion: ProgramMotion, name: str) -> str:
     """Text of the listing `name`.ls. Joint 3 is counted from the ground, as a FANUC does, or from link 2, as
     on the few controllers that are set so."""
@@ -32,18 +38,29 @@ def fanuc_program(plan: Plan, motion: ProgramMotion, name: str) -> str:
             allowed="a letter, then letters, digits and _: at most 36 (zb_plan.ls)",
             remedy="choose another name for the file",
         )
-    steps, register = steps_of(plan, motion), 1 if motion.register is None else motion.register
-    if not 1 <= register <= _REGISTERS - len(steps) + 1:
+    steps, (register, last) = steps_of(plan, motion), registers_of(plan, motion)
+    if not 1 <= register <= last <= _REGISTERS:
         raise BadInput(
             "the position registers of the postures do not exist",
-            found=f"PR[{register}] to PR[{register + len(steps) - 1}]",
+            found=f"PR[{register}] to PR[{last}]",
             allowed=f"PR[1] to PR[{_REGISTERS}]",
             remedy="state another --register, or divide the plan",
         )
     percent = min(percents(plan.robot, motion.speed))
     end = f"CNT{round(motion.zone)}" if motion.zone else "FINE"
     counted = f"J3 counted from {'the ground' if pendant.ground else 'link 2'}"
-    remarks = (f"{LOG_PLAN} {short_hash(plan)}", counted, "Registers: not measured yet")
+    remarks = (
+        f"{LOG_PLAN} {short_hash(plan)}",
+        counted,
+        f"Joint moves, about {motion.speed:g} deg/s",
+        "Not checked: collisions. First",
+        "run: T1, low override",
+        *(() if plan.via else ("No intermediate postures: the", "arm goes straight to the next")),
+        f"OVERWRITES PR[{register}] to PR[{last}]:",
+        "save posreg.va before. The",
+        "recorded joints stay in them.",
+        "Registers: not measured yet",
+    )
     body = [_remark(line) for line in remarks]
     for step in steps:
         body += [f"  PR[{register + step.number}]=JPOS    ", f"  PR[{register + step.number},1]=999    "]

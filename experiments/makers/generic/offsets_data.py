@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ....words import spreadsheet
 from ....words.observability import reason
-from ..calibration import MEANING, SEED, JointOffset, RobotCalibration
+from ..calibration import MEANING, ONCE, SEED, JointOffset, RobotCalibration
 from ..maker import one_line
 
 SCHEMA = "zerobeam/offsets/1"
@@ -55,7 +55,7 @@ def _row(offset: JointOffset, calibration: RobotCalibration) -> dict[str, object
         "run_sha256": calibration.sha256,
         "robot": one_line(calibration.robot),
         "zerobeam": calibration.versions["zerobeam"],
-        "notes": one_line("; ".join(calibration.warnings)),
+        "notes": one_line("; ".join([ONCE, *calibration.warnings])),
     }
 
 
@@ -89,7 +89,7 @@ def document(calibration: RobotCalibration, notes: Sequence[str] = ()) -> dict[s
             "status": list(covariance.status),
             "matrix": covariance.matrix.tolist(),
         },
-        "notes": [*calibration.warnings, *notes],
+        "notes": [ONCE, *calibration.warnings, *notes],
         "inputs": {
             "run": calibration.run,
             "sha256": calibration.sha256,

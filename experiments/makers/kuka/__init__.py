@@ -37,7 +37,7 @@ _ABOUT = [
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""
-    from ....model.kinematics.pendant import require_link_encoder
+    from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
 
     require_vendor(run.robot, "kuka", "this sheet")
@@ -52,7 +52,7 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
             for i, offset in enumerate(calibration.offsets, start=1)
         ),
     ]
-    return sheet_text(calibration, _ABOUT, table)
+    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
 
 
 def _krl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:

@@ -213,6 +213,22 @@ def _literals(text: str) -> list[tuple[int, int]]:
     return spans
 
 
+_DATAS = re.compile(r"<Datas>[ \t]*\r?\n?")
+_LASTING = "zb_corrected"
+
+
+def _with_mark(text: str, mark: str) -> str:
+    """A data file with the mark as a string variable, which stays when an editor saves the application
+    without its comments; as it is where its variables are of an older form."""
+    datas = _DATAS.search(text)
+    if datas is None or 'xsi:type="array"' not in text or f'"{_LASTING}"' in text:
+        return text
+    value = f'<Value key="0" value="{mark}" />'
+    data = f'<Data name="{_LASTING}" access="private" xsi:type="array" type="string" size="1">{value}</Data>'
+    newline = "\r\n" if "\r\n" in text else "\n"
+    return f"{text[: datas.end()]}    {data}{newline}{text[datas.end() :]}"
+
+
 def _blank(match: re.Match[str]) -> str:
     return " " * len(match[0])
 
@@ -235,4 +251,15 @@ VAL3 = LineLanguage(
     read=_statements,
     positions=_literals,
     words=_words,
+    words_mean=(
+        "Here lefty is: the centre of the wrist is in front of axis 1, on the side to which joint 2 leads as"
+        " it increases; righty is behind. epositive and wpositive are joints 3 and 5 from 0 on. Compare with"
+        " the pendant, which shows shoulder, elbow and wrist of a point (from the VAL3 reference manual and"
+        " post processors; tried on no controller)"
+    ),
+    computed={
+        r"\b(?:appro|compose)\s*\(": "this computes a target from a point, and the correction of the point is"
+        " not that of the computed target; write it as a point of its own, with its configuration"
+    },
+    with_data={".dtx": _with_mark},
 )

@@ -38,7 +38,7 @@ _ABOUT = [
 
 def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
-    from ....model.kinematics.pendant import require_link_encoder
+    from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
 
     require_vendor(run.robot, "universal-robots", "this sheet")
@@ -49,7 +49,7 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
             table.append(f"J{i}   {offset.applied:+11.6f}   {-offset.applied:+11.6f}")
         else:
             table.append(f"J{i}   {'-':>11}   leave it as it is")
-    return sheet_text(calibration, _ABOUT, table)
+    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
 
 
 def _calibration(

@@ -52,7 +52,7 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
             reading += f" = {round(-offset.applied * pulses[i]):+d} pulses"
         row = f"{offset.applied:+11.6f}   {reading}" if offset.exported else f"{'-':>11}   leave it as it is"
         table.append(f"{pendant.names[i]:4}   {row}")
-    return sheet_text(calibration, _ABOUT, table)
+    return sheet_text(calibration, _ABOUT, table, pendant)
 
 
 def _inform_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:

@@ -131,6 +131,33 @@ def test_a_right_calibration_passes_and_one_that_was_not_entered_is_named():
     assert (wrong.mistakes[0].kind, wrong.mistakes[0].offsets) == ("wrong sign", ("delta2",))
 
 
+@pytest.mark.parametrize(
+    ("kind", "names", "error"),
+    [
+        ("entered twice", NAMES, dict.fromkeys(NAMES, -1.0)),
+        ("entered twice", ("delta2",), {"delta2": -1.0}),
+        ("joint 2 added", ("delta3",), {"delta3": "-delta2"}),
+        ("joint 2 subtracted", ("delta3",), {"delta3": "delta2"}),
+    ],
+)
+def test_each_mistake_is_named_and_no_other(kind, names, error, monkeypatch):
+    """Of an arm whose pendant counts joint 3 from the ground; of another one there is no coupling."""
+    more = {
+        name: times * entered()[name]
+        if isinstance(times, float)
+        else (-1 if times[0] == "-" else 1) * entered()["delta2"]
+        for name, times in error.items()
+    }
+    made, solution = prediction(error=more)
+    conventions = replace(made.problem.robot.conventions, joint3="ground")
+    made.problem = replace(made.problem, robot=replace(made.problem.robot, conventions=conventions))
+    found = accept(made, solution, TOLERANCE)
+    assert found.verdict == "fail"
+    assert [(each.kind, each.offsets) for each in found.mistakes] == [(kind, names)]
+    plain = answer(error=more).mistakes
+    assert [each.kind for each in plain] == ([kind] if kind == "entered twice" else [])
+
+
 @pytest.mark.parametrize("rows", [(0, 1), (0, 1, 2)])
 def test_too_few_postures_never_pass(rows):
     found = answer(rows=rows)

@@ -187,15 +187,18 @@ def to_enter(run: Run) -> RobotCalibration:
     return told(run, "offsets")
 
 
-@pytest.mark.parametrize("kind", ["rapid", "moc", "kuka", "ur", "fanuc"])
+@pytest.mark.parametrize("kind", ["rapid", "moc", "kuka", "ur", "fanuc", "epson", "yaskawa"])
 def test_every_controller_s_file_has_the_values_to_enter(
     run: Run, to_enter: RobotCalibration, kind: str
 ) -> None:
     """The estimate is in the head alone, the value in its table too."""
     formats = {each.name: each for maker in makers() for each in maker.offsets}
-    names = {"kuka": "kr6_r900", "ur": "ur5e", "fanuc": "lrmate_200id"}
+    names = {"kuka": "kr6_r900", "ur": "ur5e", "fanuc": "lrmate_200id", "yaskawa": "gp8"}
     robot = load_robot(names.get(kind, "irb1600"))
+    if kind == "epson":
+        robot = replace(robot, vendor="epson")
     text = formats[kind].text(replace(run, robot=robot), to_enter)
+    assert "Do ONE of these, never both" in text
     for offset in to_enter.offsets:
         if offset.exported and offset.row.estimate is not None:
             assert offset.applied != offset.row.estimate

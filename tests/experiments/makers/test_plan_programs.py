@@ -271,3 +271,23 @@ def test_numbers_as_machines_read_them() -> None:
         *("4.05", "0.0", "-69.348", "0.0000001", "180.0")
     ]
     assert decimal(4.0, 3) == "4.000"
+
+
+def test_a_tp_program_says_which_registers_it_overwrites(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, "fanuc")
+    last = 31 + len(plan.postures) - 1
+    file = tmp_path / "job.ls"
+    _, notes = write_program("fanuc", plan, ProgramMotion(j3="ground", register=31), file)
+    (note,) = (note for note in notes if "posreg.va" in note)
+    assert f"PR[31] to PR[{last}], and leaves the recorded joints in them" in note
+    assert any("counted from the ground" in note for note in notes)
+    remarks = re.findall(r"!(.*?) ;", file.read_text())
+    assert max(map(len, remarks)) <= 32
+    head = " ".join(remarks)
+    assert f"OVERWRITES PR[31] to PR[{last}]: save posreg.va before." in head
+    assert "about 10 deg/s" in head
+    assert "Not checked: collisions." in head
+    written = {
+        int(number) for number in re.findall(r"PR\[(\d+)[,\]]", file.read_text().partition("UFRAME")[2])
+    }
+    assert written == set(range(31, last + 1))

@@ -292,3 +292,20 @@ def test_a_corrected_wrist_that_passes_its_singularity_has_another_configuration
     assert any("another configuration is needed, and written, at p1" in said for said in done.notes)
     commanded = program.commanded(read(done))
     assert commanded[1, 4] == pytest.approx(-0.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["P2", "P[2]", "2", "p2"])
+def test_a_position_of_a_listing_is_left_by_each_of_its_names(tmp_path: Path, name: str) -> None:
+    text = tried(tmp_path, ".ls", "J P[2] 100% FINE", ProgramOptions(leave=[name], j3="ground"))
+    assert "X = 400.000 mm" in text
+    assert "J5= -30.000" not in text  # the control: P[1] is corrected
+
+
+def test_a_listing_says_from_where_joint_3_is_counted(tmp_path: Path) -> None:
+    name, text, _ = PARTS[".ls"]
+    robot = load_robot(name)
+    (tmp_path / "in.ls").write_text(text.format("WAIT 1.00(sec)"))
+    choices = ProgramOptions(leave=["P2"], j3="ground")
+    done = corrected_program(robot, judged(robot), tmp_path / "in.ls", tmp_path / "out.ls", choices)
+    assert any("joint 3 is counted from the ground" in note for note in done.notes)
+    assert b"NEVER ENTER THE OFFSETS AS WELL" in done.files[tmp_path / "out.ls"]

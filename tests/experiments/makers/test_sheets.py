@@ -122,12 +122,55 @@ def test_a_vendor_is_known_by_the_robots_name_too(run, offsets):
 
 def test_counts_that_cannot_be_used():
     for master, pulses in (
-        ("1,2", "1,2,3"),
-        ("1,2,x", "1,2,3"),
+        ("1,2", "1000,2000,3000"),
+        ("1,2,x", "1000,2000,3000"),
         ("1,2,3", None),
-        ("1.5,2,3", "1,2,3"),
-        ("1,2,3", "1,0,3"),
+        ("1.5,2,3", "1000,2000,3000"),
+        ("1,2,3", "1000,0,3000"),
+        ("1,2,3", "1000,-99,3000"),
     ):
         with pytest.raises(BadInput):
             FanucCounts.of_options(master, pulses, 3)
+    FanucCounts.of_options("1,2,3", "1000,-100,3000", 3)
     assert FanucCounts.of_options(None, None, 3) is None
+
+
+def must_read(text):
+    """What the pendant is to read more, deg, by the check of a sheet."""
+    rows = re.findall(r"^  (\w+) ([-+][\d.]+) deg$", text, flags=re.MULTILINE)
+    return {name: float(change) for name, change in rows}
+
+
+@pytest.mark.parametrize("name", ["ur", "kuka", "epson", "yaskawa"])
+def test_a_sheet_says_what_the_pendant_reads_after_the_change(run, offsets, name):
+    found, values = offsets
+    reads = must_read(SHEETS[name](run, found))
+    np.testing.assert_allclose(list(reads.values()), values[1:], atol=6e-4)
+
+
+@pytest.mark.parametrize("pendant", ["link", "ground"])
+def test_a_fanuc_sheet_checks_signs_before_and_readings_after(run, offsets, pendant):
+    found, values = offsets
+    robot = replace(run.robot, conventions=replace(run.robot.conventions, encoder3="link"))
+    text = fanuc_text(robot, found, FanucCounts(COUNTS, PULSES), pendant)
+    assert "J1 +100000, J2 -110000, J3 +120000, J4 -90000" in text
+    assert "jog each joint alone (JOINT) by +10 deg" in text
+    assert "confirm: $DMR_GRP[1].$MASTER_DONE is TRUE" in text
+    reads = list(must_read(text).values())
+    # Counted from the ground, joint 3 is that of the link less joint 2.
+    np.testing.assert_allclose(reads[1], values[2] - (values[1] if pendant == "ground" else 0), atol=6e-4)
+    np.testing.assert_allclose([reads[0], *reads[2:]], [values[1], *values[3:]], atol=6e-4)
+
+
+@pytest.mark.parametrize("name", ["ur", "kuka", "epson", "yaskawa"])
+def test_an_offset_that_no_arm_has_is_in_no_sheet(run, offsets, name):
+    found, _ = offsets
+    first, second, *others = found.offsets
+    for size in (9.9, -10.1):
+        large = replace(second, row=replace(second.row, estimate=size), to_enter=None)
+        answer = replace(found, offsets=(first, large, *others))
+        if abs(size) < 10:
+            assert f"{size:+.3f} deg" in SHEETS[name](run, answer)
+        else:
+            with pytest.raises(BadInput, match="more than an offset of a calibrated arm"):
+                SHEETS[name](run, answer)

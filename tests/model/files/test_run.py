@@ -188,6 +188,7 @@ def test_a_joint_outside_its_limits_names_value_and_range(run_file, refused):
     assert error.what == "measurement 1: joint 5 is outside its limits"
     assert error.found == "120.5 deg"
     assert error.allowed.startswith("-115 to 115 deg (irb1600")
+    assert "or is it another arm?" in error.remedy
     assert "limits: warn" in error.remedy
     assert error.line == 3
 

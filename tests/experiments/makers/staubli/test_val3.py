@@ -106,11 +106,55 @@ def test_a_free_configuration_is_refused_by_joints_and_taken_in_a_line(tmp_path:
     assert 'elbow="efree"' in corrected(tmp_path, lines + free)
 
 
+def test_a_posture_that_is_called_otherwise_is_one_problem_with_its_reason(tmp_path: Path) -> None:
+    """The points behind it are reached from it: that their joints are not known follows from it."""
+    moves = "  movej(pAt[0],tGrip,mNom)\r\n  movej(pAt[1],tGrip,mNom)\r\n"
+    begin = CODE.index("  movel(pAt[0]")
+    code = CODE[:begin] + moves + "  waitEndMove()" + CODE[CODE.index("\r\nend") :]
+    shown = re.search(r'shoulder="(\w+)"', DATA)[1]
+    other = "lefty" if shown == "righty" else "righty"
+    sentence = problems(tmp_path, code + DATA.replace(f'shoulder="{shown}"', f'shoulder="{other}"', 1))
+    found = sentence.partition("found:")[2].partition("to do:")[0]
+    assert found.count("job.dtx line") + found.count("start.pgx line") == 1
+    assert f"pAt: its configuration is {other}" in found
+    assert "lefty is: the centre of the wrist is in front of axis 1" in found
+    assert "VAL3 reference manual" in found
+
+
+def test_what_computes_a_target_is_refused_with_the_reason(tmp_path: Path) -> None:
+    line = "  movej(appro(pAt[0],{0,0,-50,0,0,0}),tGrip,mNom)\r\n"
+    sentence = problems(tmp_path, CODE.replace("  waitEndMove()", f"{line}  waitEndMove()") + DATA)
+    assert sentence.count("start.pgx line") == 1
+    assert "write it as a point of its own" in sentence
+
+
+def test_names_keep_their_letters(tmp_path: Path) -> None:
+    line = "  movej(jOther,tGrip,mNom)\r\n"
+    sentence = problems(tmp_path, CODE.replace("  waitEndMove()", f"{line}  waitEndMove()") + DATA)
+    assert "jOther has no value in this file (--leave jOther?)" in sentence
+    with pytest.raises(BadInput) as refused:
+        corrected(tmp_path, WHOLE, "pAt[7]")
+    assert refused.value.allowed == "jAt, jAt[1], jAt[2], jAt[3], pAt, pAt[1]"
+
+
 def test_what_is_left_stays_and_a_second_correction_is_refused(tmp_path: Path) -> None:
     text = corrected(tmp_path, WHOLE, "pAt[1]", "jAt[0]")
     before, after = ({line for line in each.split("\r\n") if "<Value" in line} for each in (WHOLE, text))
     assert len(before - after) == 4  # jAt[1] to jAt[3], pAt[0]
     assert "corrected before" in problems(tmp_path, text)
+
+
+def test_the_mark_of_a_correction_survives_an_editor_that_drops_remarks(tmp_path: Path) -> None:
+    program = controller.in_files(tmp_path / "job", WHOLE)
+    done = corrected_program(ROBOT, judged(ROBOT), program, program)
+    heads = {path.suffix: content.count(b"<!--") for path, content in done.files.items()}
+    assert heads[".dtx"] == 1 < heads[".pgx"]  # the whole head once
+    for path, content in done.files.items():
+        path.write_bytes(re.sub(rb"<!--.*?-->\r?\n", b"", content))
+    assert all(b"<!--" not in path.read_bytes() for path in done.files)
+    with pytest.raises(BadInput, match="corrected before"):
+        corrected_program(ROBOT, judged(ROBOT), program, program)
+    assert len(controller.commanded(read(done), ROBOT, ROWS)) == len(ROWS)  # the variable disturbs nothing
 
 
 @pytest.mark.parametrize("many", [40, pytest.param(200, marks=pytest.mark.long)])
