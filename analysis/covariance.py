@@ -87,17 +87,20 @@ class ValuesByName(dict[str, Value]):
     """
 
     def __init__(
-        self, values: Mapping[str, Value], units: Mapping[str, str], statuses: Iterable[Status]
+        self,
+        values: Mapping[str, Value] | Iterable[tuple[str, Value]] = (),
+        units: Mapping[str, str] | None = None,
+        statuses: Iterable[Status] = (),
     ) -> None:
-        super().__init__(dict(values))
-        self.units = {name: units[name] for name in values}
+        super().__init__(values)
+        self.units = {name: (units or {}).get(name, "") for name in self}
         self._caveat = caveat(statuses)
 
     def __repr__(self) -> str:
-        shown = (
-            f"{name}: {'none' if value is None else f'{value:.6g} {self.units[name]}'}"
-            for name, value in self.items()
-        )
+        shown = []
+        for name, value in self.items():
+            number = "none" if value is None else f"{value:.6g} {self.units.get(name, '')}".rstrip()
+            shown.append(f"{name}: {number}")
         return f"{{{', '.join(shown)}}}{self._caveat}"
 
 

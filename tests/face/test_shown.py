@@ -65,6 +65,7 @@ def test_units_are_shown_with_numbers(good: zb.Analysed) -> None:
         assert repr(pickle.loads(pickle.dumps(values))) == repr(copy.deepcopy(values)) == repr(values)
         assert values == dict(values)
         assert values.units["delta2"] == "deg"
+        assert type(values)(values.items()) == values  # as dataclasses.asdict makes another one
     assert "delta2 [deg]" in repr(good.covariance)
     assert good.covariance.to_frame().attrs["units"]["psd.x"] == "mm"
     assert good.predict([10, -20, 30, 5, 40, 0], "deg").attrs["units"]["u_x_mm"] == "mm"
