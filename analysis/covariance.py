@@ -97,11 +97,10 @@ class ValuesByName(dict[str, Value]):
         self._caveat = caveat(statuses)
 
     def __repr__(self) -> str:
-        texts = {
-            name: "none" if value is None else f"{value:.6g} {self.units.get(name, '')}".strip()
-            for name, value in self.items()
-        }
-        shown = (f"{name}: {text}" for name, text in texts.items())
+        shown = []
+        for name, value in self.items():
+            number = "none" if value is None else f"{value:.6g} {self.units.get(name, '')}".rstrip()
+            shown.append(f"{name}: {number}")
         return f"{{{', '.join(shown)}}}{self._caveat}"
 
 

@@ -73,7 +73,7 @@ def check_limits(
             " the header"
         )
         row, error = _first_outside(robot, joints, outside, noun, numbers, remedy)
-        raise error.at(file, lines[row]) if file is not None else error
+        raise error.at(file, lines[row])
     warnings = []
     for i in range(robot.n):
         rows = [int(row) for row in np.flatnonzero(outside[:, i])]

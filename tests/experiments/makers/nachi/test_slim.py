@@ -23,7 +23,7 @@ from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
 
 READER = next(each for maker in makers() for each in maker.read if each.name == "slim")
-FILES = pytest.mark.parametrize("files", [10, pytest.param(200, marks=pytest.mark.long)])
+FILES = pytest.mark.parametrize("files", [20, pytest.param(200, marks=pytest.mark.long)])
 
 
 @cache
