@@ -100,7 +100,7 @@ def _figure(robot: Robot, row: Matrix) -> int:
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints, and poses behind joints nearby."""
-    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows) @ TOOL
+    poses = np.linalg.inv(TABLE) @ flange_arm(robot).fk(rows, "deg") @ TOOL
     lines = ['\'!TITLE "job"', "Sub Main", "  Dim p_1 As Position", "  TakeArm Keep = 0", "  ChangeTool 1"]
     lines += ["  ChangeWork 2", "  Speed 30"]
     for i, row in enumerate(rows):

@@ -167,7 +167,7 @@ def _words(row: Matrix) -> list[int]:
 
 def user_program(robot: Robot, rows: Matrix) -> str:
     """As a person has it: joints, and behind joints nearby points with a label or not, and XY."""
-    poses = flange_arm(robot).fk(rows) @ TOOL
+    poses = flange_arm(robot).fk(rows, "deg") @ TOOL
     lines, points = ["Function main", "  Motor On", "  Tool 1", "  Speed 20"], []
     for i, row in enumerate(rows):
         go = f"  Go JA({', '.join(f'{value:.4f}' for value in row)})"
