@@ -12,6 +12,7 @@ from ..experiments.makers.maker import (
     all_have_a_place,
     in_order,
     makers,
+    plan_programs,
     program_languages,
 )
 from .console import EXIT_STATUS, print_json, say
@@ -48,7 +49,6 @@ Without = Annotated[
 ]
 # As help lists them; those of other makers are behind.
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
-_PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 
 Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]  # of the files; notes
 
@@ -140,16 +140,16 @@ def _export(
 
 
 def _plan_command() -> Command:
-    programs = in_order([program for maker in makers() for program in maker.program], _PROGRAMS)
-
+    programs = [program for program, _ in plan_programs()]
     kinds = [*(program.name for program in programs), "pdf"]
+    several = [program.name for program in programs if len(program.files) > 1]
 
     def export_plan(
         kind: Annotated[
             Literal[tuple(kinds)],  # type: ignore[valid-type]
             typer.Argument(
-                help=f"{', '.join(program.about for program in programs)}; pdf: a sheet for the person at the"
-                " robot.",
+                help=f"{'; '.join(f'{program.name}: {program.label}' for program in programs)}; pdf: a sheet"
+                " for the person at the robot.",
                 show_default=False,
             ),
         ],
@@ -157,7 +157,10 @@ def _plan_command() -> Command:
         file: Annotated[
             Path,
             typer.Option(
-                "-o", "--out", help="File to write; krl and val3 write others beside it.", show_default=False
+                "-o",
+                "--out",
+                help=f"File to write; {' and '.join(several)} write others beside it.",
+                show_default=False,
             ),
         ],
         speed: Annotated[float, typer.Option(help="Speed of the fastest joint, degrees a second.")] = 10.0,

@@ -86,7 +86,15 @@ MAKER = Maker(
     "fanuc",
     r"fanuc|lr ?mate\w*|crx\w*|arcmate|m ?\d+i[a-d]?\w*|r ?\d+i[a-d]?\w*",
     offsets=(OffsetFile("fanuc", _sheet),),
-    program=(PlanProgram("fanuc", "fanuc", _tp_program, ("speed", "zone", "tool", "j3", "register")),),
+    program=(
+        PlanProgram(
+            "fanuc",
+            "TP program (FANUC)",
+            ("zb_plan.ls",),
+            _tp_program,
+            ("speed", "zone", "tool", "j3", "register"),
+        ),
+    ),
     read=(
         Reader(
             "fanuc",
