@@ -13,6 +13,7 @@ from ..experiments.makers.maker import (
     all_have_a_place,
     in_order,
     makers,
+    plan_programs,
     program_languages,
 )
 from ..model.errors import BadInput, NotWritten
@@ -51,7 +52,6 @@ Without = Annotated[
 ]
 # As help lists them; those of other makers are behind.
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
-_PROGRAMS = ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv")
 
 # Of the files; notes; the targets of a corrected program.
 Texts = tuple[Mapping[Path, str | bytes], Sequence[str], "Sequence[CorrectedTarget]"]
@@ -188,16 +188,16 @@ def _make_folder(folder: Path) -> None:
 
 
 def _plan_command() -> Command:
-    programs = in_order([program for maker in makers() for program in maker.program], _PROGRAMS)
-
+    programs = [program for program, _ in plan_programs()]
     kinds = [*(program.name for program in programs), "pdf"]
+    several = [program.name for program in programs if len(program.files) > 1]
 
     def export_plan(
         kind: Annotated[
             Literal[tuple(kinds)],  # type: ignore[valid-type]
             typer.Argument(
-                help=f"{', '.join(program.about for program in programs)}; pdf: a sheet for the person at the"
-                " robot.",
+                help=f"{'; '.join(f'{program.name}: {program.label}' for program in programs)}; pdf: a sheet"
+                " for the person at the robot.",
                 show_default=False,
             ),
         ],
@@ -205,7 +205,10 @@ def _plan_command() -> Command:
         file: Annotated[
             Path,
             typer.Option(
-                "-o", "--out", help="File to write; krl and val3 write others beside it.", show_default=False
+                "-o",
+                "--out",
+                help=f"File to write; {' and '.join(several)} write others beside it.",
+                show_default=False,
             ),
         ],
         speed: Annotated[float, typer.Option(help="Speed of the fastest joint, degrees a second.")] = 10.0,

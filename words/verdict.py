@@ -28,7 +28,8 @@ VERDICT_WORDS: dict[PlanVerdict, str] = {
     "misfit": "Misfit",
     "violated": "Constraints violated",
 }
-_TOUCHED: dict[Condition, str] = {
+_BROKEN: dict[Condition, str] = {
+    "behind": "the target is behind the laser",
     "itself": "the arm hits itself",
     "cell": "the arm hits the floor or a box",
     "beam": "a box is in the beam's way",
@@ -106,7 +107,7 @@ def violation_words(violation: Violation) -> str:
         return f"{where}{violation.why}"
     if at_value is None or lowest is None or highest is None:
         planned = ", before the wrist is turned onto the target" if violation.planned else ""
-        return f"{where}{_TOUCHED[violation.condition]}{planned}"
+        return f"{where}{_BROKEN[violation.condition]}{planned}"
     unit = violation.unit or ""
     at, low, high = (numbers.exact(round(value, 2), unit) for value in (at_value, lowest, highest))
     match violation.condition:
@@ -114,7 +115,7 @@ def violation_words(violation: Violation) -> str:
             side = "from behind, " if at_value > 90 else ""
             return f"the beam meets the target's face {side}at {at} to its normal (at most {high} allowed)"
         case "beam_mm" if at_value <= 0:
-            return "the target is behind the laser"
+            return _BROKEN["behind"]
         case "beam_mm":
             return f"the beam is {at} long ({low} to {high} allowed)"
         case _:

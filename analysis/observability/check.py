@@ -70,7 +70,7 @@ class Violation:
     def unseen(self) -> bool:
         """Whether the posture gives no measurement: the beam does not come to the front of the target, or the
         instrument cannot measure."""
-        return self.condition in ("facing", "beam", "sight", "unfit")
+        return self.condition in ("behind", "facing", "beam", "sight", "unfit")
 
 
 @dataclass(frozen=True)
@@ -305,12 +305,12 @@ class Check:
             postures=tuple(
                 CheckedPosture(
                     i,
-                    plan.called[i],
+                    plan.called[row],
                     float(aimed.off_mm[i]),
                     bool(aimed.hit[i]),
                     tuple(each for each in violations if each.posture == i),
                 )
-                for i in range(problem.shots)
+                for i, row in enumerate(problem.shot_numbers)
             ),
             curve=promised,
             over_target=elsewhere,

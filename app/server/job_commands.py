@@ -9,7 +9,7 @@ from typing import Annotated, Literal, get_origin
 from pydantic import BeforeValidator, Field
 
 from ...experiments.makers.known_logs import known_logs, read_log
-from ...experiments.makers.maker import makers, options_of_format
+from ...experiments.makers.maker import makers, options_of_format, plan_programs
 from ...experiments.rigs.live.address import SCHEMES, parse_address
 from ...model.errors import BadInput
 from ...model.files.run import is_run_name
@@ -118,9 +118,9 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     **{
         ("export", "plan", form): (
             1,
-            _options(("write", "--out"), ("value", "--speed --zone --tool --j3 --register")),
+            _options(("write", "--out"), ("value", "--speed --zone --tool --j3 --register --listener")),
         )
-        for form in (*(program.name for maker in makers() for program in maker.program), "pdf")
+        for form in (*(program.name for program, _ in plan_programs()), "pdf")
     },
 }
 _SHORT = {"-o": "--out"}

@@ -15,6 +15,7 @@ from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import write_whole
 from .folder import Folder
+from .job_commands import job_command
 
 _FILE = "runs.json"
 _SCHEMA: Literal["zerobeam/app-runs/1"] = "zerobeam/app-runs/1"
@@ -44,11 +45,14 @@ class StartedRuns:
         self._folder = folder
 
     def command(self, file: str) -> list[str] | None:
-        """The command that goes on with a run, None where the app has not started it."""
+        """The command that goes on with a run, None where the app has not started it or would not."""
         entry = self._read().get(file)
         if entry is None:
             return None
-        command = entry.command
+        try:
+            command = job_command(self._folder, [word for word in entry.command if word not in _OURS])
+        except BadInput:
+            return None
         return [*command[:1], _RESUME, *(word for word in command[1:] if word not in (_RESUME, *_OURS))]
 
     def unfinished(self) -> list[str]:

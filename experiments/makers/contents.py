@@ -17,7 +17,7 @@ from ...model.parsing.reading import LARGEST_TABLE, decode, read_bytes, require_
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
 from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
-from .joint_text import PROGRAM_LINE
+from .joint_text import PROGRAM_LINE, is_log_of_program, program_is_no_recording, writes_log
 from .known_logs import known_logs
 from .maker import FormatMark, Reader, makers
 from .taught_positions import POSTURE
@@ -216,8 +216,8 @@ def _program(path: Path, text: str) -> Contents | None:
     if (ours := _OURS.search(text[:4096])) is not None:
         count = f"a file of zerobeam: {ours[1]}"
         return Contents("ours", f"its schema, zerobeam/{ours[1]}", count, kind=ours[1])
-    lines = len(PROGRAM_LINE.findall(text))
-    if lines:
+    if is_log_of_program(text):
+        lines = len(PROGRAM_LINE.findall(text))
         why, formats = "lines that a plan's program writes", [r.name for r in _readers() if r.program_log]
         return Contents("program log", why, f"{lines} postures", tuple(formats))
     marked = [
@@ -228,6 +228,8 @@ def _program(path: Path, text: str) -> Contents | None:
     ]
     if marked:
         return _points(marked, text, path)
+    if writes_log(text):
+        raise program_is_no_recording(path)
     if len(set(_JOINT_STATE.findall(text))) == 2:
         states = messages(text)
         names = tuple(dict.fromkeys(name for _, message in states for name in message.get("name", ())))

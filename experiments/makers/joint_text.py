@@ -19,6 +19,7 @@ import numpy as np
 
 from ...model.errors import BadInput, located
 from ...model.files.limits import require_joint_count
+from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, PendantUnit
 from ...model.parsing.reading import read_text, shown
@@ -38,6 +39,8 @@ _MINUS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "�
 PROGRAM_LINE = re.compile(
     r"zerobeam (?P<what>posture|rehearsal) (?P<number>\d{1,9}) (?P<unit>\w+)(?P<values>.*)"
 )
+# The beginning of such a line in quotes: the statement of a program that writes it.
+_STATEMENT = re.compile(r"""["']zerobeam (?:plan|posture|rehearsal)\b""")
 _PROGRAM_UNITS = {"deg": 1.0, "microdegrees": 1e-6}
 
 
@@ -204,12 +207,28 @@ def _value(text: str) -> float:
     return value
 
 
-_PLAN = re.compile(r"zerobeam plan (?P<hash>[0-9a-f]{12})\b")
+PLAN_LINE = re.compile(r"zerobeam plan (?P<hash>[0-9a-f]{12})\b")
+
+
+def is_log_of_program(text: str) -> bool:
+    """Whether a text has lines that a plan's program wrote; the program itself has them in its statements."""
+    return PROGRAM_LINE.search(text) is not None and not writes_log(text)
+
+
+def writes_log(text: str) -> bool:
+    """Whether a text is a plan's program, which writes a log.
+
+    >>> writes_log('tp_log("zerobeam posture 3 deg {:.6f}".format(zb_now[0]))')
+    True
+    >>> writes_log("zerobeam posture 3 deg -69.348")
+    False
+    """
+    return _STATEMENT.search(text) is not None
 
 
 def is_program_log(job: ImportJob) -> bool:
-    """Whether the first of the files has lines of a plan's program."""
-    return PROGRAM_LINE.search(read_text(job.paths[0])[0]) is not None
+    """Whether the first of the files is the log of a plan's program."""
+    return is_log_of_program(read_text(job.paths[0])[0])
 
 
 def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> Imported:
@@ -229,6 +248,8 @@ def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> 
 
 def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMeasurements:
     text, _ = read_text(path)
+    if writes_log(text):
+        raise program_is_no_recording(path)
     lines = text.split("\n")
     rows: dict[int, tuple[tuple[float, ...], int]] = {}
     again: list[int] = []
@@ -271,7 +292,7 @@ def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMe
 
 def require_same_plan(content: str, job: ImportJob) -> None:
     """BadInput where a line of a log or program says that it is of another plan than the job's."""
-    plan_line = _PLAN.search(content)
+    plan_line = PLAN_LINE.search(content)
     if plan_line is not None and job.plan is not None and not job.plan.sha256.startswith(plan_line["hash"]):
         raise BadInput(
             "the log is of another plan, or of this one before it was changed",
@@ -279,3 +300,26 @@ def require_same_plan(content: str, job: ImportJob) -> None:
             allowed=f"plan {job.plan.sha256[:12]} ({job.plan.path.name})",
             remedy="import with the plan that the program was made of; use a new log for each program",
         )
+
+
+def program_is_no_recording(path: Path) -> BadInput:
+    """The error for a plan's program where what it recorded is needed."""
+    return BadInput(
+        "the file is a plan's program, not what the program recorded",
+        found="statements that write lines of a log",
+        allowed="the log that the program wrote",
+        remedy="run the program on the robot, and import its log",
+        file=path,
+    )
+
+
+def required_plan(job: ImportJob, path: Path) -> Plan:
+    """The plan of which a file is the program; BadInput where the job has none."""
+    if job.plan is None:
+        raise BadInput(
+            "the file is a plan's program, and its positions may still be the planned ones",
+            found="no plan to compare them with",
+            remedy="import with --plan, or name the measured positions with --points",
+            file=path,
+        )
+    return job.plan

@@ -107,13 +107,15 @@ class OffsetFile:
 class PlanProgram:
     """`zerobeam export plan NAME`: `texts` makes the files of a plan, a motion and the path that was stated.
 
-    `options` are those of the motion that the format has room for; `notes` are sentences on how it counts
-    joints, by default where the pendant does not count them as the robot file; `overwrites` says what is lost
-    in the controller when the program runs.
+    `label` is what people call the language; `files` are usual names of the files, the first that of `--out`:
+    others of the same stem follow its name. `options` are those of the motion that the format has room for;
+    `notes` are sentences on how it counts joints, by default where the pendant does not count them as the
+    robot file; `overwrites` says what is lost in the controller when the program runs.
     """
 
     name: str
-    about: str
+    label: str
+    files: tuple[str, ...]
     texts: Callable[..., Mapping[Any, str]]
     options: tuple[str, ...]
     notes: Callable[..., str | None] | None = None
@@ -215,6 +217,13 @@ def program_languages() -> list[tuple[ProgramFiles, Vendor]]:
     languages = {files: maker.vendor for maker in makers() if maker.vendor for files in maker.correct}
     order = in_order(list(languages), ("RAPID", "KRL", "TP", "URScript"))
     return [(files, languages[files]) for files in order]
+
+
+def plan_programs() -> list[tuple[PlanProgram, Vendor | None]]:
+    """The programs that a plan is exported as, each with the vendor of the robots that it is for."""
+    programs = {program: maker.vendor for maker in makers() for program in maker.program}
+    order = in_order(list(programs), ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv"))
+    return [(program, programs[program]) for program in order]
 
 
 def vendor_of(robot: Robot) -> str | None:

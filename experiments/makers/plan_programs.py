@@ -17,7 +17,7 @@ from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ..plans.constraints import require_constraints
-from .maker import PlanProgram, makers, one_line, require_vendor
+from .maker import PlanProgram, one_line, plan_programs, require_vendor
 
 LOG = "zerobeam posture"  # what a line of a program's log begins with, before number, unit and values
 LOG_PLAN = "zerobeam plan"  # … and the line that says of which plan it is
@@ -165,14 +165,14 @@ def listed(values: Sequence[float], least: int = 1) -> str:
 
 def program_of(kind: str) -> tuple[PlanProgram, Vendor | None]:
     """The kind of program of this name, and whose controllers it is for; BadInput where there is none."""
-    programs = {program.name: (program, maker.vendor) for maker in makers() for program in maker.program}
+    programs = {program.name: (program, vendor) for program, vendor in plan_programs()}
     if kind not in programs:
         raise BadInput("unknown kind of program", found=kind, allowed=", ".join(programs))
     return programs[kind]
 
 
 def program_texts(kind: str, plan: Plan, motion: ProgramMotion, file: Path) -> Mapping[Path, str]:
-    """The files of a program and their texts: one, but two for KRL.
+    """The files of a program and their texts: one, or several where the language has them.
 
     BadInput for a robot of another vendor, joints that the language cannot hold, options that it has no place
     for, and a name that the controller does not allow.

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ...model.errors import BadInput, located
+from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant
 from ...model.kinematics.robot import Robot
-from .joint_text import require_same_plan
+from .joint_text import require_same_plan, required_plan
 from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, tokens
 from .program_parts import (
     span,
@@ -129,9 +130,10 @@ def import_taught(
         ours = [(point, match) for point in taught if (match := POSTURE.fullmatch(point.name))]
         if points is not None or not ours:
             return taught
+        plan = required_plan(job, path)
         recorded = "m" if any(match[1] in "mM" for _, match in ours) else "p"
         numbers = {int(match[2]) for _, match in ours if match[1].lower() == recorded}
-        missing = set(range(0 if job.plan is None else len(job.plan.postures))) - numbers
+        missing = set(range(len(plan.postures))) - numbers
         if missing:  # a plan's program has all of them, whether they were recorded or not
             raise BadInput(
                 "a posture of the plan is not in the file",
@@ -141,7 +143,7 @@ def import_taught(
         measured = [
             point._replace(number=int(match[2]))
             for point, match in ours
-            if match[1].lower() == recorded and not _as_planned(language, job, point, int(match[2]))
+            if match[1].lower() == recorded and not _as_planned(language, plan, point, int(match[2]))
         ]
         if not measured:
             raise BadInput(
@@ -155,14 +157,14 @@ def import_taught(
     return import_points(job, parse, names=points, vendor=vendor, note=note)
 
 
-def _as_planned(language: LineLanguage, job: ImportJob, point: TaughtPoint, number: int) -> bool:
+def _as_planned(language: LineLanguage, plan: Plan, point: TaughtPoint, number: int) -> bool:
     """Whether a posture of the plan's program is still as the plan has it, to the program's digits."""
-    if job.plan is None or point.joints is None or not number < len(job.plan.postures):
+    if point.joints is None or not number < len(plan.postures):
         return False
-    if len(point.joints) < job.robot.n:
+    if len(point.joints) < plan.robot.n:
         return False
-    pendant = Pendant(job.robot)
-    planned = pendant.counted(job.plan.postures[number] * job.robot.display)
+    pendant = Pendant(plan.robot)
+    planned = pendant.counted(plan.postures[number] * plan.robot.display)
     decimals = language.joint_decimals if language.saved_decimals is None else language.saved_decimals
     digits = 10.0**-decimals / np.abs(pendant.per_degree(language.unit))
-    return bool((np.abs(np.array(point.joints[: job.robot.n]) - planned) <= digits).all())
+    return bool((np.abs(np.array(point.joints[: plan.robot.n]) - planned) <= digits).all())

@@ -196,7 +196,7 @@ def require_constraints(plan: Plan) -> None:
 
 def violations(turned: AimedPlan) -> tuple[Violation, ...]:
     """The violations of each posture of a plan of the plan's constraints and of what its instruments can
-    measure, in the order of the postures.
+    measure, in the order of the postures; at one of them several instruments may measure.
 
     Postures that cannot be turned onto their targets have no beam to be judged: `check` names them. What the
     arm may touch is judged in the postures as written and in the intermediate ones as well.
@@ -230,18 +230,24 @@ def _broken(turned: AimedPlan) -> Iterator[Violation]:
         in_front = hit[conditions.length[hit] > 0] if part.problem.tool.beam else hit
         for broken, breaks in conditions.in_order():
             condition = broken.condition
-            if condition == "behind" or (condition == "limits" and constraints.margin_deg is None):
-                continue  # findings of `check`, stated or not
-            rows = {"beam_mm": hit, "unfit": hit, "facing": in_front, "beam": in_front, "sight": in_front}
+            if condition == "limits" and constraints.margin_deg is None:
+                continue  # a finding of `check`
+            if condition == "behind" and (not constraints.model_fields_set or view.beam is not None):
+                continue  # a finding of `check`; and a beam that is too short
+            rows = {"beam_mm": hit, "unfit": hit, "behind": hit}
+            rows |= {"facing": in_front, "beam": in_front, "sight": in_front}
             chosen = rows.get(condition, every)
             for i in chosen[breaks(chosen)].tolist():
-                touched.add((part.rows[i], condition))
-                yield from _violation(conditions, plan, broken, i, part.rows[i])
+                posture = int(part.postures[i])
+                if (posture, condition) in touched and condition in ("limits", *_TOUCHES):
+                    continue  # the arm is the same for every instrument
+                touched.add((posture, condition))
+                yield from _violation(conditions, plan, broken, i, posture)
     if obstacles is None:
         return
     clearance = Clearance(turned.aimed.problem, obstacles)
-    for i in range(len(plan.postures)):
-        for via, joints in [(None, plan.postures[i]), *enumerate(plan.via_of(i))]:
+    for i, row in enumerate(turned.aimed.problem.shot_numbers):
+        for via, joints in [(None, plan.postures[row]), *enumerate(plan.via_of(row))]:
             for condition, hits in _TOUCHES.items():
                 if (via is None and (i, condition) in touched) or not hits(clearance, joints[None])[0]:
                     continue
@@ -256,10 +262,10 @@ _TOUCHES: dict[Condition, Callable[[Clearance, Matrix], Mask]] = {
 
 class _PartOfPlan(NamedTuple):
     """Measurements of a plan by one instrument and variant: their `problem`, turned onto their targets,
-    `rows` which of the plan they are, `hit` (N,) whether they are turned onto them."""
+    `postures` (N,) at which of the plan they are, `hit` (N,) whether they are turned onto them."""
 
     problem: Problem
-    rows: list[int]
+    postures: Index
     hit: Mask
 
 
@@ -269,7 +275,7 @@ def _parts(turned: AimedPlan) -> Iterator[_PartOfPlan]:
     for row, item in enumerate(plan.measurements):
         by_means.setdefault((item.instrument, item.variant), []).append(row)
     if len(by_means) == 1:
-        yield _PartOfPlan(problem, list(range(problem.shots)), turned.aimed.hit)
+        yield _PartOfPlan(problem, np.arange(problem.shots), turned.aimed.hit)
         return
     shot = {row: i for i, row in enumerate(problem.shot_numbers)}
     first = {item.posture: row for row, item in reversed(list(enumerate(plan.measurements)))}
@@ -277,7 +283,7 @@ def _parts(turned: AimedPlan) -> Iterator[_PartOfPlan]:
         at = np.array([shot[first[plan.measurements[row].posture]] for row in rows])
         measured = [[plan.measurements[row]] for row in rows]
         alone = Problem.of_measured(plan.header, plan.robot, problem.joints[at], measured, planned=True)
-        yield _PartOfPlan(alone, rows, turned.aimed.hit[at])
+        yield _PartOfPlan(alone, at, turned.aimed.hit[at])
 
 
 def _violation(
@@ -299,7 +305,7 @@ def _violation(
         case "facing":
             at = float(np.degrees(conditions.incidence[i]))
             yield Violation(posture, "acceptance_deg", condition, at, 0.0, constraints.acceptance, "deg")
-        case "unfit":
+        case "unfit" | "behind":
             yield Violation(posture, "instrument", condition, why=broken.why)
         case _:
             yield Violation(posture, "obstacles", condition)

@@ -31,6 +31,28 @@ def test_every_form_of_every_maker_can_be_exported_with_its_options(client: Test
     assert fanuc["options"][0]["choices"] == ["ground", "link"]
 
 
+def test_a_plan_is_exported_in_the_app_as_by_the_command_line(client: TestClient, root: Path) -> None:
+    from command_line import zerobeam
+
+    forms = client.get("/api/plan-exports").json()
+    refusal = " ".join(zerobeam("export", "plan", "nothing", "plan.yaml", "-o", "out").err.split())
+    assert [form["name"] for form in forms[1:]] + ["pdf"] == re.findall(r"'(\w+)'", refusal)[2:]
+    assert forms[0]["name"] == "pdf"
+    options = {
+        "speed": "5",
+        "zone": "1",
+        "tool": "1",
+        "j3": "link",
+        "register": "2",
+        "listener": "10.0.0.1:5",
+    }
+    assert {option for form in forms for option in form["options"]} == {*options}
+    for form in forms:
+        stated = [f"--{name}={options[name]}" for name in form["options"]]
+        words = ["export", "plan", form["name"], "plan.yaml", f"--out={form['files'][0]}", *stated]
+        assert {*stated} <= {*job_command(Folder(root), words)}
+
+
 def test_options_of_points_are_those_of_the_command() -> None:
     from command_line import zerobeam
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from app_jobs import begun, ended, events
+from app_jobs import begun, ended, events, unfinished_run
 from cells import good_plan
 from child import ZEROBEAM, child
 from command_line import plan_file, zerobeam
@@ -114,3 +114,39 @@ def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:
         assert process.poll() is None
         process.stdin.close()
         assert process.wait(timeout=60) == INTERRUPTED
+
+
+STRANGER = "stranger.example"
+
+
+@pytest.mark.parametrize(
+    ("rig", "controller", "kept"),
+    [
+        (["--rig=abb", f"--host={STRANGER}", "--speed=0.5"], "abb", ["--rig=abb", "--speed=0.5"]),
+        (["--rig", "abb", "--host", STRANGER], "abb", ["--rig=abb"]),
+        ([f"--rig=ur://{STRANGER}"], "ur", []),
+        (["--rig", f"ur://{STRANGER}"], "ur", []),
+        (["--rig=manual"], None, ["--rig=manual"]),
+    ],
+)
+def test_a_run_of_a_folder_is_resumed_without_the_address_that_the_folder_has(
+    client: TestClient, root: Path, rig: list[str], controller: str | None, kept: list[str]
+) -> None:
+    """The folder may come from anybody: no password, and no arm, of a person who did not state where."""
+    plan_file(root / "short.yaml", good_plan(2))
+    unfinished_run(root, "short.yaml", ["run", *rig, "--out=made.jsonl", "short.yaml"])
+    (state,) = client.get("/api/unfinished").json()
+    assert state["controller"] == controller
+    assert state["resume"] == ["run", "--resume", *kept, "--out=made.jsonl", "short.yaml"]
+    assert STRANGER not in str(state)
+
+
+def test_a_command_of_a_folder_that_the_app_would_not_carry_out_is_not_offered(
+    client: TestClient, root: Path
+) -> None:
+    command = ["run", "--rig=abb", f"--host={STRANGER}", "--yes", "--out=made.jsonl", "short.yaml"]
+    plan_file(root / "short.yaml", good_plan(2))
+    unfinished_run(root, "short.yaml", command)
+    (state,) = client.get("/api/unfinished").json()
+    assert STRANGER not in str(state)
+    assert "--rig=abb" not in state["resume"]  # the run file says that it was simulated

@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+from app_jobs import unfinished_run
 from app_page import SCREENS, App, app, root, touch, wait
 from cells import good_plan
 from child import ZEROBEAM, child
@@ -212,6 +213,26 @@ def test_a_person_is_led_and_a_doubt_is_at_the_field(server: App, folder: Path) 
         assert tab.value("document.querySelectorAll('img').length") == 0
         assert (tab.console, tab.dialogs) == ([], [])
     assert [shot.shot for shot in read_run(folder / "cell" / "hand.jsonl").shots] == [0, 2]
+
+
+def test_a_robot_is_resumed_at_the_address_that_a_person_types(folder: Path) -> None:
+    """And not at the one that the folder has, which would hear the password."""
+    options = ["--rig=abb", "--host=stranger.example", "--port=9", "--speed=0.5"]
+    unfinished_run(folder, "cell/two.yaml", ["run", *options, "--out=cell/made.jsonl", "cell/two.yaml"])
+    again = "document.querySelector('[aria-label=\"Resume cell/made.jsonl\"]')"
+    with app(folder) as server, measure(server, "two.yaml") as tab:
+        wait(tab, f"{again}?.disabled")
+        assert "--port=9 --speed=0.5" in tab.value("document.querySelector('.unfinished').textContent")
+        fill(tab, "Password of the controller, for cell/made.jsonl", "robotics")
+        assert tab.value(f"{again}.disabled")
+        fill(tab, "Address of the controller, for cell/made.jsonl", "127.0.0.1")
+        wait(tab, f"!{again}.disabled")
+        press(tab, "Resume cell/made.jsonl")
+        wait(tab, OVER, 60)  # nobody answers there
+        (job,) = server.ask("jobs")
+        assert "--host=127.0.0.1" in job["command"]
+        assert "stranger" not in json.dumps(job)
+        assert tab.accessibility() == []
 
 
 CELL = {

@@ -13,7 +13,7 @@ from app_page import app, wait
 from arm_with_meshes import URDF, stl
 from cells import good_plan
 from chromium import Tab, chromium
-from command_line import plan_file
+from command_line import plan_file, zerobeam
 
 pytestmark = pytest.mark.browser
 
@@ -83,6 +83,34 @@ def test_a_plan_is_compared_with_another(tab: Tab) -> None:
     ours, theirs, ratio = table["J2 (δ2)"]
     assert ours.startswith(("●", "◆"))
     assert float(ratio.removeprefix("× ")) < 1 if "°" in theirs else "→" in ratio
+
+
+def test_a_plan_is_exported_for_the_controller_of_a_newer_maker(folder: Path, tmp_path: Path) -> None:
+    """A VAL3 application is four files, and those of the command line."""
+    at = folder / "staubli"
+    at.mkdir()
+    content = yaml.safe_load((folder / "cell" / "fewer.yaml").read_text())
+    (at / "plan.yaml").write_text(yaml.safe_dump({**content, "robot": "tx2_60"}))
+    assert zerobeam("export", "plan", "val3", at / "plan.yaml", "-o", tmp_path / "zb_plan.pjx").status == 0
+    files = {file.name: file.read_text() for file in tmp_path.iterdir()}
+    with (
+        app(folder) as served,
+        chromium().opened(f"{served.address}#/job/staubli/plan/staubli/plan.yaml") as tab,
+    ):
+        wait(tab, f"{CHECKED} && {PICTURE}")
+        unfold(tab, "Export for a controller, or as a sheet")
+        choose(tab, "Form", "val3")
+        wait(
+            tab,
+            "[...document.querySelectorAll('input')].some((i) => i.placeholder === 'staubli/zb_plan.pjx')",
+        )
+        press(tab, "Export")
+        links = "[...document.querySelectorAll('a[download]')].map((one) => one.textContent)"
+        wait(tab, f"{links}.length === 4", 60)
+        assert {link.removeprefix("Download ").strip() for link in tab.value(links)} == {*files}
+        wait(tab, "document.querySelector('form a[download]')")
+        assert tab.console == []
+    assert {name: (at / name).read_text() for name in files} == files
 
 
 @pytest.mark.long

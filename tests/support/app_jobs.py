@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from command_line import zerobeam
 from starlette.testclient import TestClient
 
 
@@ -30,3 +33,15 @@ def events(client: TestClient, job: str, after: int | None = None) -> list[tuple
             number, kind, data = (line.partition(": ")[2] for line in block.split("\n"))
             found.append((int(number), kind, json.loads(data)))
     return found
+
+
+def unfinished_run(root: Path, plan: str, command: Sequence[str]) -> None:
+    """A run of a plan (made.jsonl beside it) that has one of its measurements, and in the folder's list of
+    started runs the command that is said to have begun it."""
+    run = (root / plan).with_name("made.jsonl")
+    zerobeam("run", root / plan, "-o", run)
+    run.write_bytes(b"".join(run.read_bytes().splitlines(keepends=True)[:2]))
+    entry = {"command": list(command), "ended": False}
+    runs = {"schema": "zerobeam/app-runs/1", "runs": {run.relative_to(root).as_posix(): entry}}
+    (root / ".zerobeam").mkdir(exist_ok=True)
+    (root / ".zerobeam" / "runs.json").write_text(json.dumps(runs))

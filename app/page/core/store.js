@@ -61,12 +61,12 @@ export const versionOf = (path) => files.value.find((file) => file.path === path
 /** @param {string} kind */
 export const ofKind = (kind) => files.value.filter((file) => file.kind === kind).map((file) => file.path);
 
-/** A name that no file has. @param {string} name */
-export function freeName(name) {
+/** A name that no file has. @param {string} name @param {string} [before] what is before a number that is added */
+export function freeName(name, before = "-") {
   const taken = new Set(files.value.map((file) => file.path));
   const dot = name.lastIndexOf("."), cut = dot > name.lastIndexOf("/") + 1 ? dot : name.length;
   for (let k = 1; ; k++) {
-    const other = k === 1 ? name : `${name.slice(0, cut)}-${k}${name.slice(cut)}`;
+    const other = k === 1 ? name : `${name.slice(0, cut)}${before}${k}${name.slice(cut)}`;
     if (!taken.has(other)) return other;
   }
 }

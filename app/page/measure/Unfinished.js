@@ -8,8 +8,9 @@ import { start, unfinished } from "./running.js";
 /** @param {{one: import("./running.js").Unfinished}} props */
 function Item({ one }) {
   const password = useSignal(""), address = useSignal(""), busy = useSignal(false), resume = one.resume;
-  // The folder may come from anybody: where a run was connected to is typed again.
-  const live = resume?.find((word) => /^--rig=\w+:\/\//.test(word));
+  // The folder may come from anybody: where the controller is has to be typed again, and the other options are shown.
+  const { controller } = one, abb = controller === "abb", where = address.value.trim();
+  const options = (resume ?? []).filter((word) => word.startsWith("--") && !/^--(resume$|out=|rig=)/.test(word)).join(" ");
   const facts = [
     one.recorded && `${one.recorded.length}${one.postures ? ` of ${one.postures}` : ""} recorded.`,
     one.torn && "The last line is torn and will be left out.", one.why_not,
@@ -18,16 +19,17 @@ function Item({ one }) {
     if (!resume) return;
     busy.value = true;
     attempt(async () => {
-      await start(resume.map((word) => (word === live ? `--rig=${address.value.trim()}` : word)), password.value);
+      await start(controller ? [...resume.slice(0, -1), `${abb ? "--host" : "--rig"}=${where}`, ...resume.slice(-1)] : resume, password.value);
       go(toJob(route.value.name, "measure", one.file), { replace: true, sure: true });
     }).finally(() => { busy.value = false; });
   };
   return html`
     <li><p>${one.file} <small class="muted">${facts}</small></p>
+      ${controller && options && html`<p class="muted">Resumes with the options that the folder has: ${options}</p>`}
       ${resume && html`<div class="bar">
-        ${resume.includes("--rig=abb") && html`<input type="password" autocomplete="off" class="grow" aria-label=${`Password of the controller, for ${one.file}`} placeholder="Password" value=${password.value} onInput=${(/** @type {any} */ event) => { password.value = event.target.value; }} />`}
-        ${live && html`<input type="text" autocomplete="off" spellcheck=${false} class="grow" aria-label=${`Address of the controller, for ${one.file}`} placeholder=${`${live.slice(6).split("://")[0]}://HOST`} value=${address.value} onInput=${(/** @type {any} */ event) => { address.value = event.target.value; }} />`}
-        <button type="button" aria-label=${`Resume ${one.file}`} disabled=${busy.value || Boolean(live && !address.value.includes("://"))} onClick=${again}>Resume</button>
+        ${abb && html`<input type="password" autocomplete="off" class="grow" aria-label=${`Password of the controller, for ${one.file}`} placeholder="Password" value=${password.value} onInput=${(/** @type {any} */ event) => { password.value = event.target.value; }} />`}
+        ${controller && html`<input type="text" autocomplete="off" spellcheck=${false} class="grow" aria-label=${`Address of the controller, for ${one.file}`} placeholder=${abb ? "HOST" : `${controller}://HOST`} value=${address.value} onInput=${(/** @type {any} */ event) => { address.value = event.target.value; }} />`}
+        <button type="button" aria-label=${`Resume ${one.file}`} disabled=${busy.value || Boolean(controller && !(abb ? where : where.includes("://")))} onClick=${again}>Resume</button>
       </div>`}
     </li>`;
 }

@@ -8,7 +8,7 @@ import { begun, heard } from "./events.js";
 
 /** @typedef {import("../core/jobs.js").JobState} JobState */
 /** @typedef {import("./events.js").RunSeen} RunSeen */
-/** @typedef {{file: string, plan: string | null, postures: number | null, recorded: number[], ended: boolean | null, torn: boolean, resume: string[] | null, why_not: string | null}} Unfinished */
+/** @typedef {{file: string, plan: string | null, postures: number | null, recorded: number[], ended: boolean | null, torn: boolean, resume: string[] | null, controller: string | null, why_not: string | null}} Unfinished */
 
 /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
 export const job = signal(null);

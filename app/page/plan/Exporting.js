@@ -1,45 +1,58 @@
 // The saved plan as a program for a controller, or as a sheet for the person at the robot.
 import { html } from "htm/preact";
+import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
+import { get } from "../core/api.js";
 import { file, save, unsaved } from "../core/editing.js";
-import { freeName } from "../core/store.js";
+import { failed, freeName } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { NumberField } from "../parts/NumberField.js";
 import { TextField } from "../parts/TextField.js";
 import { useWritten, Written } from "../parts/Written.js";
 
-/** Of each form what it is called, the endings of its files, and the options that it takes. @type {Record<string, [string, string[], string[]]>} */
-const FORMS = {
-  pdf: ["sheet for the person at the robot (PDF)", ["pdf"], ["j3"]],
-  rapid: ["RAPID (ABB)", ["mod"], ["speed", "zone", "tool"]], urscript: ["URScript (Universal Robots)", ["script"], ["speed", "zone"]], krl: ["KRL (KUKA)", ["src", "dat"], ["speed", "zone", "tool"]],
-  fanuc: ["TP program (FANUC)", ["ls"], ["speed", "zone", "tool", "j3", "register"]], robodk: ["RoboDK (Python)", ["py"], ["speed", "zone", "j3"]], ros: ["ROS JointTrajectory", ["yaml"], ["speed"]], csv: ["table (CSV)", ["csv"], ["j3"]],
-};
+/** @typedef {{name: string, vendor: string | null, label: string, files: string[], options: string[]}} PlanForm */
+
+/** @type {import("@preact/signals").Signal<PlanForm[] | null>} */
+const forms = signal(null);
 const form = signal("pdf");
 /** @type {import("@preact/signals").Signal<Record<string, string | number | null>>} */
 const options = signal({});
 
+/** A file's name without its folder and ending. @param {string} name */
+const stemOf = (name) => name.replace(/^.*\//, "").replace(/\.[^.]*$/, "");
+
+/** The files of a form, the first of which is called so. @param {PlanForm} one @param {string} to */
+function filesOf(one, to) {
+  const folder = to.slice(0, to.lastIndexOf("/") + 1), [first, ...others] = one.files;
+  return [to, ...others.map((name) => folder + (stemOf(name) === stemOf(first) ? stemOf(to) + name.slice(name.lastIndexOf(".")) : name))];
+}
+
 export function Exporting() {
-  const [, endings, taken] = FORMS[form.value], out = useSignal("");
+  useEffect(() => { if (forms.value === null) get("/api/plan-exports").then((answer) => { forms.value = answer; }, failed); }, []);
+  const chosen = forms.value?.find((one) => one.name === form.value), out = useSignal("");
   const { made, onSubmit } = useWritten();
-  const stem = file.value.replace(/\.ya?ml$/, ""), folder = stem.slice(0, stem.lastIndexOf("/") + 1);
-  const proposed = freeName(`${form.value === "pdf" ? stem : folder + stem.slice(folder.length).replace(/\W/g, "_")}.${endings[0]}`);
+  if (!forms.value || !chosen) return null;
+  const taken = chosen.options, folder = file.value.slice(0, file.value.lastIndexOf("/") + 1);
+  // A controller may allow letters, digits and _ only in a program's name.
+  const proposed = chosen.name === "pdf" ? freeName(file.value.replace(/\.ya?ml$/, ".pdf")) : freeName(folder + chosen.files[0], "");
   const set = (/** @type {Record<string, string | number | null>} */ more) => { options.value = { ...options.value, ...more }; };
   const ask = async () => {
     if (unsaved.value && !(await save())) return null;
     const to = out.value.trim() || proposed;
     const words = taken.flatMap((name) => (options.value[name] === undefined || options.value[name] === null || options.value[name] === "" ? [] : [`--${name}=${options.value[name]}`]));
-    return { words: ["export", "plan", form.value, file.value, `--out=${to}`, ...words], files: endings.map((ending) => to.replace(/\.[^./]*$/, `.${ending}`)) };
+    return { words: ["export", "plan", chosen.name, file.value, `--out=${to}`, ...words], files: filesOf(chosen, to) };
   };
   const number = (/** @type {string} */ label, /** @type {string} */ name, /** @type {any} */ more = {}) => taken.includes(name) && html`<${NumberField} label=${label} optional least=${0} value=${options.value[name]} onValue=${(/** @type {number | null} */ value) => set({ [name]: value })} ...${more} />`;
   return html`
     <form onSubmit=${onSubmit(ask)}>
       <div class="fields">
-        <div class="wide"><${Choice} label="Form" value=${form.value} groups=${[["", Object.entries(FORMS).map(([name, [text]]) => [name, text])]]} onValue=${(/** @type {string} */ value) => { form.value = value; made.value = null; }} /></div>
+        <div class="wide"><${Choice} label="Form" value=${chosen.name} groups=${[["", forms.value.map((one) => [one.name, one.label])]]} onValue=${(/** @type {string} */ value) => { form.value = value; made.value = null; }} /></div>
         ${number("Speed", "speed", { unit: "°/s", placeholder: "10" })}${number("Rounding, mm or %", "zone", { placeholder: "0" })}
         ${taken.includes("tool") && html`<${TextField} label="Tool of the controller" value=${String(options.value.tool ?? "")} onValue=${(/** @type {string} */ tool) => set({ tool })} />`}
         ${taken.includes("j3") && html`<${Joint3} value=${String(options.value.j3 ?? "")} onValue=${(/** @type {string} */ j3) => set({ j3 })} />`}
         ${number("First register", "register", { whole: true, placeholder: "1" })}
+        ${taken.includes("listener") && html`<${TextField} label="Joints also sent to" value=${String(options.value.listener ?? "")} placeholder="HOST:PORT" onValue=${(/** @type {string} */ listener) => set({ listener })} />`}
         <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
       </div>
       <${Written} made=${made} button=${unsaved.value ? "Save and export" : "Export"} title="Export of the plan" />

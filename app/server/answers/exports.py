@@ -1,4 +1,4 @@
-"""Forms in which offsets are exported and languages that are corrected, as the makers have them."""
+"""Forms in which offsets and plans are exported and languages that are corrected, as the makers have them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 
 from pydantic import Field
 
-from ....experiments.makers.maker import makers, program_languages
+from ....experiments.makers.maker import makers, plan_programs, program_languages
 from ....model.files.json_document import JsonDocument
 from ..folder import Folder
 from ..requests import EndPoint
@@ -61,7 +61,41 @@ def languages(_: Folder) -> list[LanguageForm]:
     ]
 
 
+class PlanForm(JsonDocument):
+    """A program that a plan is exported as, or the sheet for a person: `export plan NAME` writes it."""
+
+    name: str
+    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    label: str
+    files: list[str] = Field(description="usual names; others with the first one's stem follow its name")
+    options: list[str] = Field(description="names of what may be stated of the motion")
+
+
+@cache
+def plan_forms(_: Folder) -> list[PlanForm]:
+    """The sheet and the programs of all makers."""
+    sheet = PlanForm(
+        name="pdf",
+        vendor=None,
+        label="sheet for the person at the robot (PDF)",
+        files=["plan.pdf"],
+        options=["j3"],
+    )
+    programs = [
+        PlanForm(
+            name=program.name,
+            vendor=vendor,
+            label=program.label,
+            files=list(program.files),
+            options=list(program.options),
+        )
+        for program, vendor in plan_programs()
+    ]
+    return [sheet, *programs]
+
+
 END_POINTS = [
+    EndPoint("/api/plan-exports", "GET", "The programs that a plan is exported as.", plan_forms),
     EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
     EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),
 ]

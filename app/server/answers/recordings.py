@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ _MOST_RUNS = 5  # that are offered to be resumed
 _LARGEST = 2 * 10**6  # bytes of a run file that is read while somebody waits
 PLAN_HASH = "plan sha256"  # in the provenance of a run that was carried out
 _BY_HAND = "by hand"
+_ABB = "abb"
 
 
 class RecordedRun(JsonDocument):
@@ -40,7 +42,10 @@ class RecordedRun(JsonDocument):
     recorded: list[int] = Field(default=[], description="numbers of its measurements")
     ended: bool | None = Field(default=None, description="null: not known")
     torn: bool = Field(default=False, description="its last line is cut off")
-    resume: list[str] | None = Field(description="the command that goes on with it")
+    resume: list[str] | None = Field(description="the command that goes on with it, without an address")
+    controller: str | None = Field(
+        default=None, description="abb, or the protocol, of a controller whose address is to be stated again"
+    )
     why_not: str | None = Field(description="why there is none")
 
 
@@ -110,7 +115,8 @@ def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
         raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
     shown, started = folder.called(path), StartedRuns(folder)
     run, torn = recorded(path.read_bytes(), path)
-    resume, plan, why_not = _resume(folder, shown, run)
+    command, plan, why_not = _resume(folder, shown, run)
+    resume, controller = (None, None) if command is None else _without_address(command)
     postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
     done = [shot.shot for shot in run.shots]
     ended: bool | None = started.ended(shown)
@@ -127,8 +133,19 @@ def _read(folder: Folder, name: str) -> tuple[Run, RecordedRun]:
         ended=ended,
         torn=torn is not None,
         resume=resume,
+        controller=controller,
         why_not=why_not,
     )
+
+
+def _without_address(command: Sequence[str]) -> tuple[list[str], str | None]:
+    """A command without the address of a controller, and how the controller is reached. The folder may come
+    from anybody: a person states where the arm is that moves, and who gets its password."""
+    rig = next((word.removeprefix("--rig=") for word in command if word.startswith("--rig=")), "")
+    scheme, is_live, _ = rig.partition("://")
+    hidden = ("--host=", "--rig=") if is_live else ("--host=",)
+    words = [word for word in command if not word.startswith(hidden)]
+    return words, scheme if is_live or rig == _ABB else None
 
 
 def _states(run: Run) -> list[tuple[int, Solution]]:

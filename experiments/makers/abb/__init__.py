@@ -108,7 +108,9 @@ MAKER = Maker(
     "abb",
     r"abb|irb ?\d*\w*|yumi|gofa|swifti",
     offsets=(OffsetFile("moc", _moc), OffsetFile("rapid", _rapid_offsets, ending="mod")),
-    program=(PlanProgram("rapid", "rapid (ABB)", _rapid_program, ("speed", "zone", "tool")),),
+    program=(
+        PlanProgram("rapid", "RAPID (ABB)", ("zb_plan.mod",), _rapid_program, ("speed", "zone", "tool")),
+    ),
     read=(
         Reader(
             "rapid",

@@ -21,6 +21,7 @@ from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
 from ....model.parsing.reading import shown
+from ..joint_text import PLAN_LINE, required_plan
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 from ..solving import up_to_flange
@@ -117,9 +118,15 @@ def import_rapid(
 
     elif frame is not None:
         raise BadInput("--frame is of robtargets, and these need their tool", remedy="state --tool too")
+
+    def parse(text: str, path: Path) -> list[TaughtPoint]:
+        if points is None and PLAN_LINE.search(text):
+            required_plan(job, path)
+        return rapid_positions(text, path, posed, points)
+
     return import_points(
         job,
-        lambda text, path: rapid_positions(text, path, posed, points),
+        parse,
         names=points,
         note=note,
     )

@@ -25,7 +25,7 @@ def _read_pacscript(job: "ImportJob", points: PointNames = None) -> "Imported":
     from ..taught_positions import import_taught
     from .pacscript import PACSCRIPT
 
-    if points is None and job.paths[0].suffix.lower() != ".pcs" and is_program_log(job):
+    if points is None and is_program_log(job):
         return import_program_log(job, source="PacScript")
     note = "Denso joint positions (J), degrees, joint 1 first"
     return import_taught(PACSCRIPT, job, points=names_of(points), vendor="denso", note=note)
@@ -48,7 +48,9 @@ MAKER = Maker(
     "Denso",
     "denso",
     r"denso|v[smp] ?\d+\w*|cobotta\w*",
-    program=(PlanProgram("pacscript", "pacscript (Denso)", _pacscript_program, ("speed",)),),
+    program=(
+        PlanProgram("pacscript", "PacScript (Denso)", ("zb_plan.pcs",), _pacscript_program, ("speed",)),
+    ),
     read=(
         Reader(
             "pacscript",

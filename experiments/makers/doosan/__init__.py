@@ -48,7 +48,7 @@ MAKER = Maker(
     "Doosan",
     "doosan",
     r"doosan|[maeh]\d{4}s?",
-    program=(PlanProgram("drl", "drl (Doosan)", _drl_program, ("speed", "tool")),),
+    program=(PlanProgram("drl", "DRL (Doosan)", ("zb_plan.drl",), _drl_program, ("speed", "tool")),),
     read=(
         Reader(
             "drl",

@@ -71,7 +71,7 @@ MAKER = Maker(
     "epson",
     r"epson|prosix\w*",
     offsets=(OffsetFile("epson", _sheet),),
-    program=(PlanProgram("spel", "spel (Epson)", _spel_program, ("speed",)),),
+    program=(PlanProgram("spel", "SPEL+ (Epson)", ("zb_plan.prg",), _spel_program, ("speed",)),),
     read=(Reader("spel", _read_log, "Logs of a plan's program (zb_plan.log).", program_log=True),),
     correct=(
         ProgramFiles(

@@ -99,7 +99,8 @@ MAKER = Maker(
     program=(
         PlanProgram(
             "fanuc",
-            "fanuc",
+            "TP program (FANUC)",
+            ("zb_plan.ls",),
             _tp_program,
             ("speed", "zone", "tool", "j3", "register"),
             overwrites=_overwrites,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import J3
+from ..joint_text import PLAN_LINE, required_plan
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
 # FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };
@@ -45,6 +46,8 @@ def import_fanuc(
 
     def parse(text: str, path: Path) -> list[TaughtPoint]:
         if REGISTERS not in text:
+            if points is None and PLAN_LINE.search(text):
+                required_plan(job, path)
             return fanuc_positions(text, path)
         return fanuc_registers(text, path, register, planned, points is None)
 

@@ -38,7 +38,7 @@ MAKER = Maker(
     "Franka",
     "franka",
     r"panda|franka|fr3",
-    program=(PlanProgram("franka", "franka (Franka)", _joint_list, ("speed",)),),
+    program=(PlanProgram("franka", "joint list (Franka)", ("zb_plan.py",), _joint_list, ("speed",)),),
     read=(
         Reader(
             "franka",

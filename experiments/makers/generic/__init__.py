@@ -311,9 +311,9 @@ MAKER = Maker(
         OffsetFile("csv", _csv, as_data=True, ending="csv"),
     ),
     program=(
-        PlanProgram("robodk", "robodk (Python)", _robodk_program, ("speed", "zone", "j3")),
-        PlanProgram("ros", "ros (JointTrajectory)", _ros_program, ("speed",), _ros_counting),
-        PlanProgram("csv", "csv", _csv_program, ("j3",), _csv_counting),
+        PlanProgram("robodk", "RoboDK (Python)", ("zb_plan.py",), _robodk_program, ("speed", "zone", "j3")),
+        PlanProgram("ros", "ROS JointTrajectory", ("zb_plan.yaml",), _ros_program, ("speed",), _ros_counting),
+        PlanProgram("csv", "table (CSV)", ("zb_plan.csv",), _csv_program, ("j3",), _csv_counting),
     ),
     read=(
         Reader("csv", _read_csv, "CSV files, one posture a row.", first=("files", "units")),

@@ -50,7 +50,7 @@ MAKER = Maker(
     "Kawasaki",
     "kawasaki",
     r"kawasaki|rs ?\d+\w*|bx ?\d+\w*|duaro\w*",
-    program=(PlanProgram("as", "as (Kawasaki)", _as_program, ("speed", "zone", "tool")),),
+    program=(PlanProgram("as", "AS (Kawasaki)", ("zb_plan.as",), _as_program, ("speed", "zone", "tool")),),
     read=(
         Reader(
             "as",

@@ -90,7 +90,11 @@ MAKER = Maker(
     "kuka",
     r"kuka|kr ?\d+\w*|lbr|iiwa ?\d*",
     offsets=(OffsetFile("kuka", _sheet),),
-    program=(PlanProgram("krl", "krl (KUKA)", _krl_program, ("speed", "zone", "tool")),),
+    program=(
+        PlanProgram(
+            "krl", "KRL (KUKA)", ("zb_plan.src", "zb_plan.dat"), _krl_program, ("speed", "zone", "tool")
+        ),
+    ),
     read=(
         Reader("krl", _read_krl, "Data lists (.dat).", marks=(_MARK,)),
         Reader("kuka", _read_krl, "Data lists (.dat).", hidden=True),

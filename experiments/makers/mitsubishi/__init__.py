@@ -50,7 +50,7 @@ MAKER = Maker(
     "Mitsubishi",
     "mitsubishi",
     r"mitsubishi|melfa|rv ?\d+\w*",
-    program=(PlanProgram("melfa", "melfa (Mitsubishi)", _melfa_program, ("speed",)),),
+    program=(PlanProgram("melfa", "MELFA-BASIC (Mitsubishi)", ("ZB_PLAN.prg",), _melfa_program, ("speed",)),),
     read=(
         Reader(
             "melfa",

@@ -51,7 +51,7 @@ MAKER = Maker(
     "Nachi",
     "nachi",
     r"nachi|mz ?\d+\w*",
-    program=(PlanProgram("slim", "slim (Nachi)", _slim_program, ("speed", "tool")),),
+    program=(PlanProgram("slim", "SLIM (Nachi)", ("zb_plan.slim",), _slim_program, ("speed", "tool")),),
     read=(
         Reader(
             "slim",

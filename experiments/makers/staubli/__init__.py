@@ -52,7 +52,15 @@ MAKER = Maker(
     "Stäubli",
     "staubli",
     r"staubli|tx2?|tx2? ?\d+\w*",
-    program=(PlanProgram("val3", "val3 (Stäubli)", _val3_program, ("speed", "zone")),),
+    program=(
+        PlanProgram(
+            "val3",
+            "VAL3 (Stäubli)",
+            ("zb_plan.pjx", "start.pgx", "stop.pgx", "zb_plan.dtx"),
+            _val3_program,
+            ("speed", "zone"),
+        ),
+    ),
     read=(
         Reader(
             "val3",

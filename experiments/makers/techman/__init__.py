@@ -45,7 +45,9 @@ MAKER = Maker(
     "Techman",
     "techman",
     r"techman|tm ?\d+[sx]?|tm ?\d+[sx]? \d{3,4}",
-    program=(PlanProgram("tmscript", "tmscript (Techman)", _tmscript_program, ("speed", "tool")),),
+    program=(
+        PlanProgram("tmscript", "TMscript (Techman)", ("zb_plan.tms",), _tmscript_program, ("speed", "tool")),
+    ),
     read=(
         Reader(
             "tmscript",

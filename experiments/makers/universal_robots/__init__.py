@@ -124,7 +124,11 @@ MAKER = Maker(
     ),
     program=(
         PlanProgram(
-            "urscript", "urscript (Universal Robots)", _urscript_program, ("speed", "zone", "listener")
+            "urscript",
+            "URScript (Universal Robots)",
+            ("zb_plan.script",),
+            _urscript_program,
+            ("speed", "zone", "listener"),
         ),
     ),
     read=(

@@ -94,7 +94,9 @@ MAKER = Maker(
     "yaskawa",
     r"motoman|yaskawa|gp ?\d+\w*",
     offsets=(OffsetFile("yaskawa", _sheet),),
-    program=(PlanProgram("inform", "inform (Yaskawa)", _inform_program, ("speed", "tool")),),
+    program=(
+        PlanProgram("inform", "INFORM (Yaskawa)", ("ZB_PLAN.JBI",), _inform_program, ("speed", "tool")),
+    ),
     read=(
         Reader(
             "inform",

@@ -53,7 +53,7 @@ MAKER = Maker(
     "acme",
     r"acme ?\\d*",
     offsets=(OffsetFile("acme", zeros),),
-    program=(PlanProgram("acme", "acme", program, ("speed",)),),
+    program=(PlanProgram("acme", "ACME", ("zb_plan.acme",), program, ("speed",)),),
     read=(Reader("acme", read, "Files of ACME."),),
 )
 '''

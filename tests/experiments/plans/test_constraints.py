@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from cells import LASER, PROBE, header, irb1600
+from cells import LASER, PROBE, good_plan, header, irb1600, plan_of
 from command_line import zerobeam
 from plan_requests import plan_request
 from ruamel.yaml import YAML
@@ -16,7 +17,7 @@ from ruamel.yaml import YAML
 from zerobeam.analysis.observability.aim import aim_plan
 from zerobeam.analysis.observability.check import Violation
 from zerobeam.experiments.plans.candidates import candidates
-from zerobeam.experiments.plans.constraints import View, check_plan, violations
+from zerobeam.experiments.plans.constraints import View, check_plan, require_constraints, violations
 from zerobeam.experiments.plans.make import make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
@@ -310,3 +311,90 @@ def test_a_rehearsal_says_that_the_plan_breaks_its_constraints(made: Path, tmp_p
     answer = zerobeam("run", path, "-o", tmp_path / "run.jsonl", "--no-camera")
     assert answer.status == 0
     assert "with the margin its limits are" in answer.out
+
+
+TRACKER = {
+    "kind": "tracker",
+    "guess_mm": [3000, 500, 800],
+    "reflectors": {"R1": {}},
+    "sigma_mm": 0.03,
+}
+LID = {"name": "lid", "min_mm": [600, -300, 50], "max_mm": [1200, 300, 60]}
+WALL = {"name": "wall", "min_mm": [1500, -3000, -500], "max_mm": [1600, 3000, 3000]}
+
+
+def mix(folder: Path, constraints: dict[str, Any], direction: float, *, apart: bool) -> Plan:
+    """A laser and a tracker at seven postures: both at each, or `apart`, one after the other."""
+    plan = good_plan(7)
+    rows = (plan.postures * plan.robot.display).tolist()
+    beams = [{"joints_deg": row, "target": "psd", "instrument": "tool"} for row in rows]
+    others = [{"joints_deg": row, "instrument": "leica", "reflector": "R1"} for row in rows]
+    every = [
+        each if apart else {**each, "posture": i}
+        for i, both in enumerate(zip(beams, others, strict=True))
+        for each in both
+    ]
+    content = {
+        "schema": "zerobeam/plan/1",
+        "robot": "irb1600",
+        "geometry": "exact",
+        "tool": {**LASER, "direction": [direction, 0, 0]},
+        "instruments": {"leica": TRACKER},
+        "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+        "targets": {"psd": {"guess_mm": [900, 0, 0]}},
+        "constraints": constraints,
+        "postures_deg": every,
+    }
+    path = folder / "mix.yaml"
+    with path.open("w", encoding="utf-8") as file:
+        YAML(typ="safe", pure=True).dump(content, file)
+    return read_plan(path)
+
+
+@pytest.mark.parametrize("apart", [True, False], ids=["apart", "together"])
+@pytest.mark.parametrize(
+    ("constraints", "direction", "expected"),
+    [
+        ({"facing": [0, 0, 1], "acceptance_deg": 85}, 1.0, None),
+        ({"facing": [0, 0, -1]}, 1.0, "facing"),
+        ({"beam_mm": [0, 100]}, 1.0, "beam_mm"),
+        ({"facing": [0, 0, 1]}, -1.0, "behind"),
+        ({"obstacles": {"floor_mm": None, "boxes": [LID]}}, 1.0, "beam"),
+        ({"obstacles": {"floor_mm": None, "boxes": [WALL]}}, 1.0, "sight"),
+    ],
+)
+def test_in_a_mix_the_beam_is_judged_where_the_laser_measures(
+    tmp_path: Path, constraints: dict[str, Any], direction: float, expected: str | None, apart: bool
+) -> None:
+    """And the sight where the tracker measures; no real arm is moved by a plan that breaks it."""
+    plan = mix(tmp_path, constraints, direction, apart=apart)
+    checked = check_plan(plan)
+    broken_postures = [posture.posture for posture in checked.postures if posture.violations]
+    if expected is None:
+        assert broken_postures == []
+        require_constraints(plan)
+        return
+    laser, tracker = (range(0, 14, 2), range(1, 14, 2)) if apart else (range(7), range(7))
+    assert broken_postures == list(tracker if expected == "sight" else laser)
+    assert {each.condition for each in checked.violations} == {expected}
+    assert checked.verdict == "violated"
+    with pytest.raises(BadInput, match="no robot is moved by it"):
+        require_constraints(plan)
+
+
+def test_a_posture_at_which_two_instruments_measure_is_named_by_its_number(tmp_path: Path) -> None:
+    """Not by the row of one of its measurements; its arm is judged once."""
+    plan = mix(tmp_path, {"obstacles": {"floor_mm": 700}, "margin_deg": 60}, 1.0, apart=False)
+    checked = check_plan(plan)
+    assert len(checked.postures) == 7
+    assert {posture.target for posture in checked.postures} == {"psd"}
+    facts = [(each.posture, each.condition, each.joint, each.via) for each in checked.violations]
+    assert facts
+    assert len({*facts}) == len(facts)
+
+
+def test_a_target_behind_the_laser_is_refused_without_other_instruments_too() -> None:
+    plan = plan_of(header({**LASER, "direction": [-1, 0, 0]}), good_plan(7).postures)
+    assert violations(aim_plan(plan)) == ()  # without constraints it is a finding
+    stated = replace(plan, constraints=StatedConstraints(facing=(0.0, 0.0, 1.0)))
+    assert {each.condition for each in violations(aim_plan(stated))} == {"behind"}
