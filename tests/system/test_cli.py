@@ -501,7 +501,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
         [
             "run.jsonl, line 1:",
             "no robot of this name",
-            "allowed: crb15000, crx10ia, gen3_lite,",
+            "allowed: crb15000, crx10ia, fr3, gen3, gen3_lite,",
             "did you mean 'irb1600'?",
         ],
     ),
