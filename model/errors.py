@@ -77,7 +77,7 @@ class BadInput(ZerobeamError):
         self.argument = argument
         super().__init__(self._message())
 
-    def at(self, file: Path | str | None, line: int | None) -> BadInput:
+    def at(self, file: Path | str, line: int | None) -> BadInput:
         """The same error, with `file` and `line` as its place unless it has a place already; a line of its
         own it keeps."""
         if self.file is not None or self.argument is not None:

@@ -72,8 +72,8 @@ def check_limits(
             or "correct the value; or is it another arm? If this arm was really there, state limits: warn in"
             " the header"
         )
-        row, error = _first_outside(robot, joints, outside, noun, numbers, remedy)
-        raise error.at(file, lines[row])
+        row, what, value, allowed = _first_outside(robot, joints, outside, noun, numbers)
+        raise BadInput(what, found=value, allowed=allowed, remedy=remedy, file=file, line=lines[row])
     warnings = []
     for i in range(robot.n):
         rows = [int(row) for row in np.flatnonzero(outside[:, i])]
@@ -121,8 +121,8 @@ def check_limits_of_argument(
         hint = "unit='rad' is stated; as degrees all values are within the limits: state unit='deg'"
     if wrong or limits == "error":
         remedy = hint or "correct the value; if the arm was really there, state limits='warn'"
-        _, error = _first_outside(robot, joints, outside, noun, range(len(joints)), remedy, unit)
-        raise error.of_argument(argument)
+        _, what, value, allowed = _first_outside(robot, joints, outside, noun, range(len(joints)), unit)
+        raise BadInput(what, found=value, allowed=allowed, remedy=remedy, argument=argument)
 
 
 def _first_outside(
@@ -131,21 +131,20 @@ def _first_outside(
     outside: NDArray[np.bool_],
     noun: str,
     numbers: Sequence[int],
-    remedy: str,
     unit: Literal["deg", "rad"] = "deg",
-) -> tuple[int, BadInput]:
-    """The first row of joint values (N, n), degrees or mm, that has one `outside`, and the error of it, its
-    angles in `unit`."""
+) -> tuple[int, str, str, str]:
+    """The first row of joint values (N, n), degrees or mm, that has one `outside`, and what is wrong, found
+    and allowed of it, angles in `unit`."""
     row, i = (int(index) for index in np.argwhere(outside)[0])
     joint, limit = robot.joints[i], pendant.nearest_limit(robot, joints[row] / robot.display, i)
     rest = int(outside.any(axis=1).sum()) - 1
     more = "" if rest == 0 else f"; {rest} more like it"
     shown, per = (unit, joint.display if unit == "rad" else 1.0) if joint.kind == "revolute" else ("mm", 1.0)
-    return row, BadInput(
+    return (
+        row,
         f"{noun} {numbers[row]}: joint {i + 1} is outside its limits{more}",
-        found=f"{limit.value / per:.6g} {shown}{limit.counting and f', {limit.counting}'}",
-        allowed=f"{limit.lower / per:.6g} to {limit.upper / per:.6g} {shown} ({robot.name}, {joint.name})",
-        remedy=remedy,
+        f"{limit.value / per:.6g} {shown}{limit.counting and f', {limit.counting}'}",
+        f"{limit.lower / per:.6g} to {limit.upper / per:.6g} {shown} ({robot.name}, {joint.name})",
     )
 
 
