@@ -20,5 +20,5 @@ def header(tmp_path: Path) -> Path:
 @pytest.fixture
 def unsolved(monkeypatch: pytest.MonkeyPatch) -> None:
     """No target of a program is solved, which takes long: for what is refused as it is read."""
-    none = Corrections([], 0, 0, 0.0, 0.0, [], [])
+    none = Corrections([], [], [], [])
     monkeypatch.setattr(user_programs, "correct_targets", lambda parsed, arms, near: none)

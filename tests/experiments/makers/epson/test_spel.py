@@ -66,7 +66,7 @@ def problems(text: str) -> list[str]:
         ("Arc P1, P2", "this is not understood"),
         ("Jump P1", "this is not understood"),
         ("Hofs 0, 1, 2, 3, 4, 5", "this is not understood"),
-        ("Call grip", "what GRIP does is not known; --call GRIP"),
+        ("Call grip", "what grip does is not known; --call grip"),
     ],
 )
 def test_what_is_not_understood_is_named(tmp_path: Path, line: str, said: str) -> None:
