@@ -30,4 +30,4 @@ def test_a_program_and_what_it_recorded(tmp_path: Path) -> None:
     nothing = zerobeam("import", "rapid", tmp_path / "zb_plan.log", "-o", tmp_path / "b.jsonl").refused()
     assert "neither --header nor --plan is stated" in nothing
     text = zerobeam("import", "robodk", program, "--plan", path, "-o", tmp_path / "b.jsonl").refused()
-    assert "the file is a plan's program, not" in text
+    assert "not what the program recorded" in text
