@@ -184,11 +184,10 @@ class Pendant:
     @property
     def source(self) -> str:
         """Who says what joint 3 is counted from."""
-        if self.override is not None:
+        of_file = self.robot.conventions.joint3
+        if self.override not in (None, of_file):
             return "as --j3 states"
-        if self.robot.conventions.joint3 is not None:
-            return f"as the robot file of {self.robot.name} states"
-        return "as nothing else is stated"
+        return f"as the robot file of {self.robot.name} states" if of_file else "as nothing else is stated"
 
     @property
     def counting(self) -> str | None:
