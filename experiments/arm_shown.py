@@ -150,6 +150,7 @@ def arm_json(arm: ShownArm) -> dict[str, object]:
             "names": pendant.names,
             "order": [i + 1 for i in pendant.order],
             "unit": pendant.unit,
+            "less_joint2": pendant.less_joint2,
             "stated": facts.joint3 is not None,
         },
         "encoder": {"joint3": facts.encoder3},

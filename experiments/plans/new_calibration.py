@@ -5,16 +5,16 @@ What is stated of an instrument its kind says (`Instrument.proposed`), all else 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from ...analysis.diagnostics.tcp_positions import spread_postures, within_limits
 from ...model.errors import BadInput
-from ...model.instruments.proposal import TARGET_OUT, Keys, Point, whole_point
+from ...model.instruments.proposal import ON_THE_FLANGE, TARGET_OUT, Keys, Point, ProposedHeader, whole_point
 from ...model.instruments.registry import KINDS, kind_names, kind_of
 from ...model.kinematics.robot import Robot
 
@@ -43,7 +43,7 @@ class PlaceChoice:
 
 PLACES: tuple[PlaceChoice, ...] = (
     PlaceChoice("front", "On a stand in front of the arm, its face up and towards the arm", (-0.5, 0.0, 1.0)),
-    PlaceChoice("table", "On a table in front of the arm, at the height of its base", (0.0, 0.0, 1.0)),
+    PlaceChoice("table", "On a table in front of the arm, as high as its mounting face", (0.0, 0.0, 1.0)),
     PlaceChoice("floor", "On the floor in front of the arm", (0.0, 0.0, 1.0)),
     PlaceChoice("point", "At a point that I state", (0.0, 0.0, 1.0)),
 )
@@ -92,29 +92,50 @@ def place_of(kind: PlaceKind, robot: Robot, point: Point | None) -> Point:
     if point is not None:
         return point
     reach = reach_of(robot)
-    height = {"front": _HIGH * reach, "table": 0.0, "floor": -(robot.conventions.below_base or 0.0)}[kind]
+    height = _HIGH * reach if kind == "front" else -(robot.conventions.below_base or 0.0)
     return whole_point((TARGET_OUT * reach, 0.0, height))
 
 
+def mounted_of(kind: str, robot: Robot) -> dict[str, Point]:
+    """How an instrument of this kind is assumed to be mounted, by the keys of its header: flange frame, mm;
+    nothing of one that states none of it. BadInput for a kind of which there is no default."""
+    target = place_of("front", robot, None)
+    part = _on_flange(_proposal(kind, reach_of(robot), target).header)
+    return {key: part[key] for key in ON_THE_FLANGE if key in part}
+
+
+def _on_flange(header: Keys) -> Any:
+    """The part of a proposed header that states the instrument."""
+    instruments: Any = header.get("instruments") or {"": header.get("tool")}
+    return next(iter(instruments.values()))
+
+
 def new_calibration(
-    kind: str, robot: Robot, target: Point, facing: Point, measurements: int | None
+    kind: str,
+    robot: Robot,
+    target: Point,
+    facing: Point,
+    measurements: int | None,
+    mounted: Mapping[str, Point],
 ) -> NewCalibration:
     """The header of an instrument of this kind with its target at `target`, and how its plan is made.
 
+    `mounted` is how it is on the flange, by those keys of `mounted_of` that are not as that assumes.
     `measurements` None: as few as reach the tolerance and detect a wrong model; of an instrument that reads a
     single number the most, as 30 do not detect all of them. BadInput for a kind of which
     there is no default.
     """
     reach = reach_of(robot)
-    proposal = kind_of(kind).proposed(reach, target) if kind in kind_names() else None
-    if proposal is None:
+    proposal = _proposal(kind, reach, target)
+    part = _on_flange(proposal.header)
+    if unknown := [key for key in mounted if key not in ON_THE_FLANGE or key not in part]:
         raise BadInput(
-            "there is no default for this instrument",
-            found=kind,
-            allowed=", ".join(titles()),
-            remedy="write a header, and make a plan of it",
-            argument="instrument",
+            "this says nothing of how the instrument is mounted",
+            found=", ".join(unknown),
+            allowed=", ".join(key for key in ON_THE_FLANGE if key in part) or "nothing",
+            argument="mounted",
         )
+    part.update({key: list(value) for key, value in mounted.items()})
     header = {"noise": {"joint_deg": JOINT_DEG, "spot_mm": SPOT_MM}} | proposal.header
     if proposal.turns:
         header["held"] = ["delta1", f"delta{robot.n}"]
@@ -129,6 +150,19 @@ def new_calibration(
     else:
         options.append(f"--shots={measurements}")
     return NewCalibration(header, tuple(options))
+
+
+def _proposal(kind: str, reach: float, target: Point) -> ProposedHeader:
+    proposal = kind_of(kind).proposed(reach, target) if kind in kind_names() else None
+    if proposal is None:
+        raise BadInput(
+            "there is no default for this instrument",
+            found=kind,
+            allowed=", ".join(titles()),
+            remedy="write a header, and make a plan of it",
+            argument="instrument",
+        )
+    return proposal
 
 
 def _words(numbers: Sequence[float]) -> str:

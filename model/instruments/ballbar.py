@@ -15,7 +15,7 @@ from ..parsing.reading import shown
 from ..parsing.validation import FileModel, refusal
 from .frames import FREE_MM
 from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
-from .proposal import TARGET_OUT, TIP, Point, ProposedHeader, target_at
+from .proposal import TARGET_OUT, TIP, Point, ProposedHeader, target_at, whole_point
 from .tips import StatedRange, StatedTip, TipStation, directions, distance, sphere_through, tip_std
 
 _SOCKETS = ((0.55, 0.2), (0.45, -0.3))  # of the reach: where the sockets of a new calibration are
@@ -85,7 +85,9 @@ class Ballbar(TipStation):
         lengths = [round(share * reach, -1) for share in _BAR]
         bar = {"kind": "ballbar", "tip_mm": list(TIP), "sigma_mm": 0.005, "range_mm": lengths}
         sockets = {
-            f"s{number}": target_at(np.add(target, ((out - TARGET_OUT) * reach, side * reach, 0.0)))
+            f"s{number}": target_at(
+                np.add(target, whole_point(((out - TARGET_OUT) * reach, side * reach, 0.0)))
+            )
             for number, (out, side) in enumerate(_SOCKETS, start=1)
         }
         return ProposedHeader({"instruments": {"bar": bar}, "targets": sockets}, 1, turns=True)

@@ -20,6 +20,7 @@ TARGET_SIGMA_MM = 30.0  # how well a person states where a target is
 TARGET_OUT = 0.6  # of the reach: where a target stands in front of the arm
 ON_FLANGE: Point = (60.0, 0.0, 60.0)  # off the last axis, so that the last joint moves it
 TIP: Point = (60.0, 0.0, 120.0)
+ON_THE_FLANGE = ("point_mm", "tip_mm", "direction")  # keys that say how an instrument is mounted there
 _STATION_OUT = 2.2  # of the reach: where an instrument stands that looks at the flange
 _NORMALS: Mapping[str, tuple[Point, Point]] = {  # of the faces of a block, and where each is on it
     "top": ((0.0, 0.0, 1.0), (0.0, 0.0, 50.0)),
@@ -44,8 +45,8 @@ def whole_point(point: Sequence[float] | Matrix) -> Point:
 
 
 def target_at(point: Sequence[float] | Matrix) -> Keys:
-    """What is stated of a target about there."""
-    return {"guess_mm": list(whole_point(point)), "sigma_mm": TARGET_SIGMA_MM}
+    """What is stated of a target about there, to the micrometre: decimals that a person states are kept."""
+    return {"guess_mm": [round(float(number), 3) + 0.0 for number in point], "sigma_mm": TARGET_SIGMA_MM}
 
 
 def station_at(reach: float) -> list[float]:

@@ -14,7 +14,7 @@ from ..arrays import Mask, Matrix
 from ..errors import BadInput
 from ..parsing.validation import FileModel
 from .kind import Flange, Target, TargetEntry, Unknown, Words
-from .proposal import TIP, Point, ProposedHeader, target_at
+from .proposal import TIP, Point, ProposedHeader, target_at, whole_point
 from .tips import BallTipStation, StatedBallTip, directions, distance, sphere_through
 
 
@@ -63,7 +63,7 @@ class SphereProbe(BallTipStation):
         stylus = {"kind": "sphere", "tip_mm": list(TIP), "tip_diameter_mm": 6.0, "sigma_mm": 0.02}
         balls = {
             name: {"kind": "sphere", "diameter_mm": 25.4}
-            | target_at(np.add(target, (0.0, side * reach, 0.0)))
+            | target_at(np.add(target, whole_point((0.0, side * reach, 0.0))))
             for name, side in (("ball1", -0.15), ("ball2", 0.15))
         }
         return ProposedHeader({"instruments": {"stylus": stylus}, "targets": balls}, 1, turns=True)

@@ -112,6 +112,12 @@ class Pendant:
         changed[..., 2] += factor * joints[..., 1]
         return changed
 
+    @property
+    def less_joint2(self) -> list[float]:
+        """(n,) by how many times joint 2 each joint, joint 1 first, is less as the controller counts it."""
+        ones = np.eye(self.robot.n)[1:2]  # joint 2 at one, the others at zero
+        return (ones - self.counted(ones))[0].tolist() if self.ground else [0.0] * self.robot.n
+
     # What a person reads and types: the pendant's counting, order and unit
 
     def shown(self, joints: Matrix) -> Matrix:

@@ -62,12 +62,53 @@ def test_places_are_about_the_arm(client: TestClient, root: Path) -> None:
         far = max(np.hypot(*robot.fk(np.zeros(robot.n), "deg")[:2, 3]), 100.0)
         assert far * 0.3 < reach < 4000
         front, table, floor = (place_of(kind, robot, None) for kind in ("front", "table", "floor"))
-        assert front[2] > table[2] == 0 >= floor[2]
-        assert floor[2] == -(robot.conventions.below_base or 0)
+        assert front[2] > 0 >= table[2] == floor[2] == -(robot.conventions.below_base or 0)
     at = {"kind": "point", "point_mm": [700, 50, -20], "facing": [0, 1, 1]}
     made = client.post("/api/calibrations", json=WHOLE | {"place": at, "measurements": 12}).json()
     assert read_header(root / made["header"]).targets["psd"].guess_mm == (700, 50, -20)
     assert {"--facing=0,1,1", "--shots=12"} <= set(made["command"])
+
+
+def test_a_table_is_as_high_as_the_mounting_face(client: TestClient, root: Path) -> None:
+    asked = {"robot": "lrmate_200id", "instrument": "laser"}
+    proposal = client.post("/api/calibrations/proposal", json=asked).json()
+    places = {row["kind"]: row["at_mm"] for row in proposal["places"]}
+    assert sorted(places) == ["floor", "front", "table"]
+    assert places["table"][2] == -330  # its base frame is on axis 2, 330 mm above
+    made = client.post("/api/calibrations", json=WHOLE | asked | {"place": {"kind": "table"}}).json()
+    assert list(read_header(root / made["header"]).targets["psd"].guess_mm or ()) == places["table"]
+
+
+def test_decimals_of_a_stated_point_are_kept(client: TestClient, root: Path) -> None:
+    at = {"kind": "point", "point_mm": [500.5, 0.25, -20.125]}
+    made = client.post("/api/calibrations", json=WHOLE | {"place": at}).json()
+    assert read_header(root / made["header"]).targets["psd"].guess_mm == (500.5, 0.25, -20.125)
+
+
+def test_how_the_instrument_is_mounted_is_assumed_or_stated(client: TestClient, root: Path) -> None:
+    asked = {"robot": "ur5e", "instrument": "laser"}
+    assumed = client.post("/api/calibrations/proposal", json=asked).json()["mounted"]
+    assert assumed == {"point_mm": [0, 0, 65], "direction": [1, 0, 0]}
+    for name, mounted in {"a": {}, "b": {"point_mm": [40.5, 0, 80], "direction": [0, 0, 1]}}.items():
+        made = client.post("/api/calibrations", json=WHOLE | {"name": name, "mounted": mounted}).json()
+        tool = read_header(root / made["header"]).model_dump(mode="json")["tool"]
+        assert {key: tool[key] for key in assumed} == assumed | mounted
+    unasked = client.post("/api/calibrations/proposal", json=asked | {"instrument": "pose"}).json()
+    assert unasked["mounted"] == {}
+
+
+def test_a_calibration_without_a_plan_is_taken_back(client: TestClient, root: Path) -> None:
+    made = client.post("/api/calibrations", json=WHOLE).json()
+    which = {"name": made["name"], "version": made["version"]}
+    refusals = [which | {"version": "0"}, which | {"name": "."}, which | {"name": "../cell 4"}]
+    for asked in refusals:
+        assert client.post("/api/calibrations/withdraw", json=asked).status_code == 400
+    (root / "cell 4/note.txt").write_text("mine")
+    assert client.post("/api/calibrations/withdraw", json=which).status_code == 400
+    assert (root / made["header"]).is_file()
+    (root / "cell 4/note.txt").unlink()
+    assert client.post("/api/calibrations/withdraw", json=which).json() == {"name": "cell 4"}
+    assert not (root / "cell 4").exists()
 
 
 @pytest.mark.parametrize(
@@ -89,6 +130,8 @@ def test_places_are_about_the_arm(client: TestClient, root: Path) -> None:
         ({"place": FRONT | {"point_mm": [1, 2, 3]}}, ["place", "point_mm"]),
         ({"place": FRONT | {"facing": [0, 0, 0]}}, ["place", "facing"]),
         ({"place": {"kind": "roof"}}, ["place", "kind"]),
+        ({"mounted": {"tip_mm": [0, 0, 1]}}, ["instrument"]),
+        ({"mounted": {"point_mm": [0, 1]}}, ["mounted", "point_mm"]),
         ({"measurements": 1}, ["measurements"]),
         ({"serial": 5}, ["serial"]),
     ],

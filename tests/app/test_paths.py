@@ -71,7 +71,7 @@ OTHERS |= {
     "place",
     "serial",
 }
-OTHERS |= {"measurements", "links", "position_mm", "quaternion_wxyz"}
+OTHERS |= {"measurements", "mounted", "version", "links", "position_mm", "quaternion_wxyz"}
 
 
 def _urdf(name: str) -> dict[str, str]:
@@ -147,6 +147,9 @@ SENT: dict[str, dict[str, Any]] = {
         "instrument": "laser",
         "place": {"kind": "front"},
     },
+    "POST /api/calibrations/proposal robot": {"robot": "NAME", "instrument": "laser"},
+    "POST /api/calibrations/proposal robot URDF": {"robot": "URDF", "instrument": "laser"},
+    "POST /api/calibrations/withdraw name": {"name": "NAME", "version": "0"},
     "POST /api/inverse robot": AT | {"robot": "NAME"},
     "POST /api/inverse robot URDF": AT | {"robot": "URDF"},
     "POST /api/inverse file": AT | {"robot": "irb1600", "file": "NAME"},

@@ -113,6 +113,43 @@ def test_a_plan_is_exported_for_the_controller_of_a_newer_maker(folder: Path, tm
     assert {name: (at / name).read_text() for name in files} == files
 
 
+LRMATE = {
+    "schema": "zerobeam/plan/1",
+    "robot": "lrmate_200id",
+    "tool": {"kind": "laser", "calibrated": False, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+    "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+    "targets": {"psd": {"guess_mm": [450, 0, 70], "sigma_mm": 30}},
+    "postures_deg": [[5, -57.133, -51.194, 10, 20, 30], [-5, -40, -20, 0, 30, 60]],
+}
+
+
+def test_joints_are_as_the_pendant_counts_them(folder: Path, address: str) -> None:
+    (folder / "fanuc").mkdir()
+    file = folder / "fanuc/plan.yaml"
+    file.write_text(yaml.safe_dump(LRMATE))
+    with chromium().opened(f"{address}#/job/fanuc/plan/fanuc/plan.yaml") as tab:
+        wait(tab, "document.querySelector('.joints')")
+        assert "joint 3 from the ground" in tab.text
+        assert "point (0, 0, 65)" in tab.text
+        assert field(tab, "J3, °") == "5.939"  # -51.194 + 57.133
+        # The pendant's J2 moves link 2 alone: the angle between the links follows, its J3 stays.
+        fill(tab, "J2, °", "-50")
+        assert field(tab, "J3, °") == "5.939"
+        fill(tab, "J3, °", "7,25")
+        wait(tab, f"{CONTENT}.then((plan) => plan.postures_deg[0][2] === -42.75)")
+        assert tab.value(CONTENT)["postures_deg"][0] == [5, -50, -42.75, 10, 20, 30]
+        # A difference to the file is told in the same counting.
+        changed = LRMATE | {"postures_deg": [[5, -57.133, -52.194, 10, 20, 30], LRMATE["postures_deg"][1]]}
+        file.write_text(yaml.safe_dump(changed))
+        press(tab, "Save")
+        wait(tab, "document.querySelector('dialog table')")
+        rows = tab.value(
+            "[...document.querySelectorAll('dialog tbody tr')]"
+            ".map((row) => [...row.children].map((cell) => cell.textContent))"
+        )
+        assert ["postures_deg / 0 / J3", "7.25", "4.939"] in rows
+
+
 @pytest.mark.long
 def test_an_obstacle_is_moved_in_the_list_and_in_the_picture_and_undone(tab: Tab) -> None:
     tab.value("location.hash = '#/job/cell/cell/cell/plan.yaml'")

@@ -113,3 +113,17 @@ def test_boxes_cylinders_and_spheres_are_drawn_where_links_have_them(client: Tes
     refused = client.post("/api/meshes", json={"robot": ROBOT})
     assert refused.status_code == 400
     assert "'radius' of <sphere> is no extent" in refused.json()["error"]["what"]
+
+
+@pytest.mark.parametrize("joint3", ["link", "pendant"])
+def test_an_arm_says_how_its_pendant_counts(client: TestClient, joint3: str) -> None:
+    joints = [10.0, 57.0, -51.0, 1.0, 2.0, 3.0]
+    asked = {"robot": "lrmate_200id", "joints_deg": joints, "as_in_files": True, "j3": joint3}
+    arm = client.post("/api/robot", json=asked).json()
+    less = arm["pendant"]["less_joint2"]
+    assert less == [0, 0, 1 if joint3 == "pendant" else 0, 0, 0, 0]
+    shown = [joint - share * joints[1] for joint, share in zip(joints, less, strict=True)]
+    assert arm["poses"][0]["counted_deg"] == pytest.approx(shown)
+    limits = [[joint["lower"], joint["upper"]] for joint in arm["joints"]]
+    apart = [i for i in range(6) if limits[i] != pytest.approx(arm["ranges"][i])]
+    assert apart == ([2] if joint3 == "pendant" else [])

@@ -40,9 +40,9 @@ export function Pendant() {
   return html`
     <p class="muted">The flange in the base frame, without a tool. Compare it with the pendant at the same joint values.</p>
     <${Joint3} value=${j3.value} usual="pendant" onValue=${(/** @type {string} */ value) => { values.value = null; j3.value = value; }} />
-    <${Joints} joints=${joints} values=${given} names=${found.value.pendant.names} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { values.value = given.map((one, i) => (i === joint - 1 ? value : one)); }} />
+    <${Joints} arm=${found.value} values=${given} beyond=${given.map((_, i) => pose.outside.includes(i + 1))} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { values.value = given.map((one, i) => (i === joint - 1 ? value : one)); }} />
     <p><button type="button" onClick=${() => { values.value = given.map(() => 0); }}>All to zero</button></p>
-    ${pose.outside.length > 0 && html`<p class="notes">Beyond the limits: ${pose.outside.map((/** @type {number} */ j) => `J${j}`).join(", ")}</p>`}
+    ${pose.outside.length > 0 && html`<p class="notes">Beyond the limits: ${pose.outside.map((/** @type {number} */ j) => found.value.pendant.names[j - 1]).join(", ")}</p>`}
     <div class="scroll" tabindex="0" role="region" aria-label="Pose of the flange"><table><tbody>${forms(pose).map(([name, text, used]) => html`<tr><th scope="row">${name}</th><td class="copy">${text}</td><td class="muted">${used}</td></tr>`)}</tbody></table></div>
     <div class="scroll" tabindex="0" role="region" aria-label="Joint table"><table><thead><tr><th scope="col">joint</th><th scope="col">name</th><th scope="col">kind</th><th scope="col" class="right">lower</th><th scope="col" class="right">upper</th><th scope="col" class="right">top speed</th></tr></thead>
       <tbody>${joints.map((/** @type {any} */ joint, /** @type {number} */ i) => html`<tr><th scope="row">${found.value.pendant.names[i]}</th><td>${joint.name}</td><td>${joint.kind}</td>${[joint.lower, joint.upper].map((v) => html`<td class="right">${withUnit(String(Number(v.toFixed(2))), joint.unit)}</td>`)}<td class="right">${joint.speed === null ? "not stated" : `${withUnit(String(Number(joint.speed.toFixed(2))), joint.unit)}/s`}</td></tr>`)}</tbody></table></div>`;

@@ -62,7 +62,7 @@ async function fetchArm(content, name) {
   const key = robotKey(content);
   if (key in arms.peek()) return;
   try {
-    const found = await post("/api/robot", { robot: robotFrom(content.robot, name) });
+    const found = await post("/api/robot", { robot: robotFrom(content.robot, name), j3: "pendant" });
     arms.value = { ...arms.peek(), [key]: found };
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // then the check says what is wrong with the robot

@@ -1,19 +1,23 @@
 // A new calibration: arm, instrument, and where the target is. The server has the defaults, makes the plan and checks it.
 import { html } from "htm/preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useMemo } from "preact/hooks";
 import { useSignal } from "@preact/signals";
-import { get, post, Refused } from "../core/api.js";
+import { get, latest, post, Refused } from "../core/api.js";
 import { begin, well } from "../core/jobs.js";
 import { go, toJob } from "../core/route.js";
 import { attempt, failed, home, ofKind, refresh, robots } from "../core/store.js";
+import { MOUNTED, mountedWords } from "../core/mounting.js";
+import { fixed, sentence } from "../core/words.js";
 import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
+import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 
 /**
  * @typedef {{name: string, words: string, about: string}} Word
+ * @typedef {{places: {kind: string, at_mm: number[]}[], mounted: Record<string, number[]>}} Proposal
  * @typedef {{instruments: Word[], places: {kind: string, words: string}[]}} Choices
  */
 
@@ -25,12 +29,26 @@ function robotGroups() {
   return [...groups, ["files of this folder", ofKind("robot").filter((path) => !path.endsWith(".urdf")).map((path) => [path, path])]];
 }
 
+/** Takes a calibration back whose plan was not made; says what is left. @param {{name: string, version: string}} made */
+async function withdrawn({ name, version }) {
+  try {
+    await post("/api/calibrations/withdraw", { name, version });
+    return "Nothing is left in the folder. Change what is asked for, and make the plan again.";
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    return `The folder ${name} is left, with a header and without a plan.`;
+  }
+}
+
 export function New() {
   const choices = useSignal(/** @type {Choices | null} */ (null));
   const robot = useSignal(""), instrument = useSignal(""), place = useSignal(""), name = useSignal(""), serial = useSignal("");
   const point = useSignal(/** @type {(number | null)[]} */ ([null, null, null]));
   const measurements = useSignal(/** @type {number | null} */ (null));
-  const wrong = useSignal(/** @type {Refused | null} */ (null));
+  const wrong = useSignal(/** @type {Refused | null} */ (null)), lines = useSignal(/** @type {string[]} */ ([]));
+  const proposal = useSignal(/** @type {Proposal | null} */ (null));
+  /** How the instrument is mounted where that is not as assumed. @type {import("@preact/signals").Signal<Record<string, number[]>>} */
+  const mounted = useSignal({});
   /** @type {import("@preact/signals").Signal<import("../core/jobs.js").Followed | null>} */
   const job = useSignal(null);
   useEffect(() => { get("/api/calibrations/choices").then((found) => {
@@ -38,26 +56,42 @@ export function New() {
     instrument.value = found.instruments[0].name;
     place.value = found.places[0].kind;
   }, failed); }, []);
+  const propose = useMemo(() => latest(
+    () => (robot.value && instrument.value ? post("/api/calibrations/proposal", { robot: robot.value, instrument: instrument.value }) : Promise.resolve(null)),
+    (/** @type {Proposal} */ found, newest) => { if (newest) proposal.value = found; },
+    () => {}, // what is wrong with the robot is said once a plan is made
+  ), []);
+  useEffect(() => { proposal.value = null; mounted.value = {}; propose(); }, [robot.value, instrument.value]);
   if (choices.value === null) return html`<p class="muted">…</p>`;
   const { instruments, places } = choices.value;
   const taken = new Set(home.value?.calibrations.map((one) => one.name));
   const stem = robot.value.replace(/^.*\//, "").replace(/\.\w+$/, "") || "calibration";
   let proposed = stem;
   for (let k = 2; taken.has(proposed); k++) proposed = `${stem}-${k}`;
+  const at_mm = (/** @type {string} */ kind) => proposal.value?.places.find((one) => one.kind === kind)?.at_mm.map((v) => fixed(v, 0)).join(", ");
+  const assumed = proposal.value?.mounted ?? {}, mounting = Object.entries({ ...assumed, ...mounted.value });
   const make = (/** @type {Event} */ event) => {
     event.preventDefault();
     attempt(async () => {
       wrong.value = null;
+      lines.value = [];
       try {
         const made = await post("/api/calibrations", {
           name: name.value.trim() || proposed, robot: robot.value, instrument: instrument.value,
-          place: { kind: place.value, ...(place.value === "point" ? { point_mm: point.value.map((one) => one ?? 0) } : {}) },
+          place: { kind: place.value, ...(place.value === "point" ? { point_mm: point.value } : {}) },
+          mounted: mounted.value,
           ...(serial.value.trim() ? { serial: serial.value.trim() } : {}), ...(measurements.value ? { measurements: measurements.value } : {}),
         });
         job.value = await begin(made.command);
         const ended = await job.value.ended;
+        if (well(ended) && ended.answer?.plan) {
+          await refresh();
+          go(toJob(made.name, "plan"));
+          return;
+        }
+        const left = ended.gone ? "" : await withdrawn(made);
+        lines.value = ["No plan was made", ...(ended.answer?.said ?? []), ...(ended.answer?.removed ? [ended.answer.removed] : []), left].filter(Boolean);
         await refresh();
-        if (well(ended)) go(toJob(made.name, "plan"));
       } catch (error) {
         if (!(error instanceof Refused)) throw error;
         wrong.value = error;
@@ -78,10 +112,15 @@ export function New() {
         ${instruments.map((one) => html`<label class="option" key=${one.name}><input type="radio" name="instrument" value=${one.name} checked=${one.name === instrument.value} onChange=${() => { instrument.value = one.name; }} /> <b>${one.words}</b><span>${one.about}</span></label>`)}
       </fieldset>
       <fieldset class="cards"><legend><b>3</b> Where is the target?</legend>
-        ${places.map((one) => html`<label class="option" key=${one.kind}><input type="radio" name="place" value=${one.kind} checked=${one.kind === place.value} onChange=${() => { place.value = one.kind; }} /> <b>${one.words}</b></label>`)}
+        ${places.map((one) => html`<label class="option" key=${one.kind}><input type="radio" name="place" value=${one.kind} checked=${one.kind === place.value} onChange=${() => { place.value = one.kind; }} /> <b>${one.words}</b>${at_mm(one.kind) && html`<span>x, y, z = ${at_mm(one.kind)} mm in the base frame</span>`}</label>`)}
         ${place.value === "point" && html`<div class="fields">${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" value=${point.value[i]} onValue=${(/** @type {number} */ value) => { point.value = point.value.map((one, k) => (k === i ? value : one)); }} />`)}</div>`}
       </fieldset>
-      <${Fold} title="Name, serial number, number of measurements">
+      ${mounting.length > 0 && html`
+        <p>${Object.keys(mounted.value).length ? "On the flange" : "Assumed on the flange"}: ${mountedWords(Object.fromEntries(mounting))}, in the flange frame. The plan depends on it.</p>
+        <${Fold} key=${`${robot.value} ${instrument.value}`} title="Mounted otherwise" kept><div class="fields">
+          ${mounting.map(([key, values]) => ["x", "y", "z"].map((axis, i) => html`<${NumberField} key=${key + axis} label=${`${MOUNTED[key]?.[0] ?? key} ${axis}`} unit=${MOUNTED[key]?.[1] ?? ""} value=${values[i]} onValue=${(/** @type {number} */ value) => { mounted.value = { ...mounted.value, [key]: values.map((one, k) => (k === i ? value : one)) }; }} />`))}
+        </div><//>`}
+      <${Fold} title="Name, serial number, number of measurements" kept>
         <div class="fields">
           <${TextField} label="Name of the calibration" value=${name.value} placeholder=${proposed} error=${at("name")} onValue=${(/** @type {string} */ value) => { name.value = value; }} />
           <${TextField} label="Serial number of the arm" value=${serial.value} error=${at("serial")} onValue=${(/** @type {string} */ value) => { serial.value = value; }} />
@@ -90,7 +129,8 @@ export function New() {
       <//>
       ${wrong.value && !known && html`<p class="error" role="alert">${wrong.value.text}</p>`}
       ${at("name") && html`<p class="error" role="alert">${at("name")}</p>`}
-      <p class="bar"><button class="main" disabled=${busy || !robot.value}>Make the plan</button>${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
-      ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
+      <p class="bar"><${Submit} disabled=${busy || !robot.value}>Make the plan<//>${!robot.value && html`<span class="muted">Choose an arm first.</span>`}</p>
+      ${job.value && html`<${JobProgress} key=${job.value.id} job=${job.value} title="Making the plan" />`}
+      <ul class="lines" role="alert">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
     </form>`;
 }

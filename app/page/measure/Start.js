@@ -9,6 +9,7 @@ import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { Joint3 } from "../parts/Joint3.js";
 import { NumberField } from "../parts/NumberField.js";
+import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 import { outOf } from "../core/jobs.js";
 import { start } from "./running.js";
@@ -110,7 +111,7 @@ export function Start({ plan, onPlan }) {
           <${TextField} label="Password" secret value=${password.value} onValue=${(/** @type {string} */ value) => { password.value = value; }} />
           <${Choice} label="Sensors" value=${now.sensors} none="those of the simulated controller" groups=${files("sensors")} onValue=${(/** @type {string} */ sensors) => set({ sensors })} />`}
       </div>
-      <${Fold} title="Order, closing measurement${now.rig === "abb" ? ", ports" : ""}"><div class="fields">
+      <${Fold} title="Order, closing measurement${now.rig === "abb" ? ", ports" : ""}" kept><div class="fields">
         ${check("Measure the first posture again at the end", "closing")}
         ${check("Adaptive: choose the next posture by the measurements, end when u is small enough", "adaptive")}
         ${now.adaptive && html`<${NumberField} label="u that is enough, ° or mm" value=${now.tolerance} optional least=${0} placeholder="the plan’s" onValue=${(/** @type {number | null} */ tolerance) => set({ tolerance })} />`}
@@ -118,6 +119,6 @@ export function Start({ plan, onPlan }) {
           ${port("Port of Robot Web Services", "port")}${port("Own UDP port for EGM", "egmPort")}${port("Port of PSD and camera", "sensorPort")}
           <${TextField} label="Output of the laser" value=${now.laser} onValue=${(/** @type {string} */ laser) => set({ laser })} />`}
       </div><//>
-      <p class="bar"><button class="main" disabled=${busy.value || !plan || (now.rig === "live" && !(now.scheme && now.address.trim()))}>${{ simulated: "Start the simulation", manual: "Start", live: "Start: connects to the controller", abb: "Start: asks before the robot moves" }[now.rig]}</button></p>
+      <p class="bar"><${Submit} disabled=${busy.value || !plan || (now.rig === "live" && !(now.scheme && now.address.trim()))}>${{ simulated: "Start the simulation", manual: "Start", live: "Start: connects to the controller", abb: "Start: asks before the robot moves" }[now.rig]}<//></p>
     </form>`;
 }

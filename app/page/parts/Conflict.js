@@ -1,7 +1,8 @@
 // The plan that is open was changed elsewhere meanwhile: both are shown, and one is chosen. Nothing is written before.
 import { html } from "htm/preact";
 import { useSignal } from "@preact/signals";
-import { conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
+import { counted } from "../core/counting.js";
+import { arm, conflict, file, keepMine, plan, save, takeTheirs, unsaved } from "../core/editing.js";
 import { go, route, toJob } from "../core/route.js";
 import { freeName } from "../core/store.js";
 import { Dialog } from "./Dialog.js";
@@ -17,14 +18,20 @@ function differences(mine, theirs, key = "") {
   const keys = [...new Set([...Object.keys(mine), ...Object.keys(theirs)])];
   return keys.flatMap((one) => differences(mine[one], theirs[one], key ? `${key} / ${one}` : one));
 }
+/** A plan with its joints by the pendant's names, as the pendant counts them. @param {any} content @param {import("../core/counting.js").CountedArm} body */
+function named(content, body) {
+  const joints = (/** @type {number[]} */ values) => Object.fromEntries(counted(body, values).map((value, i) => [body.pendant.names[i] ?? `J${i + 1}`, Number(value.toFixed(6))]));
+  return { ...content, postures_deg: content.postures_deg.map((/** @type {any} */ one) => (Array.isArray(one) ? joints(one) : { ...one, joints_deg: joints(one.joints_deg) })) };
+}
 const short = (/** @type {unknown} */ value) => { const text = value === undefined ? "—" : JSON.stringify(value); return text.length > 60 ? `${text.slice(0, 57)}…` : text; };
 
 export function Conflict() {
   const theirs = conflict.value, busy = useSignal(false);
   if (theirs === null || !unsaved.value) return null;
   const broken = theirs !== "gone" && theirs.content === null;
-  const rows = theirs === "gone" || theirs.content === null ? [] : differences(plan.value, theirs.content);
-  const other = rows.some(([key]) => /^robot( |$)/.test(key));
+  const content = theirs === "gone" ? null : theirs.content, mine = plan.value, body = arm.value;
+  const other = content !== null && JSON.stringify(content.robot) !== JSON.stringify(mine?.robot);
+  const rows = content === null ? [] : body === null || other ? differences(mine, content) : differences(named(mine, body), named(content, body));
   const during = (/** @type {() => unknown} */ work) => async () => { busy.value = true; await work(); busy.value = false; };
   const copy = freeName(file.value.replace(/(\.ya?ml)?$/, "-mine.yaml"));
   const saveCopy = async () => { if (await save(copy)) go(toJob(route.value.name, route.value.step, copy), { replace: true, sure: true }); };
@@ -36,6 +43,7 @@ export function Conflict() {
       ${rows.length > 0 && html`
         <div class="scroll" tabindex="0" role="region" aria-label="Differences"><table><thead><tr><th scope="col">value</th><th scope="col">yours</th><th scope="col">in the file</th></tr></thead>
           <tbody>${rows.slice(0, MOST).map(([key, mine, other]) => html`<tr><th scope="row">${key}</th><td>${mine}</td><td>${other}</td></tr>`)}</tbody></table></div>
+        ${body !== null && rows.some(([key]) => key.startsWith("postures_deg")) && html`<p class="muted">${other ? "Joints are as in the files: joint 3 from link 2." : "Joints are as the pendant counts them, in degrees (mm)."}</p>`}
         ${rows.length > MOST && html`<p class="muted">And ${rows.length - MOST} more.</p>`}`}
       <p class="bar">
         <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Keep mine"}</button>

@@ -28,7 +28,7 @@ export function NumberField({ label, value, unit = "", onValue, optional = false
       <span class="together">
         ${slider && html`<input type="range" min=${least} max=${most} step=${whole ? 1 : "any"} value=${value ?? 0} aria-label=${label} aria-valuetext=${`${shown} ${unit}`}
           onInput=${(/** @type {any} */ event) => onValue(Number(Number(event.target.value).toFixed(digits)))} />`}
-        <input type="text" inputmode=${whole && least >= 0 ? "numeric" : "decimal"} autocomplete="off" spellcheck=${false} value=${typing.value ? text.value : refused.value ? text.value : shown} placeholder=${placeholder} aria-invalid=${Boolean(problem)} aria-label=${unit ? `${label}, ${unit}` : label}
+        <input type="text" inputmode=${whole && least >= 0 ? "numeric" : "decimal"} autocomplete="off" spellcheck=${false} value=${typing.value ? text.value : refused.value ? text.value : shown} placeholder=${placeholder} aria-invalid=${Boolean(problem)} data-needed=${!optional && shown === "" ? true : undefined} aria-label=${unit ? `${label}, ${unit}` : label}
           onFocus=${() => { text.value = refused.value ? text.value : shown; typing.value = true; }} onBlur=${() => { typing.value = false; }}
           onInput=${(/** @type {any} */ event) => take(event.target.value)} />
         ${unit && html`<span class="unit" aria-hidden="true">${unit}</span>`}

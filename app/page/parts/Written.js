@@ -6,6 +6,7 @@ import { begin, over, well } from "../core/jobs.js";
 import { attempt, refresh } from "../core/store.js";
 import { sentence } from "../core/words.js";
 import { JobProgress } from "./JobProgress.js";
+import { Submit } from "./Submit.js";
 
 /** @typedef {import("@preact/signals").Signal<{job: import("../core/jobs.js").Followed, files: string[]} | null>} Made */
 
@@ -30,7 +31,7 @@ export function useWritten() {
 export function Written({ made, button, title, disabled = false, after = "" }) {
   const now = made.value;
   return html`
-    <p class="bar"><button class="main" disabled=${disabled || (now !== null && !over(now.job.state.value))}>${button}</button></p>
+    <p class="bar"><${Submit} disabled=${disabled || (now !== null && !over(now.job.state.value))}>${button}<//></p>
     ${now && html`<${JobProgress} key=${now.job.id} job=${now.job} title=${title}>
       <p>${now.files.map((one) => html`<a class="button" href=${downloadOf(one)} download>Download ${one.replace(/^.*\//, "")}</a> `)}</p>
       <ul class="lines said">${(now.job.state.value.answer?.notes ?? []).map((/** @type {string} */ note) => html`<li>${sentence(note)}</li>`)}</ul>

@@ -12,6 +12,7 @@ import { Choice } from "../parts/Choice.js";
 import { Fold } from "../parts/Fold.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
+import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 
 const OF_PLAN = " "; // the header of the plan that is open: no file has this name
@@ -90,17 +91,17 @@ export function Making() {
         <${Choice} label="Header" value=${header.value} groups=${[["", headers]]} onValue=${(/** @type {string} */ value) => { header.value = value; }} />
         ${number("Measurements", "shots", { whole: true, least: 2, placeholder: "as usual" })}
         ${best && number("… or as few as reach u, °", "tolerance", { least: 0 })}
-        ${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" optional value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"} onValue=${(/** @type {number | null} */ value) => set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
+        ${["x", "y", "z"].map((axis, i) => html`<${NumberField} label=${`Target ${axis}`} unit="mm" optional=${now.target.every((one) => one === null)} value=${now.target[i]} placeholder=${there ? String(Math.round(there[i])) : "the header's"} onValue=${(/** @type {number | null} */ value) => set({ target: now.target.map((one, k) => (k === i ? value : one)) })} />`)}
         <${TextField} label="New file" value=${out.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { out.value = value; }} />
       </div>
-      ${best && html`<${Fold} title="Constraints and search"><div class="fields">
+      ${best && html`<${Fold} title="Constraints and search" kept><div class="fields">
         <${TextField} label="Normal of the target, or any" value=${now.facing} error=${now.facing.trim() === "any" || parsedList(now.facing)?.length === 3 ? "" : "allowed: three numbers, or any"} onValue=${(/** @type {string} */ facing) => set({ facing })} />
         ${number("Largest angle to it", "acceptance", { unit: "°" })}${number("Shortest beam", "shortest", { unit: "mm" })}${number("Longest beam", "longest", { unit: "mm" })}${number("Margin to limits", "margin", { unit: "°", least: 0 })}
         <${Choice} label="Obstacles" value=${now.obstacles} none="none" groups=${[["", ofKind("obstacles").map((one) => [one, one])]]} onValue=${(/** @type {string} */ obstacles) => set({ obstacles })} />
         <${Choice} label="Criterion" value=${now.criterion} groups=${[["", [["A", "A: mean variance"], ["D", "D: generalised variance"], ["E", "E: largest variance"]]]]} onValue=${(/** @type {string} */ criterion) => set({ criterion })} />
         ${number("At most, with u", "most", { whole: true, least: 2 })}${number("Candidates", "candidates", { whole: true, least: 10 })}${number("Random seed", "seed", { whole: true, least: 0 })}
       </div><//>`}
-      <p class="bar"><button class="main" disabled=${job.value !== null && !over(job.value.state.value)}>Make the plan</button></p>
+      <p class="bar"><${Submit} disabled=${job.value !== null && !over(job.value.state.value)}>Make the plan<//></p>
       ${job.value && html`<${JobProgress} job=${job.value} title="Making the plan" />`}
       <ul class="lines">${lines.value.map((line) => html`<li>${sentence(line)}</li>`)}</ul>
     </form>`;

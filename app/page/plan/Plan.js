@@ -2,7 +2,9 @@
 import { html } from "htm/preact";
 import { useEffect } from "preact/hooks";
 import { signal, useSignal } from "@preact/signals";
+import { beyond, counted, remarks } from "../core/counting.js";
 import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, lostDraftsOf, open, pending, plan, redo, restored, save, undo, unsaved, wrong } from "../core/editing.js";
+import { mountedIn } from "../core/mounting.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
@@ -17,7 +19,7 @@ import { Determined } from "./Determined.js";
 import { Exporting } from "./Exporting.js";
 import { Making } from "./Making.js";
 import { motion } from "./motion.js";
-import { held, meshNotes, moveBox, moveFlange, moveTarget, picture, postureName, turnJoint } from "./picture.js";
+import { held, meshNotes, moveBox, moveFlange, moveTarget, picture, postureName, setJoint, turnJoint } from "./picture.js";
 import { Postures } from "./Postures.js";
 
 /** What the picture lets take hold of; a tool of it that is in the way is put aside. */
@@ -103,9 +105,11 @@ export function Plan() {
     <${PlanBar} />
     <h2>What this plan will determine</h2>
     <${Determined} />
+    ${mountedIn(plan.value).length > 0 && html`<p class="mounted">Planned for an instrument mounted so, in the flange frame: ${mountedIn(plan.value).join("; ")}. Where it is mounted otherwise, change it in the <a href=${toJob(route.value.name, "cell", file.value)}>cell</a>.</p>`}
     ${values !== null && arm.value !== null && html`
       <h2>Joints of ${postureName(/** @type {number} */ (i))}</h2>
-      <${Joints} joints=${arm.value.joints} values=${values} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { motion.value = null; turnJoint(joint, value); }} />`}
+      ${remarks(arm.value).map((one) => html`<p class="muted">${one}</p>`)}
+      <${Joints} arm=${arm.value} values=${counted(arm.value, values)} beyond=${beyond(arm.value, values)} onJoint=${(/** @type {number} */ joint, /** @type {number} */ value) => { motion.value = null; setJoint(joint, value); }} />`}
     <div class="bar" role="group" aria-label="What can be moved in the picture">
       ${/** @type {const} */ (["target", "flange", "joints", "boxes"]).map((tool) => html`<label class="check" key=${tool}><input type="checkbox" checked=${tools.value[tool]} onChange=${() => { tools.value = { ...tools.value, [tool]: !tools.value[tool] }; }} /> ${{ target: "Target", flange: "Flange", joints: "Joints", boxes: "Obstacles" }[tool]}</label>`)}
     </div>

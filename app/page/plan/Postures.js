@@ -3,6 +3,7 @@ import { html } from "htm/preact";
 import { useEffect, useRef } from "preact/hooks";
 import { computed, signal } from "@preact/signals";
 import { latest, post } from "../core/api.js";
+import { counted } from "../core/counting.js";
 import { answer, arm, change, chosen, file, jointsOf, pending, plan } from "../core/editing.js";
 import { failed } from "../core/store.js";
 import { fixed, named, WORDS } from "../core/words.js";
@@ -57,6 +58,9 @@ const move = (by) => change(null, (content) => {
 });
 const drop = () => change(null, (content) => { content.postures_deg.splice(chosen.value ?? 0, 1); });
 
+/** Joint values in words, as the pendant shows them. @param {import("../core/counting.js").CountedArm} body @param {number[]} joints */
+const jointsIn = (body, joints) => { const shown = counted(body, joints); return body.pendant.order.map((k) => `${body.pendant.names[k - 1]} ${fixed(shown[k - 1], 1)}`).join(", "); };
+
 export function Postures() {
   const count = rows.value.length, i = chosen.value, strip = useRef(/** @type {HTMLOListElement | null} */ (null));
   useEffect(() => { if (i !== null) strip.current?.children[i]?.scrollIntoView({ block: "nearest", inline: "nearest" }); }, [i]);
@@ -78,7 +82,7 @@ export function Postures() {
     </div>
     <ol class="strip" ref=${strip} aria-labelledby="postures-title">
       ${rows.value.map((row) => html`
-        <li key=${row.i}><button type="button" class=${row.misses ? "misses" : ""} aria-current=${row.i === i ? "true" : undefined} onClick=${() => { chosen.value = row.i; }} title=${plan.value ? jointsOf(plan.value, row.i).map((v) => fixed(v, 1)).join(", ") : ""}>
+        <li key=${row.i}><button type="button" class=${row.misses ? "misses" : ""} aria-current=${row.i === i ? "true" : undefined} onClick=${() => { chosen.value = row.i; }} title=${plan.value && arm.value ? jointsIn(arm.value, jointsOf(plan.value, row.i)) : ""}>
           <b>${row.i}</b> <span class="of">${row.target}</span>
           <meter min="0" max="1" value=${row.share} aria-label="What it adds"></meter>
           <small>${row.misses || row.adds || row.off}</small>

@@ -1,5 +1,6 @@
 // What the scene shows of the plan that is open, and what is done to the plan in it.
 import { computed, effect, signal } from "@preact/signals";
+import { counted, withCounted } from "../core/counting.js";
 import { latest, post, Refused } from "../core/api.js";
 import { answer, arm, change, chosen, file, jointsOf, plan, robotFrom } from "../core/editing.js";
 import { failed } from "../core/store.js";
@@ -47,7 +48,7 @@ export const picture = computed(() => {
     reach: body.reach_mm,
     arm: body,
     meshes: meshes.value,
-    postures: found.scene.map((/** @type {any} */ posture, /** @type {number} */ i) => kept(last.postures?.[i], { ...posture, name: postureName(i), joints: posture.joints_deg })),
+    postures: found.scene.map((/** @type {any} */ posture, /** @type {number} */ i) => kept(last.postures?.[i], { ...posture, name: postureName(i), joints: posture.joints_deg, counted: counted(body, posture.joints_deg) })),
     marks: kept(last.marks, found.marks),
     boxes: kept(last.boxes, JSON.parse(obstacles.value).map((/** @type {any} */ box, /** @type {number} */ i) => ({ name: box.name, min: box.min_mm, max: box.max_mm, touched: Boolean(found.touched_boxes?.[i]) }))),
   };
@@ -61,7 +62,13 @@ export const moveTarget = (name, at) => change(`targets/${name}`, (content) => {
   content.targets[name] = { ...content.targets[name], guess_mm: at.map(tenth) };
 });
 
-/** @param {number} joint from 1 @param {number} value */
+/** A joint as the pendant counts it. @param {number} joint from 1 @param {number} value */
+export const setJoint = (joint, value) => {
+  const i = chosen.value, body = arm.value;
+  if (i !== null && body !== null) change(`joint/${i}/${joint}`, (content) => { const joints = jointsOf(content, i); withCounted(body, joints, joint, value).forEach((v, k) => { joints[k] = Number(v.toFixed(9)); }); });
+};
+
+/** A joint between its links, what it carries with it. @param {number} joint from 1 @param {number} value */
 export const turnJoint = (joint, value) => {
   const i = chosen.value;
   if (i !== null) change(`joint/${i}/${joint}`, (content) => { jointsOf(content, i)[joint - 1] = Number(value.toFixed(3)); });
@@ -84,7 +91,7 @@ const askInverse = latest(
   },
   (found) => {
     const i = chosen.value;
-    held.value = found.at_limit?.length ? `At the limit: ${found.at_limit.map((/** @type {number} */ j) => `J${j}`).join(", ")}.` : found.reached ? "" : "The flange cannot be brought there.";
+    held.value = found.at_limit?.length ? `At the limit: ${found.at_limit.map((/** @type {number} */ j) => arm.value?.pendant.names[j - 1] ?? `J${j}`).join(", ")}.` : found.reached ? "" : "The flange cannot be brought there.";
     if (i !== null && found.reached) change(`flange/${i}`, (content) => { found.joints_deg.forEach((/** @type {number} */ v, /** @type {number} */ j) => { jointsOf(content, i)[j] = Number(v.toFixed(3)); }); });
   },
   failed,

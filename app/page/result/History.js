@@ -9,6 +9,7 @@ import { counted, marked, named, WORDS } from "../core/words.js";
 import { typed } from "../core/decimal.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
+import { Submit } from "../parts/Submit.js";
 import { TextField } from "../parts/TextField.js";
 import { estimateOf, expandedOf } from "./numbers.js";
 import { history } from "./state.js";
@@ -91,7 +92,7 @@ function Drift({ serial }) {
         <${TextField} label="Database" value=${db.value} onValue=${(/** @type {string} */ value) => { db.value = value; }} />
         <${TextField} label="Folder of the pages" value=${folder.value} placeholder=${proposed} onValue=${(/** @type {string} */ value) => { folder.value = value; }} />
       </div>
-      <p class="bar"><button disabled=${!files.length || (made.value !== null && !over(made.value.job.state.value))}>Make the pages</button></p>
+      <p class="bar"><${Submit} main=${false} disabled=${!files.length || (made.value !== null && !over(made.value.job.state.value))}>Make the pages<//></p>
       ${made.value && html`<${JobProgress} key=${made.value.job.id} job=${made.value.job} title=${made.value.title}>${made.value.page && html`<p><a class="button" href=${pageOf(made.value.page)} target="_blank" rel="noopener">Open the page</a></p>`}<//>`}
     </form>`;
 }

@@ -42,7 +42,7 @@ export function Program({ run }) {
       <p class="muted">Correct calculated targets only: targets that were taught on this arm hold its offsets already. Tool and user frames that the program names by number are stated below.</p>
       <${Choice} label="Program of the folder" value=${program.value} none="choose a program" groups=${[["", files.value.filter((one) => endings.value.some((ending) => one.path.toLowerCase().endsWith(ending))).map((one) => [one.path, one.path])]]} onValue=${(/** @type {string} */ value) => { program.value = value; made.value = null; }} />
       <label><span class="label">or send one (${[...new Set(endings.value)].join(", ")}; of KRL .src and .dat)</span><input type="file" multiple accept=${endings.value.join(",")} onChange=${(/** @type {any} */ event) => send(event.target.files)} /></label>
-      <${Fold} title="Tool, frame, targets to leave"><div class="fields">
+      <${Fold} title="Tool, frame, targets to leave" kept><div class="fields">
         ${text("tool", "Tool, [NAME=]pose", "0,0,100,0,0,0")}${text("frame", "Frame, [NAME=]pose", "500,0,0,0,0,0")}${text("near", "Joints near targets without a configuration", "0,-30,30,0,60,0")}
         ${text("leave", "Leave this target", "P[3]")}${text("call", "Routine that moves nothing", "GRIP")}${text("without", "Without this offset", "delta4")}
         <${Joint3} value=${options.value.j3} onValue=${(/** @type {string} */ j3) => set({ j3 })} />

@@ -8,7 +8,7 @@ import { across, apart, dot, minus, plus, rotated, times, unit } from "./vectors
 
 /** @typedef {import("./vectors.js").Vec} Vec */
 /** @typedef {import("./types.js").Held} Held */
-/** @typedef {{joint: number, kind: string, before: number, value: number, lower: number, upper: number, start: Vec, pivot: Vec, axis: Vec, screen: {x: number, y: number, per: number}|null, posture: import("./types.js").ShownPosture}} JointDrag */
+/** @typedef {{joint: number, kind: string, before: number, value: number, less: number, name: string, lower: number, upper: number, start: Vec, pivot: Vec, axis: Vec, screen: {x: number, y: number, per: number}|null, posture: import("./types.js").ShownPosture}} JointDrag */
 
 const CLICK_PX = 5;
 const THINNEST = 10; // mm, of a box
@@ -208,7 +208,9 @@ export class Grips {
       const least = limits.kind === "prismatic" ? 0.02 : 0.8; // px, so that a point near the axis does not race
       screen = per > 1e-3 ? { x: way.x / per, y: way.y / per, per: Math.max(per, least) } : { x: 1, y: 0, per: 2 };
     }
-    this.drag = { joint, kind: limits.kind, before: value, value, lower: limits.lower, upper: limits.upper, start: unit(start), pivot, axis, screen, posture };
+    // Limits hold as the pendant counts and between the links.
+    const less = value - (posture.counted?.[joint - 1] ?? value), [lowest, highest] = scene.arm.ranges?.[joint - 1] ?? [-Infinity, Infinity];
+    this.drag = { joint, kind: limits.kind, before: value, value, less, name: scene.arm.pendant?.names[joint - 1] ?? `J${joint}`, lower: Math.max(lowest, limits.lower + less), upper: Math.min(highest, limits.upper + less), start: unit(start), pivot, axis, screen, posture };
     this.from = { x: event.clientX, y: event.clientY };
     this.swept = 0;
     this.showArc();
@@ -278,7 +280,7 @@ export class Grips {
     const { drag, view } = this;
     if (!drag) return [];
     const unitOf = drag.kind === "prismatic" ? "\u00a0mm" : "°", shown = (/** @type {number} */ v, /** @type {number} */ digits) => v.toFixed(digits).replace("-", "−");
-    return [{ at: drag.pivot, text: `J${drag.joint}: ${shown(drag.value, 1)}${unitOf} (${shown(drag.lower, 0)} to ${shown(drag.upper, 0)})`, tone: view.colours.identified, rank: 0, bold: true }];
+    return [{ at: drag.pivot, text: `${drag.name}: ${shown(drag.value - drag.less, 1)}${unitOf} (${shown(drag.lower - drag.less, 0)} to ${shown(drag.upper - drag.less, 0)})`, tone: view.colours.identified, rank: 0, bold: true }];
   }
 
   /** @param {PointerEvent} event */

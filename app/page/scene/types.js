@@ -13,6 +13,8 @@
  * @property {number} [reach_mm]
  * @property {{below_base_mm: number|null}} mounting
  * @property {{name: string, kind: string, unit: string, lower: number, upper: number}[]} joints
+ * @property {number[][]} [ranges] n limits with joint 3 from link 2; those of `joints` are the pendant's
+ * @property {{names: string[]}} [pendant]
  * @property {{joints_deg: number[], xyz_mm: number[], quaternion_wxyz: number[]}[]} [poses]
  */
 
@@ -29,6 +31,7 @@
  * @property {boolean} [reaches]
  * @property {string[]} [violations]
  * @property {number[]} [joints] of the posture, for the limits while a joint is dragged
+ * @property {number[]} [counted] the same as the pendant counts
  */
 
 /** @typedef {{name: string, min: Vec, max: Vec, touched?: boolean}} Box */

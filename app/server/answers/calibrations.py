@@ -13,7 +13,14 @@ from pathlib import Path
 from pydantic import Field
 
 from ....experiments.demos import example_files
-from ....experiments.plans.new_calibration import PLACES, PlaceKind, new_calibration, place_of, titles
+from ....experiments.plans.new_calibration import (
+    PLACES,
+    PlaceKind,
+    mounted_of,
+    new_calibration,
+    place_of,
+    titles,
+)
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, write_header
 from ....model.files.json_document import JsonDocument
@@ -25,6 +32,7 @@ from ....words.wording import capital
 from ..folder import Folder
 from ..job_commands import job_command
 from ..requests import Content, EndPoint, Refused, refused
+from ..versions import version_of
 from .new_folders import new_path
 from .robots import whole_ref
 
@@ -51,10 +59,31 @@ class AskedCalibration(FileModel):
     )
     instrument: str = Field(description="kind of the instrument")
     place: AskedPlace = Field(description="where the target is")
+    mounted: dict[str, Vector] = Field(
+        default_factory=dict,
+        description="how the instrument is on the flange, by the keys of /api/calibrations/proposal"
+        " (default: as that assumes)",
+    )
     serial: Name | None = Field(default=None, description="serial number of the arm")
     measurements: int | None = Field(
         default=None, ge=2, le=200, description="of the plan (default: as few as are enough)"
     )
+
+
+class AskedProposal(FileModel):
+    """An arm and an instrument, of which a new calibration may be."""
+
+    robot: RobotRef = Field(
+        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
+    )
+    instrument: str = Field(description="kind of the instrument")
+
+
+class AskedWithdrawal(FileModel):
+    """A calibration that is to be taken back."""
+
+    name: str = Field(description="its folder")
+    version: str = Field(description="of its header, as it was made")
 
 
 class AskedExample(FileModel):
@@ -66,6 +95,7 @@ class MadeCalibration(JsonDocument):
 
     name: str
     header: str
+    version: str = Field(description="of the header")
     command: list[str]
 
 
@@ -95,6 +125,28 @@ class PlaceWords(JsonDocument):
     facing: list[float]
 
 
+class PlaceAt(JsonDocument):
+    """Where a place of the target is at an arm."""
+
+    kind: PlaceKind
+    at_mm: list[float] = Field(description="base frame")
+
+
+class CalibrationProposal(JsonDocument):
+    """What a new calibration assumes of an arm and an instrument."""
+
+    places: list[PlaceAt] = Field(description="without the one that is stated")
+    mounted: dict[str, list[float]] = Field(
+        description="how the instrument is on the flange, by the key of the header; empty: not asked"
+    )
+
+
+class WithdrawnCalibration(JsonDocument):
+    """A calibration that was taken back."""
+
+    name: str
+
+
 class CalibrationChoices(JsonDocument):
     """What a new calibration can be made of."""
 
@@ -116,6 +168,41 @@ def choices(_: Folder) -> CalibrationChoices:
     )
 
 
+def proposal(folder: Folder, request: AskedProposal) -> CalibrationProposal:
+    """Where the places are, and how the instrument is assumed to be mounted."""
+    with _at_key("robot"):
+        robot = load_robot(whole_ref(folder, request.robot, folder.root), folder.root)
+    with _at_key("instrument"):
+        mounted = mounted_of(request.instrument, robot)
+    return CalibrationProposal(
+        places=[
+            PlaceAt(kind=row.kind, at_mm=list(place_of(row.kind, robot, None)))
+            for row in PLACES
+            if row.kind != "point"
+        ],
+        mounted={key: list(value) for key, value in mounted.items()},
+    )
+
+
+def withdraw(folder: Folder, request: AskedWithdrawal) -> WithdrawnCalibration:
+    """Take a calibration back that has a header, as it was made, and nothing else."""
+    header = folder.file(f"{request.name}/header.yaml")
+    path = header.parent
+    if (
+        path == folder.root
+        or [entry.name for entry in path.iterdir()] != [header.name]
+        or version_of(header) != request.version
+    ):
+        raise BadInput(
+            "this calibration is not taken back",
+            found="it has more than a header as it was made",
+            remedy="delete its folder where it is not needed",
+        )
+    header.unlink()
+    path.rmdir()
+    return WithdrawnCalibration(name=request.name)
+
+
 def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
     """Make the folder of a calibration with its header, whole or not at all."""
     path = new_path(folder, request.name)
@@ -128,7 +215,9 @@ def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
     if not any(facing):
         raise _refusal(("place", "facing"), "this direction has no length", facing, "a direction")
     with _at_key("instrument"):
-        new = new_calibration(request.instrument, robot, target, facing, request.measurements)
+        new = new_calibration(
+            request.instrument, robot, target, facing, request.measurements, request.mounted
+        )
     provenance = {} if request.serial is None else {"provenance": {"serial": request.serial}}
     ref = rebased(request.robot, folder.root, path)
     content: Content = {"robot": ref if isinstance(ref, str) else ref.model_dump(exclude_unset=True)}
@@ -137,7 +226,12 @@ def make(folder: Folder, request: AskedCalibration) -> MadeCalibration:
         write_header(part / "header.yaml", header)
     name = folder.called(path)
     words = ["plan", "optimal", f"--header={name}/header.yaml", f"--out={name}/plan.yaml", *new.options]
-    return MadeCalibration(name=name, header=f"{name}/header.yaml", command=_command(folder, words))
+    return MadeCalibration(
+        name=name,
+        header=f"{name}/header.yaml",
+        version=version_of(path / "header.yaml"),
+        command=_command(folder, words),
+    )
 
 
 def example(folder: Folder, _: AskedExample) -> MadeExample:
@@ -200,6 +294,20 @@ END_POINTS = [
         make,
         AskedCalibration,
         status=201,
+    ),
+    EndPoint(
+        "/api/calibrations/proposal",
+        "POST",
+        "What a new calibration assumes: where the targets are, how the instrument is mounted.",
+        proposal,
+        AskedProposal,
+    ),
+    EndPoint(
+        "/api/calibrations/withdraw",
+        "POST",
+        "Takes a calibration back that has a header, as it was made, and nothing else.",
+        withdraw,
+        AskedWithdrawal,
     ),
     EndPoint(
         "/api/example",

@@ -68,6 +68,9 @@ class DrawnArm(JsonDocument):
     skeleton: list[list[float]] = Field(description="n + 2 points, mm: base, joints, flange")
     axes: list[list[float]] = Field(description="n unit vectors, of the joints")
     links: list[list[list[float]]] = Field(description="n + 1 poses of base and links: rows of 3 x 4")
+    ranges: list[list[float]] = Field(
+        description="n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"
+    )
     notes: list[str] | None = Field(default=None, description="where numbers look wrong", exclude_if=is_none)
 
 
@@ -128,6 +131,7 @@ def arm_of(arm: ShownArm, notes: list[str] | None = None) -> DrawnArm:
         skeleton=rounded(points.T, 3),
         axes=rounded(axes.T, 9),
         links=rounded(links.reshape(3, -1, 4).transpose(1, 0, 2), 6),
+        ranges=rounded(np.stack([arm.robot.lower, arm.robot.upper], axis=1) * arm.robot.display[:, None], 9),
         notes=notes,
     )
 

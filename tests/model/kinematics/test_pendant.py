@@ -20,7 +20,7 @@ from zerobeam.model.kinematics.pendant import (
     pendant_of,
     require_link_encoder,
 )
-from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.kinematics.robot import J3, Robot
 
 
 def test_there_and_back_for_one_posture_and_for_many() -> None:
@@ -80,6 +80,15 @@ def test_order_names_unit_and_counting_of_a_pendant(tmp_path: Path) -> None:
     assert other.counted(joints).tolist() == [10, 20, 50]
     assert [limit[2] for limit in pendant.limits] == pytest.approx([-140, 280])
     assert [limit[2] for limit in other.limits] == pytest.approx([-70, 205])
+
+
+@pytest.mark.parametrize("joint3", ["ground", "link"])
+def test_the_share_of_joint_2_gives_the_counting(tmp_path: Path, joint3: J3) -> None:
+    robot = robot_of(tmp_path, COUPLED)
+    pendant = Pendant(robot, joint3)
+    joints = np.random.default_rng(3).uniform(-90, 90, (5, robot.n))
+    shares = np.outer(joints[:, 1], pendant.less_joint2)
+    np.testing.assert_allclose(joints - shares, pendant.counted(joints), rtol=0, atol=1e-12)
 
 
 def test_both_ranges_of_a_coupled_joint_3_are_kept(tmp_path: Path) -> None:

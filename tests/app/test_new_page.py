@@ -1,0 +1,81 @@
+"""A new calibration, typed by a person: what is wrong makes nothing, and what cannot be planned is said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from app_page import app, wait
+from chromium import Tab, chromium
+
+pytestmark = pytest.mark.browser
+
+POINT = "At a point that I state"
+ALERT = "document.querySelector('.new .bar [role=alert]')?.textContent ?? ''"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    chromium()
+    (tmp_path / "dir").mkdir()
+    return tmp_path / "dir"
+
+
+@pytest.fixture
+def tab(folder: Path) -> Iterator[Tab]:
+    """The form, with an arm chosen."""
+    with app(folder) as opened, chromium().opened(f"{opened.address}#/new") as page:
+        wait(page, "document.querySelector('.new select')")
+        page.on(lambda frame: frame.get_by_label("Robot").select_option("lrmate_200id"))
+        wait(
+            page,
+            "document.body.textContent.includes('-330 mm') || document.body.textContent.includes('−330 mm')",
+        )
+        yield page
+
+
+def fill(tab: Tab, label: str, value: str) -> None:
+    tab.on(lambda page: page.get_by_label(label, exact=True).first.fill(value))
+
+
+def make(tab: Tab) -> None:
+    tab.on(lambda page: page.get_by_role("button", name="Make the plan").click())
+
+
+def at_point(tab: Tab, *values: str) -> None:
+    tab.on(lambda page: page.get_by_label(POINT).check())
+    for axis, value in zip("xyz", values, strict=False):
+        fill(tab, f"Target {axis}, mm", value)
+
+
+def test_a_number_that_is_refused_or_missing_makes_nothing(folder: Path, tab: Tab) -> None:
+    title = "Name, serial number, number of measurements"
+    tab.on(lambda page: page.get_by_text(title).click())
+    fill(tab, "Measurements", "1,234")
+    tab.on(lambda page: page.get_by_text(title).click())
+    make(tab)
+    wait(tab, f"({ALERT}).startsWith('Measurements: allowed')")
+    fill(tab, "Measurements", "")
+    at_point(tab, "500,5")
+    make(tab)
+    wait(tab, f"({ALERT}).startsWith('Target y, mm: a number is missing')")
+    assert list(folder.iterdir()) == []
+
+
+def test_how_the_laser_is_mounted_is_said_and_changed(tab: Tab) -> None:
+    assert "Assumed on the flange: point (0, 0, 65)" in tab.text
+    tab.on(lambda page: page.get_by_text("Mounted otherwise").click())
+    fill(tab, "Point z, mm", "80,5")
+    assert "On the flange: point (0, 0, 80.5)" in tab.text
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("x", "why"), [("5000", "too few postures"), ("0", "No plan of up to 30")])
+def test_why_there_is_no_plan_is_said_and_nothing_is_left(folder: Path, tab: Tab, x: str, why: str) -> None:
+    at_point(tab, x, "0", "0")
+    make(tab)
+    wait(tab, "document.querySelector('.new > .lines li')", 180)
+    assert why in tab.text
+    assert "Nothing is left in the folder" in tab.text
+    assert [path for path in folder.iterdir() if not path.name.startswith(".")] == []
