@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import inspect
 from functools import cache
+from typing import Literal
 
 from pydantic import Field
 
 from ....experiments.makers.maker import makers, program_languages
+from ....experiments.makers.user_programs import poses_to_state
 from ....model.files.json_document import JsonDocument
+from ....model.files.run import read_run
 from ..folder import Folder
 from ..requests import EndPoint
 from .format_options import FormatOptionAnswer, described_options
@@ -61,7 +64,39 @@ def languages(_: Folder) -> list[LanguageForm]:
     ]
 
 
+class PoseToState(JsonDocument):
+    """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
+
+    what: Literal["tool", "frame"]
+    name: str = Field(description="as the program has it; empty: the one that it leaves open")
+    form: str = Field(description="what its numbers are, with their units")
+
+
+def poses(folder: Folder, program: str, run: str) -> list[PoseToState]:
+    """What must be stated to correct a program of the run's robot."""
+    path, robot = folder.file(program), read_run(folder.file(run)).robot
+    return [
+        PoseToState(
+            what="tool" if pose.option == "--tool" else "frame", name=pose.name, form=_with_units(pose.form)
+        )
+        for pose in poses_to_state(robot, path)
+    ]
+
+
+def _with_units(form: str) -> str:
+    values, _, units = form.partition(" in ")
+    named = f" ({units})" if units else " (mm)" if "Q1" in values else " (mm, deg)"
+    return values.replace(",", ", ") + named
+
+
 END_POINTS = [
+    EndPoint(
+        "/api/program",
+        "GET",
+        "Tools and frames of a program whose poses must be stated to correct it.",
+        poses,
+        query=("program", "run"),
+    ),
     EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
     EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),
 ]
