@@ -87,7 +87,7 @@ def all_have_a_place(run: Run) -> Collection[str]:
     return ()
 
 
-def nothing_lacks(stated: Mapping[str, Any]) -> str | None:
+def nothing_lacks(options: Mapping[str, Any]) -> str | None:
     """What a file lacks where an option was not stated: nothing."""
     return None
 

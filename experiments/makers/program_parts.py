@@ -159,7 +159,7 @@ class Parsed:
         )
 
 
-class StatedPose(NamedTuple):
+class RequiredPose(NamedTuple):
     """A tool or frame of a program whose pose a person must state: `option --tool` or `--frame`, its name
     ("" for the one that is open) and the `form` of the pose."""
 
@@ -189,7 +189,7 @@ class ProgramFacts:
     j3: J3 | None = None
     calls: frozenset[str] = frozenset()
     _in_program: dict[str, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
-    _required: dict[StatedPose, None] = field(default_factory=dict)
+    _required: dict[RequiredPose, None] = field(default_factory=dict)
 
     def tool(self, name: str, declared: Matrix | None = None) -> Matrix | None:
         """The pose (4, 4) of a tool of the program, which may declare it itself; None where nothing says
@@ -206,12 +206,12 @@ class ProgramFacts:
 
     def require(self, option: Literal["--tool", "--frame"], name: str, form: str) -> str:
         """Note that a tool or frame ("" for the one that is open) must be stated: "state --tool …"."""
-        required = StatedPose(option, name, form)
+        required = RequiredPose(option, name, form)
         self._required[required] = None
         return f"state {required}"
 
     @property
-    def required(self) -> tuple[StatedPose, ...]:
+    def required(self) -> tuple[RequiredPose, ...]:
         """The poses that must be stated, each once: tools, then frames."""
         return tuple(sorted(self._required, key=lambda pose: pose.option == "--frame"))
 

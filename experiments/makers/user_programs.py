@@ -27,7 +27,7 @@ from .calibration import NO_ROBOT, RobotCalibration
 from .line_programs import for_correction
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
 from .plan_programs import require_axes
-from .program_parts import Edit, Language, Parsed, ProgramFacts, Source, StatedPose
+from .program_parts import Edit, Language, Parsed, ProgramFacts, RequiredPose, Source
 from .solving import Arms, CorrectedTarget, Corrections, correct_targets, up_to_flange
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
@@ -205,7 +205,7 @@ def corrected_program(
     return CorrectedProgram(files, notes, targets)
 
 
-def poses_to_state(nominal: Robot, path: Path) -> tuple[StatedPose, ...]:
+def poses_to_state(nominal: Robot, path: Path) -> tuple[RequiredPose, ...]:
     """The tools and frames of the program `path` whose poses nothing in it says: tools, then frames.
 
     BadInput for another vendor's robot, and where it is no program of a language that is read.

@@ -71,10 +71,12 @@ def test_a_program_names_the_tools_and_frames_to_state(client: TestClient, root:
     lines = ["MODULE m", "PROC main()", "MoveJ p10,v100,fine,tGrip\\WObj:=wFix;", "ENDPROC", "ENDMODULE"]
     target = "CONST robtarget p10:=[[900,0,900],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"
     program.write_text("\n".join([lines[0], target, *lines[1:]]) + "\n")
-    ask = {"program": program.name, "run": "run.jsonl"}
+    ask = {"file": program.name, "run": "run.jsonl"}
     assert client.get("/api/program", params=ask).json() == [
         {"what": "tool", "name": "tGrip", "form": "X, Y, Z, Q1, Q2, Q3, Q4 (mm)"},
         {"what": "frame", "name": "wFix", "form": "X, Y, Z, Q1, Q2, Q3, Q4 (mm)"},
     ]
-    assert client.get("/api/program", params=ask | {"program": "plan.yaml"}).status_code == 400
-    assert client.get("/api/program", params=ask | {"program": "../outside.yaml"}).status_code == 400
+    assert client.get("/api/program", params=ask | {"file": "plan.yaml"}).status_code == 400
+    assert client.get("/api/program", params=ask | {"file": "../outside.yaml"}).status_code == 400
+    program.write_text(program.read_text() + "! x\n" * 500_001)
+    assert "too long" in client.get("/api/program", params=ask).json()["error"]["what"]

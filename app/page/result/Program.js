@@ -35,7 +35,7 @@ export function Program({ run }) {
   useEffect(() => {
     const name = program.value;
     poses.value = [];
-    if (name) get(`/api/program?program=${encodeURIComponent(name)}&run=${encodeURIComponent(run)}`).then((/** @type {PoseToState[]} */ found) => { if (program.value === name) poses.value = found; }, (error) => {
+    if (name) get(`/api/program?file=${encodeURIComponent(name)}&run=${encodeURIComponent(run)}`).then((/** @type {PoseToState[]} */ found) => { if (program.value === name) poses.value = found; }, (error) => {
       if (!(error instanceof Refused)) throw error; // then the command says why
     });
   }, [program.value]);

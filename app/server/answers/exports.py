@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import inspect
 from functools import cache
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
 from ....experiments.makers.maker import makers, program_languages
 from ....experiments.makers.user_programs import poses_to_state
+from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
 from ....model.files.run import read_run
 from ..folder import Folder
@@ -64,6 +66,9 @@ def languages(_: Folder) -> list[LanguageForm]:
     ]
 
 
+_LARGEST = 2 * 10**6  # bytes of a program that is read while somebody waits
+
+
 class PoseToState(JsonDocument):
     """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
 
@@ -72,9 +77,12 @@ class PoseToState(JsonDocument):
     form: str = Field(description="what its numbers are, with their units")
 
 
-def poses(folder: Folder, program: str, run: str) -> list[PoseToState]:
+def poses(folder: Folder, file: str, run: str) -> list[PoseToState]:
     """What must be stated to correct a program of the run's robot."""
-    path, robot = folder.file(program), read_run(folder.file(run)).robot
+    path, robot = folder.file(file), read_run(folder.file(run)).robot
+    if path.stat().st_size > _LARGEST:
+        remedy = "use zerobeam export program, which names what must be stated"
+        raise BadInput("the program is too long to be looked at here", remedy=remedy, file=Path(file))
     return [
         PoseToState(
             what="tool" if pose.option == "--tool" else "frame", name=pose.name, form=_with_units(pose.form)
@@ -95,7 +103,7 @@ END_POINTS = [
         "GET",
         "Tools and frames of a program whose poses must be stated to correct it.",
         poses,
-        query=("program", "run"),
+        query=("file", "run"),
     ),
     EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
     EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),

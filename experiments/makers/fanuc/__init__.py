@@ -45,8 +45,8 @@ def _sheet(
     return fanuc_text(run.robot, calibration, counts, j3)
 
 
-def _without_counts(stated: Mapping[str, Any]) -> str | None:
-    if stated["master_counts"] is not None:
+def _without_counts(options: Mapping[str, Any]) -> str | None:
+    if options["master_counts"] is not None:
         return None
     return "without new counts: state both, the master counts and the pulses per degree, for them"
 
