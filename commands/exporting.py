@@ -106,7 +106,9 @@ def _offsets_command(kind: OffsetFile) -> Command:
             from ..model.files.whole_file import schema_line
 
             head = "" if kind.schema is None else schema_line(file, kind.schema)
-            return {file: head + kind.text(recorded, calibration, **choices)}, (), ()
+            lack = kind.lacks(choices)
+            notes = () if lack is None else (lack,)
+            return {file: head + kind.text(recorded, calibration, **choices)}, notes, ()
 
         read = [choice for choice in choices.values() if isinstance(choice, Path)]
         _export(run, file, texts, read, kind.holds, kind.no_place, as_data=kind.as_data, **options)

@@ -50,6 +50,7 @@ export function App() {
     document.title = `${titles[view]} – zerobeam`;
     // Who goes on by keyboard begins at the content of the new view, not at the head of the page.
     if (!first.current) { content.current?.focus({ preventScroll: true }); scrollTo(0, 0); }
+    if (!first.current) fault.value = ""; // of the view that is left
     first.current = false;
   }, [view, name, step]);
   const missing = view === "job" && home.value !== null && known === null, drafts = missing ? lostDraftsOf(name) : [];

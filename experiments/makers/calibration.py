@@ -290,6 +290,7 @@ class RobotCalibration:
     def head(self) -> list[str]:
         """Short lines of ASCII that say what a file holds and where that is from."""
         lines = [
+            *(sentence for sentence in self.warnings if sentence == NO_ROBOT),
             one_line(f"zerobeam {self.versions['zerobeam']}: joint offsets of {self.robot}"),
             one_line(f"from the run {self.run}, {self.shots} measurements"),
             f"{_SHA_LINE}{self.sha256}",
@@ -299,7 +300,7 @@ class RobotCalibration:
             *([ENTERED] if self.enters else []),
             *(offset.sentence for offset in self.offsets),
             *map(one_line, self._on_geometry),
-            *(one_line(f"note: {sentence}") for sentence in self.warnings),
+            *(one_line(f"note: {sentence}") for sentence in self.warnings if sentence != NO_ROBOT),
         ]
         return [row for line in lines for row in textwrap.wrap(line, 100, subsequent_indent="    ")]
 

@@ -87,12 +87,18 @@ def all_have_a_place(run: Run) -> Collection[str]:
     return ()
 
 
+def nothing_lacks(options: Mapping[str, Any]) -> str | None:
+    """What a file lacks where an option was not stated: nothing."""
+    return None
+
+
 @dataclass(frozen=True)
 class OffsetFile:
     """`zerobeam export NAME`: `text` makes the file of a run and its calibration; its docstring is the help,
     its other parameters are options. `as_data`: the file states every status. `schema`: the name of its
     published schema, if an editor is to complete its keys; `ending` that of its file. `no_place`: the
-    geometry parameters of a run, by name, that a file of links cannot hold."""
+    geometry parameters of a run, by name, that a file of links cannot hold. `lacks` says what a file
+    lacks, and what to state for it, of the options that were stated by name."""
 
     name: str
     text: Callable[..., str]
@@ -101,6 +107,7 @@ class OffsetFile:
     schema: str | None = None
     ending: str = "txt"
     no_place: Callable[[Run], Collection[str]] = all_have_a_place
+    lacks: Callable[[Mapping[str, Any]], str | None] = nothing_lacks
 
 
 @dataclass(frozen=True)

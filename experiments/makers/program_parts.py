@@ -159,6 +159,18 @@ class Parsed:
         )
 
 
+class RequiredPose(NamedTuple):
+    """A tool or frame of a program whose pose a person must state: `option --tool` or `--frame`, its name
+    ("" for the one that is open) and the `form` of the pose."""
+
+    option: Literal["--tool", "--frame"]
+    name: str
+    form: str
+
+    def __str__(self) -> str:
+        return f"{self.option} {self.name}={self.form}" if self.name else f"{self.option} {self.form}"
+
+
 @dataclass(frozen=True)
 class ProgramFacts:
     """Facts of a program that a person states: poses (4, 4) of tools and frames by name ("" for the one that
@@ -177,7 +189,7 @@ class ProgramFacts:
     j3: J3 | None = None
     calls: frozenset[str] = frozenset()
     _in_program: dict[str, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
-    _required: dict[str, None] = field(default_factory=dict)
+    _required: dict[RequiredPose, None] = field(default_factory=dict)
 
     def tool(self, name: str, declared: Matrix | None = None) -> Matrix | None:
         """The pose (4, 4) of a tool of the program, which may declare it itself; None where nothing says
@@ -194,14 +206,14 @@ class ProgramFacts:
 
     def require(self, option: Literal["--tool", "--frame"], name: str, form: str) -> str:
         """Note that a tool or frame ("" for the one that is open) must be stated: "state --tool …"."""
-        required = f"{option} {name}={form}" if name else f"{option} {form}"
+        required = RequiredPose(option, name, form)
         self._required[required] = None
         return f"state {required}"
 
     @property
-    def required(self) -> tuple[str, ...]:
-        """The options that must be stated, each once: tools, then frames."""
-        return tuple(sorted(self._required, key=lambda option: option.startswith("--frame")))
+    def required(self) -> tuple[RequiredPose, ...]:
+        """The poses that must be stated, each once: tools, then frames."""
+        return tuple(sorted(self._required, key=lambda pose: pose.option == "--frame"))
 
     def leaves(self, name: str, written: str = "") -> bool:
         """Whether a target of the program (as `written` there) is to be left as it is."""

@@ -14,7 +14,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.kinematics.pendant import Pendant
-from .calibration import RobotCalibration
+from .calibration import NO_ROBOT, RobotCalibration
 from .maker import one_line
 
 _CAUTION = (
@@ -54,6 +54,7 @@ def sheet_text(
         "",
         *about,
         "",
+        *([NO_ROBOT] if NO_ROBOT in calibration.warnings else []),
         *table,
         "",
         "Check, before any motion: right after the change, at the same place, the pendant must read more by",

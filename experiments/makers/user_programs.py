@@ -27,7 +27,7 @@ from .calibration import NO_ROBOT, RobotCalibration
 from .line_programs import for_correction
 from .maker import ProgramFiles, one_line, program_languages, require_vendor, vendor_of
 from .plan_programs import require_axes
-from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
+from .program_parts import Edit, Language, Parsed, ProgramFacts, RequiredPose, Source
 from .solving import Arms, CorrectedTarget, Corrections, correct_targets, up_to_flange
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
@@ -152,8 +152,7 @@ def corrected_program(
         )
     paths = files_of(path, vendor)
     texts = [_text(each) for each in paths]
-    # The .dat begins on a line of its own.
-    parts = [text if text.endswith("\n") else text + "\n" for text in texts]
+    parts = _parts(texts)
     facts = _facts(language, nominal, choices)
     source = Source("".join(parts), nominal, facts)
     parsed = language.targets(source)
@@ -206,6 +205,21 @@ def corrected_program(
     return CorrectedProgram(files, notes, targets)
 
 
+def poses_to_state(nominal: Robot, path: Path) -> tuple[RequiredPose, ...]:
+    """The tools and frames of the program `path` whose poses nothing in it says: tools, then frames.
+
+    BadInput for another vendor's robot, and where it is no program of a language that is read.
+    """
+    files_of_language, vendor = program_files_of(path, vendor_of(nominal))
+    language = for_correction(files_of_language.language())
+    require_vendor(nominal, vendor, f"a program in {language.name}", _programs_for(nominal))
+    require_axes(nominal, 6, f"a program in {language.name}")
+    facts = _facts(language, nominal, ProgramOptions())
+    parts = _parts([_text(each) for each in files_of(path, vendor)])
+    language.targets(Source("".join(parts), nominal, facts))
+    return facts.required
+
+
 def _text(path: Path) -> str:
     """A file as text of which each letter is one byte: whatever its encoding, the rest stays as it was."""
     text = read_bytes(path).removeprefix(BOM_UTF8).decode("latin-1")
@@ -218,6 +232,11 @@ def _text(path: Path) -> str:
             remedy="correct the program that it was made of",
         )
     return text
+
+
+def _parts(texts: Sequence[str]) -> list[str]:
+    """The files of a program as parts of one text: the .dat begins on a line of its own."""
+    return [text if text.endswith("\n") else text + "\n" for text in texts]
 
 
 def _facts(language: Language, robot: Robot, choices: ProgramOptions) -> ProgramFacts:
@@ -280,7 +299,7 @@ def _not_understood(
         part = max(i for i, start in enumerate(starts) if line > start or not i)
         sentences.append(f"{paths[part].name} line {line - starts[part]}: {sentence}")
     shown = "\n           ".join(sentences[:_SHOWN])
-    requests = f"state {' '.join(facts.required)}; " if facts.required else ""
+    requests = f"state {' '.join(map(str, facts.required))}; " if facts.required else ""
     more = f"\n           and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
     return BadInput(
         "the program cannot be corrected as a whole, so nothing is written",

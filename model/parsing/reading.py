@@ -129,7 +129,14 @@ def _near_file(path: Path) -> str | None:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
         return f"the folder {path.parent} does not exist either"
-    return did_you_mean(path.name, names)
+    kind = _kind(path.name)
+    return did_you_mean(path.name, [name for name in names if not kind or _kind(name) == kind])
+
+
+def _kind(name: str) -> str:
+    """The ending of a file's name, one for the two of a format: a program is no answer to a missing plan."""
+    suffix = Path(name).suffix.lower()
+    return {".yml": ".yaml", ".json": ".jsonl"}.get(suffix, suffix)
 
 
 # What people call a thing, and the word for it here, where that is among those allowed.

@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+import yaml
 from app_jobs import unfinished_run
 from app_page import SCREENS, App, app, root, touch, wait
 from cells import good_plan
@@ -121,6 +122,39 @@ def test_a_simulated_run_is_watched_to_its_end(server: App, folder: Path) -> Non
         )  # as the sheet counts
         assert tab.console == []
     assert len(read_run(folder / "cell" / "two-run.jsonl").shots) == 2
+    with (
+        app(folder) as later,
+        chromium().opened(f"{later.address}#/job/cell/measure/cell/two-run.jsonl") as tab,
+    ):
+        wait(tab, f"{NOW}.startsWith('2 of 2 measurements are kept in')")
+        assert "SIMULATED" in tab.value(NOW)
+
+
+def test_a_plan_with_changes_is_saved_before_it_is_measured_or_measured_as_it_was(
+    server: App, folder: Path
+) -> None:
+    path = folder / "cell" / "two.yaml"
+    before = path.read_bytes()
+    with chromium().opened(f"{server.address}#/job/cell/plan/cell/two.yaml", LAPTOP) as tab:
+        wait(tab, "document.querySelector('tr[data-of=delta2]')")
+        fill(tab, "J1, °", "10")
+        wait(tab, "document.querySelector('.plan-bar output').textContent !== 'Saved.'")
+        tab.value("location.hash = '#/job/cell/measure/cell/two.yaml'")
+        tab.reload()  # the browser alone has the changes
+        wait(tab, "document.body.innerText.includes('cell/two.yaml has changes that are not saved')")
+        press(tab, "Start by the plan as it was saved")
+        wait(tab, UNDER_WAY)
+        wait(tab, OVER)
+        assert path.read_bytes() == before
+        wait(tab, "document.querySelector('form.start button.main:not(:disabled)')")
+        press(tab, "Save the plan. Start the simulation")
+        wait(tab, "location.hash.endsWith('two-run-2.jsonl')")
+        wait(tab, OVER)
+    first, second = (
+        read_run(folder / "cell" / f"two-run{k}.jsonl").shots[0].joints_deg[0] for k in ("", "-2")
+    )
+    assert abs(second - 10) < abs(first - 10)
+    assert yaml.safe_load(path.read_text())["postures_deg"][0][0] == 10
 
 
 @pytest.mark.long

@@ -151,7 +151,12 @@ def test_two_tabs_do_not_write_over_each_other(folder: Path, address: str) -> No
         wait(other, "document.querySelector('dialog[open]')")  # noticed before anything is written
         assert content(path)["postures_deg"][0][0] == 10
         assert "10" in other.value("document.querySelector('dialog table').textContent")
-        press(other, "Keep mine")
+        heading, last = (
+            f"document.querySelector('dialog {each}').getBoundingClientRect()" for each in ("h2", ".bar")
+        )
+        assert other.value(f"{heading}.top") >= 0
+        assert other.value(f"{last}.bottom <= innerHeight")
+        press(other, "Overwrite the file with mine")
         wait(other, "!document.querySelector('dialog[open]')")
         wait(other, "document.querySelector('.plan-bar output').textContent === 'Saved.'")
         assert content(path)["postures_deg"][0][0] == 20
@@ -169,6 +174,62 @@ def test_a_plan_that_is_deleted_is_written_again_from_the_page(folder: Path, add
         press(tab, "Write the file again")
         wait(tab, "document.querySelector('.plan-bar output').textContent === 'Saved.'")
     assert content(path)["postures_deg"][0][0] == 10
+
+
+def test_a_plan_that_is_deleted_unchanged_is_kept_as_a_draft(folder: Path, address: str) -> None:
+    path = folder / "cell" / "lost.yaml"
+    plan_file(path, good_plan(7))
+    kept = path.read_bytes()
+    with plan(address, "cell/lost.yaml") as tab:
+        path.unlink()
+        wait(tab, "document.querySelector('dialog[open]')")
+        assert "is gone" in tab.text
+        tab.key("Escape")
+        wait(tab, "document.querySelector('.plan-bar output').textContent === 'Changes are not saved.'")
+        assert "zerobeam:draft:cell/lost.yaml" in tab.value("Object.keys(localStorage)")
+        path.write_bytes(kept)  # as it was: nothing is unsaved any more
+        wait(tab, "document.querySelector('.plan-bar output').textContent === 'Saved.'")
+        assert tab.value("Object.keys(localStorage).length") == 0
+
+
+def test_a_plan_that_is_not_there_is_said_in_its_view_alone_and_opened_once_it_is_there(
+    folder: Path, address: str
+) -> None:
+    path = folder / "cell" / "later.yaml"
+    fault = "document.querySelector('.fault')"
+    with chromium().opened(f"{address}#/job/cell/plan/cell/later.yaml", LAPTOP) as tab:
+        wait(tab, f"{fault}?.textContent.includes('there is no such file')")
+        tab.value("location.hash = '#/job/cell/measure'")
+        wait(tab, f"document.querySelector('form.start') && !{fault}")
+        tab.value("location.hash = '#/job/cell/plan/cell/later.yaml'")
+        wait(tab, fault)
+        plan_file(path, good_plan(7))
+        wait(tab, f"{CHECKED} && !{fault}")
+
+
+def test_a_posture_beside_its_target_says_so_at_its_card_and_at_the_picture(address: str) -> None:
+    with plan(address) as tab:
+        card = "document.querySelector('.strip li button').innerText"
+        fill(tab, "J1, °", f"{float(field(tab, 'J1, °')) + 5:.1f}")
+        wait(tab, f"{card}.includes('beside the target before aiming') && {card}.includes('without it: u ×')")
+        caption = tab.value("document.querySelector('.scene figcaption').textContent")
+        assert "mm beside the target" in caption
+        assert "with the wrist turned onto the target first" in caption
+
+
+def test_names_and_the_table_have_room_on_a_phone(address: str) -> None:
+    with chromium().opened(address, SCREENS["phone"]) as tab:
+        wait(tab, "document.querySelector('.calibrations .name')")
+        assert tab.value("document.querySelector('.calibrations .name').clientWidth") > 200
+        assert tab.overflow() == 0
+    with plan(address, size=SCREENS["phone"]) as tab:
+        table = "document.querySelector('.determined .scroll')"
+        assert tab.value(f"{table}.scrollWidth > {table}.clientWidth")
+        assert "gradient" in tab.value(f"getComputedStyle({table}).backgroundImage")
+        assert tab.overflow() == 0
+    with plan(address, size=SCREENS["tablet"]) as tab:
+        verdict = "document.querySelector('.message [role=status]').getBoundingClientRect().width"
+        assert tab.value(f"{verdict} / innerWidth") > 0.5
 
 
 def test_leaving_with_changes_asks_first(address: str) -> None:

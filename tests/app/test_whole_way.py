@@ -76,9 +76,8 @@ def corrected(tab: Tab, walker: Walker, program: Path) -> None:
     wait(tab, f"document.querySelector('.program select')?.value.endsWith({program.name!r})")
     walker.press("button", "Correct the program")
     wait(tab, "document.querySelector('.program pre.log')?.textContent.includes('tool frame 3')", _MINUTES)
-    walker.press("summary", "Tool, frame")
-    walker.write("Tool, [NAME=]pose", STATED["fanuc"].tools[0])
-    walker.write("Frame, [NAME=]pose", STATED["fanuc"].frames[0])
+    walker.write("Tool 3: X, Y, Z, W, P, R (mm, deg)", STATED["fanuc"].tools[0].removeprefix("3="))
+    walker.write("Frame 2: X, Y, Z, W, P, R (mm, deg)", STATED["fanuc"].frames[0].removeprefix("2="))
     walker.press("button", "Correct the program")
     wait(tab, done, _MINUTES)
 

@@ -1,7 +1,7 @@
 // The plan that is open: its content, undone and redone, kept as a draft until it is saved, and what the server says of it.
 import { batch, computed, effect, signal } from "@preact/signals";
 import { get, getFile, latest, post, put, Refused } from "./api.js";
-import { failed, files, refresh, say, versionOf } from "./store.js";
+import { begun, failed, refresh, say, versionOf } from "./store.js";
 
 /**
  * @typedef {{joints_deg: number[], target?: string, [key: string]: unknown}} StatedPosture
@@ -233,6 +233,15 @@ export async function save(as = file.value) {
   }
 }
 
+/** Whether a plan, open or not, has changes that its file does not have. @param {string} name */
+export const hasEdits = (name) => (name !== "" && name === file.value ? unsaved.value : draftOf(name) !== null);
+
+/** Saves such changes; false where the file has none of them, and `conflict` or `wrong` says why. @param {string} name */
+export async function saveEdits(name) {
+  if (name !== file.value) await open(name);
+  return !unsaved.value || save();
+}
+
 /** What a refused save says of the file: what GET answers of it. @param {any} current null where it is gone */
 async function showConflict(current) {
   const content = current?.content?.plan ?? null;
@@ -289,11 +298,25 @@ effect(() => {
 
 // A change of the file that is open is noticed: taken where nothing is lost by it, else shown beside the edits.
 effect(() => {
-  const name = file.value, listed = files.value, version = versionOf(name);
-  if (!name || !listed.length || disk.peek().version === null || version === disk.peek().version || conflict.peek() !== null) return;
-  if (version === null) { conflict.value = "gone"; return; }
+  const name = file.value, version = versionOf(name), open = conflict.peek();
+  if (!name || !begun.value || version === disk.peek().version || (open !== null && open !== "gone")) return;
+  if (version === null) {
+    // Nothing holds this content any more but the page: it is unsaved, and so a draft.
+    batch(() => { disk.value = { version, text: "" }; conflict.value = "gone"; });
+    return;
+  }
   getFile("plan", name).then((found) => {
     if (file.peek() !== name || found.version === disk.peek().version) return;
+    const text = JSON.stringify(found.plan);
+    if (text === JSON.stringify(plan.peek())) {
+      batch(() => {
+        disk.value = { version: found.version, text };
+        base.value = found.version;
+        conflict.value = null;
+        restored.value = "";
+      });
+      return;
+    }
     arms.value = { ...arms.peek(), [robotKey(found.plan)]: found.robot };
     conflict.value = { version: found.version, content: found.plan };
     if (!unsaved.peek()) {

@@ -5,7 +5,7 @@ import { signal, useSignal } from "@preact/signals";
 import { getFile } from "../core/api.js";
 import { over } from "../core/jobs.js";
 import { go, route, toJob } from "../core/route.js";
-import { attempt, calibration, failed } from "../core/store.js";
+import { attempt, calibration, failed, versionOf } from "../core/store.js";
 import { named, spread, withUnit } from "../core/words.js";
 import { Fold } from "../parts/Fold.js";
 import { Message } from "../parts/Message.js";
@@ -41,7 +41,7 @@ function Record() {
   const found = record.value;
   if (!found) return null;
   const count = found.recorded.length;
-  return html`<section class="verdict held run-now" aria-label="The run"><p class="now">${`${count}${found.postures ? ` of ${found.postures}` : ""} ${count === 1 ? "measurement is" : "measurements are"} kept in ${found.file}.`} <a class="button" href=${toJob(route.value.name, "result", found.file)}>Open the result</a></p>
+  return html`<section class="verdict held run-now" aria-label="The run"><p class="now">${`${count}${found.postures ? ` of ${found.postures}` : ""} ${count === 1 ? "measurement is" : "measurements are"} kept in ${found.file}.`}${found.origin === "simulated" && html` <strong class="simulated">SIMULATED</strong>`} <a class="button" href=${toJob(route.value.name, "result", found.file)}>Open the result</a></p>
     ${found.headline && html`<p>${named(found.headline)}</p>`}<ul class="notes">${found.notes.map((/** @type {string} */ note) => html`<li>${named(note)}</li>`)}</ul></section>`;
 }
 
@@ -94,7 +94,8 @@ export function Measure() {
   const addressed = useAddress(), { file, name } = route.value, at = state.value, seen = run.value;
   const following = at !== null && (underWay.value ? true : !file || file === followedFile.value), picked = useSignal("");
   const plan = following && command.value.length ? /** @type {string} */ (command.value.at(-1)) : picked.value || addressed;
-  useEffect(() => { preparePlan(plan).catch(failed); }, [plan]);
+  const version = versionOf(plan);
+  useEffect(() => { preparePlan(plan, version).catch(failed); }, [plan, version]);
   useEffect(() => { attempt(listUnfinished); }, []);
   const resumed = following && seen.recorded.length > 0 && !seen.course.length && !over(at);
   useEffect(() => { if (resumed) fetchEarlier(); }, [resumed]);

@@ -3,6 +3,7 @@ import { html } from "htm/preact";
 import { signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { get } from "../core/api.js";
+import { hasEdits, saveEdits, wrong } from "../core/editing.js";
 import { go, route, toJob } from "../core/route.js";
 import { attempt, calibration, freeName, ofKind } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
@@ -74,11 +75,16 @@ export function Start({ plan, onPlan }) {
   const set = (/** @type {Partial<typeof USUAL>} */ more) => { chosen.value = { ...now, ...more }; };
   const plans = [...new Set([...(calibration.value?.files.plan ?? []), ...(plan ? [plan] : [])])];
   const proposed = plan ? freeName(plan.replace(/\.[^./]*$/, "-run.jsonl")) : "";
-  const begin = (/** @type {Event} */ event) => {
-    event.preventDefault();
+  const edited = hasEdits(plan);
+  /** @param {boolean} saving whether the changes of the plan are saved before */
+  const begin = (saving) => {
     busy.value = true;
     const list = words(now, plan, file.value.trim() || proposed);
     attempt(async () => {
+      if (saving && !(await saveEdits(plan))) {
+        if (wrong.value) throw wrong.value;
+        return; // the file was changed elsewhere: both are shown, and one is chosen
+      }
       await start(list, password.value);
       password.value = file.value = "";
       go(toJob(route.value.name, "measure", outOf(list)), { replace: true, sure: true });
@@ -87,9 +93,10 @@ export function Start({ plan, onPlan }) {
   const port = (/** @type {string} */ label, /** @type {"port" | "egmPort" | "sensorPort"} */ key) => html`<${NumberField} label=${label} value=${now[key]} whole least=${1} most=${65535} onValue=${(/** @type {number | null} */ value) => set({ [key]: value })} />`;
   const check = (/** @type {string} */ label, /** @type {"camera" | "closing" | "adaptive"} */ key) => html`<label class="check wide"><input type="checkbox" checked=${now[key]} onChange=${() => set({ [key]: !now[key] })} /> ${label}</label>`;
   const files = (/** @type {string} */ kind) => /** @type {[string, [string, string][]][]} */ ([["", ofKind(kind).map((one) => [one, one])]]);
+  const unready = busy.value || !plan || (now.rig === "live" && !(now.scheme && now.address.trim()));
   if (!plans.length) return html`<p>A run needs a plan. <a href=${toJob(route.value.name, "plan")}>Make one</a></p>`;
   return html`
-    <form class="start" aria-label="Start a run" onSubmit=${begin}>
+    <form class="start" aria-label="Start a run" onSubmit=${(/** @type {Event} */ event) => { event.preventDefault(); begin(edited); }}>
       <fieldset class="rigs"><legend class="label">What carries the plan out</legend>
         ${[["simulated", "Simulation"], ["manual", "By hand"], ["live", "By hand, joints read from the controller"], ["abb", "ABB robot"]].map(([rig, text]) => html`<label class="check" key=${rig}><input type="radio" name="rig" value=${rig} checked=${now.rig === rig} onChange=${() => set({ rig })} /> ${text}</label>`)}
       </fieldset>
@@ -119,6 +126,10 @@ export function Start({ plan, onPlan }) {
           ${port("Port of Robot Web Services", "port")}${port("Own UDP port for EGM", "egmPort")}${port("Port of PSD and camera", "sensorPort")}
           <${TextField} label="Output of the laser" value=${now.laser} onValue=${(/** @type {string} */ laser) => set({ laser })} />`}
       </div><//>
-      <p class="bar"><${Submit} disabled=${busy.value || !plan || (now.rig === "live" && !(now.scheme && now.address.trim()))}>${{ simulated: "Start the simulation", manual: "Start", live: "Start: connects to the controller", abb: "Start: asks before the robot moves" }[now.rig]}<//></p>
+      ${edited && html`<p class="notes-line" role="status">${plan} has changes that are not saved.</p>`}
+      <p class="bar">
+        <${Submit} disabled=${unready}>${edited ? "Save the plan. " : ""}${{ simulated: "Start the simulation", manual: "Start", live: "Start: connects to the controller", abb: "Start: asks before the robot moves" }[now.rig]}<//>
+        ${edited && html`<button type="button" disabled=${unready} onClick=${() => begin(false)}>Start by the plan as it was saved</button>`}
+      </p>
     </form>`;
 }

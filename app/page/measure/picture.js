@@ -14,15 +14,16 @@ const NEAR = 0.05; // degrees or mm
 export const planned = signal(null);
 let wanted = "";
 
-/** What the pictures need of a plan. @param {string} file */
-export async function preparePlan(file) {
-  if (!file || file === wanted) return;
-  wanted = file;
+/** What the pictures need of a plan. @param {string} file @param {string | null} version of the file */
+export async function preparePlan(file, version) {
+  const now = `${file} ${version}`;
+  if (!file || now === wanted) return;
+  wanted = now;
   planned.value = null;
   try {
     const found = await getFile("plan", file);
     const checked = await post("/api/check", { plan: found.plan, file: found.file, scene: true, links: true });
-    if (wanted === file) planned.value = { of: file, robot: found.robot, checked };
+    if (wanted === now) planned.value = { of: file, robot: found.robot, checked };
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // the run goes on without a picture
   }

@@ -165,7 +165,7 @@ const leftHow = (/** @type {boolean} */ atLeast, /** @type {boolean} */ mayEndSo
 
 /** How much is done, and how long the rest takes. @param {Pick<JobState, "state" | "left_s" | "left_at_least">} at @param {Pick<RunSeen, "recorded" | "refused" | "postures" | "rig" | "tolerance">} seen */
 export function progress(at, seen) {
-  const parts = [`${counted(seen.recorded.length, "measurement")} recorded${seen.refused.length ? `, ${seen.refused.length} refused` : ""}, of ${seen.postures} planned`];
+  const parts = [`${counted(seen.recorded.length, "measurement")} recorded${seen.refused.length ? `, ${seen.refused.length} refused` : ""}${seen.postures ? `, of ${seen.postures} planned` : ""}`];
   if (at.state === "running" && at.left_s !== null && at.left_s !== undefined && seen.rig !== "manual" && seen.rig !== "live") parts.push(`${leftHow(at.left_at_least, seen.tolerance !== null)} ${duration(at.left_s)} left`);
   return `${parts.join("; ")}.`;
 }

@@ -37,7 +37,7 @@ export function Conflict() {
   const saveCopy = async () => { if (await save(copy)) go(toJob(route.value.name, route.value.step, copy), { replace: true, sure: true }); };
   return html`
     <${Dialog} title=${theirs === "gone" ? "The plan's file is gone" : "The plan's file was changed meanwhile"} onClose=${() => { conflict.value = null; }}>
-      <p>${theirs === "gone" ? `${file.value} was deleted or moved outside of this page. Your changes are still here.` : `${file.value} was changed in another window or program since it was opened here. Nothing is written until you choose.`}</p>
+      <p>${theirs === "gone" ? `${file.value} was deleted or moved outside of this page. The plan is still here, and kept as a draft in this browser.` : `${file.value} was changed in another window or program since it was opened here. Nothing is written until you choose.`}</p>
       ${broken && html`<p class="error">The file is no plan any more, or cannot be read.</p>`}
       ${other && html`<p class="error">The file is now a plan of another robot than yours.</p>`}
       ${rows.length > 0 && html`
@@ -46,7 +46,7 @@ export function Conflict() {
         ${body !== null && rows.some(([key]) => key.startsWith("postures_deg")) && html`<p class="muted">${other ? "Joints are as in the files: joint 3 from link 2." : "Joints are as the pendant counts them, in degrees (mm)."}</p>`}
         ${rows.length > MOST && html`<p class="muted">And ${rows.length - MOST} more.</p>`}`}
       <p class="bar">
-        <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Keep mine"}</button>
+        <button type="button" disabled=${busy.value} onClick=${during(keepMine)}>${theirs === "gone" ? "Write the file again" : "Overwrite the file with mine"}</button>
         ${theirs !== "gone" && !broken && html`<button type="button" disabled=${busy.value} onClick=${takeTheirs}>Take the file's</button>`}
         <button type="button" disabled=${busy.value} onClick=${during(saveCopy)}>Save mine as ${copy}</button>
         <${DownloadDraft} />

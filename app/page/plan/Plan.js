@@ -6,7 +6,7 @@ import { beyond, counted, remarks } from "../core/counting.js";
 import { answer, arm, canRedo, canUndo, chosen, close, discard, file, jointsOf, lostDraftsOf, open, pending, plan, redo, restored, save, undo, unsaved, wrong } from "../core/editing.js";
 import { mountedIn } from "../core/mounting.js";
 import { go, route, toJob } from "../core/route.js";
-import { attempt, calibration } from "../core/store.js";
+import { attempt, calibration, versionOf } from "../core/store.js";
 import { Choice } from "../parts/Choice.js";
 import { DownloadDraft } from "../parts/DownloadDraft.js";
 import { Fold } from "../parts/Fold.js";
@@ -19,7 +19,7 @@ import { Determined } from "./Determined.js";
 import { Exporting } from "./Exporting.js";
 import { Making } from "./Making.js";
 import { motion } from "./motion.js";
-import { held, meshNotes, moveBox, moveFlange, moveTarget, picture, postureName, setJoint, turnJoint } from "./picture.js";
+import { aside, held, meshNotes, moveBox, moveFlange, moveTarget, picture, postureName, setJoint, turnJoint } from "./picture.js";
 import { Postures } from "./Postures.js";
 
 /** What the picture lets take hold of; a tool of it that is in the way is put aside. */
@@ -27,7 +27,7 @@ const tools = signal({ target: true, flange: false, joints: true, boxes: true })
 
 /** Opens the plan that the address names, else the newest of the calibration. */
 export function useAddressedPlan() {
-  const { file: addressed, name, step } = route.value, newest = calibration.value?.files.plan[0] ?? (calibration.value ? "" : lostDraftsOf(name)[0]?.plan ?? ""), wanted = addressed || newest;
+  const { file: addressed, name, step } = route.value, newest = calibration.value?.files.plan[0] ?? lostDraftsOf(name)[0]?.plan ?? "", wanted = addressed || newest, back = plan.value === null ? versionOf(wanted) : null;
   const opening = useSignal(false);
   useEffect(() => {
     if (!wanted) { close(); return; }
@@ -36,7 +36,7 @@ export function useAddressedPlan() {
       attempt(() => open(wanted)).finally(() => { opening.value = false; });
     }
     if (!addressed) go(toJob(name, step, wanted), { replace: true });
-  }, [wanted]);
+  }, [wanted, back]); // a file that is there again, or another one, is opened after all
   return wanted && plan.value === null ? (opening.value ? "opening" : "failed") : plan.value === null ? "none" : "open";
 }
 
@@ -92,7 +92,7 @@ export function PlanScene({ caption = "Postures as the servo will leave them, tu
   return html`
     <${Scene} scene=${scene} chosen=${chosen.value} motion=${motion.value} tools=${still ? {} : tools.value}
       onChoose=${(/** @type {number | null} */ i) => { chosen.value = i; motion.value = null; }} onTarget=${moveTarget} onFlange=${moveFlange} onJoint=${turnJoint} onBox=${moveBox}
-      caption=${still ? "The arm moves along the null-space direction, with the target: the measurements hardly change." : [caption, held.value].filter(Boolean).join(" ")} />`;
+      caption=${still ? "The arm moves along the null-space direction, with the target: the measurements hardly change." : [aside.value || caption, held.value].filter(Boolean).join(" ")} />`;
 }
 
 export function Plan() {

@@ -7,6 +7,7 @@ import { counted } from "../core/counting.js";
 import { answer, arm, change, chosen, file, jointsOf, pending, plan } from "../core/editing.js";
 import { failed } from "../core/store.js";
 import { fixed, named, WORDS } from "../core/words.js";
+import { LEAST_OFF_MM } from "./picture.js";
 
 const MOST = 30; // postures that are left out one by one; of more only the chosen one is
 const AT_ONCE = 4; // in one answer: a check that comes meanwhile waits for no more
@@ -39,7 +40,7 @@ const rows = computed(() => (plan.value?.postures_deg ?? []).map((_, i) => {
   const scene = answer.value?.scene[i], off = answer.value?.postures[i], rest = without.value.get(i), factor = loss(rest);
   const misses = !scene ? "" : !off.hit ? "the target cannot be hit" : !scene.reaches ? "target behind the laser" : scene.violations[0] ?? "";
   const adds = rest === null ? "gives what no other gives" : factor === null ? "" : factor === Infinity ? `without it: ${lost(rest).join(", ")} not determined` : `without it: u × ${factor < 1.005 ? "1.00" : Number(factor.toPrecision(3))}${answer.value && rest.verdict !== answer.value.verdict ? `, ${WORDS[rest.verdict]?.toLowerCase()}` : ""}`;
-  return { i, target: scene?.target_name ?? "", misses, adds, share: factor === null ? (rest === null ? 1 : 0) : factor === Infinity ? 1 : Math.min(1, Math.log2(factor)), off: off?.hit && off.off_mm >= 0.05 ? `${fixed(off.off_mm, 1)} mm beside the target before aiming` : "" };
+  return { i, target: scene?.target_name ?? "", misses, adds, share: factor === null ? (rest === null ? 1 : 0) : factor === Infinity ? 1 : Math.min(1, Math.log2(factor)), off: off?.hit && off.off_mm >= LEAST_OFF_MM ? `${fixed(off.off_mm, 1)} mm beside the target before aiming` : "" };
 }));
 
 /** A posture beside the chosen one; `turn` degrees at joint 1, so that it adds something. @param {number} turn */
@@ -85,7 +86,7 @@ export function Postures() {
         <li key=${row.i}><button type="button" class=${row.misses ? "misses" : ""} aria-current=${row.i === i ? "true" : undefined} onClick=${() => { chosen.value = row.i; }} title=${plan.value && arm.value ? jointsIn(arm.value, jointsOf(plan.value, row.i)) : ""}>
           <b>${row.i}</b> <span class="of">${row.target}</span>
           <meter min="0" max="1" value=${row.share} aria-label="What it adds"></meter>
-          <small>${row.misses || row.adds || row.off}</small>
+          ${[row.misses || row.off, row.misses ? "" : row.adds].filter(Boolean).map((line) => html`<small>${line}</small>`)}
         </button></li>`)}
     </ol>`;
 }

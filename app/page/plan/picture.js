@@ -4,8 +4,12 @@ import { counted, withCounted } from "../core/counting.js";
 import { latest, post, Refused } from "../core/api.js";
 import { answer, arm, change, chosen, file, jointsOf, plan, robotFrom } from "../core/editing.js";
 import { failed } from "../core/store.js";
+import { fixed } from "../core/words.js";
 
 /** @typedef {import("../scene/types.js").Scene3D} Scene3D */
+
+/** From which on a posture is said to point beside its target. */
+export const LEAST_OFF_MM = 0.05;
 
 /** The meshes of the plan's URDF; undefined where it has none. @type {import("@preact/signals").Signal<any[] | undefined>} */
 export const meshes = signal(undefined);
@@ -27,6 +31,12 @@ effect(() => {
     if (!(error instanceof Refused)) throw error;
     meshNotes.value = [error.text];
   });
+});
+
+/** How far the chosen posture points beside its target before the wrist is turned onto it, in words; "" where it does not. */
+export const aside = computed(() => {
+  const i = chosen.value, posture = i === null ? null : answer.value?.postures[i];
+  return posture?.hit && posture.off_mm >= LEAST_OFF_MM ? `As stated, ${postureName(/** @type {number} */ (i))} points ${fixed(posture.off_mm, 1)} mm beside the target. The picture shows it with the wrist turned onto the target first.` : "";
 });
 
 /** @param {number} i */

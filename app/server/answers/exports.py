@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import inspect
 from functools import cache
+from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
 from ....experiments.makers.maker import makers, plan_programs, program_languages
+from ....experiments.makers.user_programs import poses_to_state
+from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
+from ....model.files.run import read_run
 from ..folder import Folder
 from ..requests import EndPoint
 from .format_options import FormatOptionAnswer, described_options
@@ -94,8 +99,46 @@ def plan_forms(_: Folder) -> list[PlanForm]:
     return [sheet, *programs]
 
 
+_LARGEST = 2 * 10**6  # bytes of a program that is read while somebody waits
+
+
+class PoseToState(JsonDocument):
+    """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
+
+    what: Literal["tool", "frame"]
+    name: str = Field(description="as the program has it; empty: the one that it leaves open")
+    form: str = Field(description="what its numbers are, with their units")
+
+
+def poses(folder: Folder, file: str, run: str) -> list[PoseToState]:
+    """What must be stated to correct a program of the run's robot."""
+    path, robot = folder.file(file), read_run(folder.file(run)).robot
+    if path.stat().st_size > _LARGEST:
+        remedy = "use zerobeam export program, which names what must be stated"
+        raise BadInput("the program is too long to be looked at here", remedy=remedy, file=Path(file))
+    return [
+        PoseToState(
+            what="tool" if pose.option == "--tool" else "frame", name=pose.name, form=_with_units(pose.form)
+        )
+        for pose in poses_to_state(robot, path)
+    ]
+
+
+def _with_units(form: str) -> str:
+    values, _, units = form.partition(" in ")
+    named = f" ({units})" if units else " (mm)" if "Q1" in values else " (mm, deg)"
+    return values.replace(",", ", ") + named
+
+
 END_POINTS = [
     EndPoint("/api/plan-exports", "GET", "The programs that a plan is exported as.", plan_forms),
+    EndPoint(
+        "/api/program",
+        "GET",
+        "Tools and frames of a program whose poses must be stated to correct it.",
+        poses,
+        query=("file", "run"),
+    ),
     EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
     EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),
 ]

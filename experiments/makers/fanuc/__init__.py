@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from ..maker import (
     FormatMark,
@@ -43,6 +43,12 @@ def _sheet(
 
     counts = FanucCounts.of_options(master_counts, pulses_per_degree, run.robot.n)
     return fanuc_text(run.robot, calibration, counts, j3)
+
+
+def _without_counts(options: Mapping[str, Any]) -> str | None:
+    if options["master_counts"] is not None:
+        return None
+    return "without new counts: state both, the master counts and the pulses per degree, for them"
 
 
 def _tp_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -95,7 +101,7 @@ MAKER = Maker(
     "FANUC",
     "fanuc",
     r"fanuc|lr ?mate\w*|crx\w*|arcmate|m ?\d+i[a-d]?\w*|r ?\d+i[a-d]?\w*",
-    offsets=(OffsetFile("fanuc", _sheet),),
+    offsets=(OffsetFile("fanuc", _sheet, lacks=_without_counts),),
     program=(
         PlanProgram(
             "fanuc",

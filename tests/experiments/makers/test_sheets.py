@@ -174,3 +174,28 @@ def test_an_offset_that_no_arm_has_is_in_no_sheet(run, offsets, name):
         else:
             with pytest.raises(BadInput, match="more than an offset of a calibrated arm"):
                 SHEETS[name](run, answer)
+
+
+@pytest.mark.parametrize("name", ["ur", "kuka", "yaskawa"])
+def test_a_simulated_run_is_said_to_be_in_the_first_line_and_at_the_table(run, offsets, name):
+    lines = SHEETS[name](run, offsets[0]).splitlines()
+    stated = "SIMULATED: no robot was measured, so that nothing here may be applied to one"
+    head, table = (i for i, line in enumerate(lines) if line == stated)
+    assert head == 0
+    assert "offset deg" in lines[table + 1]
+    measured = replace(run, header=run.header.model_copy(update={"provenance": {}}))
+    assert "SIMULATED" not in SHEETS[name](measured, calibration(measured))
+
+
+def test_a_sheet_without_counts_says_so_when_it_is_written(run, tmp_path):
+    text = (run.path.parent / "arm.yaml").read_text() + "encoder: {joint3: link}\n"
+    (tmp_path / "arm.yaml").write_text(text)
+    copy = tmp_path / "run.jsonl"
+    copy.write_bytes(run.path.read_bytes())
+    options = ["export", "fanuc", copy, "--j3", "ground", "--json"]
+    without = zerobeam(*options, "-o", tmp_path / "a.txt").json
+    sentence = "without new counts: state both, the master counts and the pulses per degree, for them"
+    assert sentence in without["notes"]
+    counts, pulses = (",".join(map(str, values)) for values in (COUNTS, PULSES))
+    stated = [f"--master-counts={counts}", f"--pulses-per-degree={pulses}"]
+    assert sentence not in zerobeam(*options, *stated, "-o", tmp_path / "b.txt").json["notes"]

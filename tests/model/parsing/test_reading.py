@@ -103,6 +103,9 @@ def test_aliases_of_aliases_do_not_fill_the_memory(tmp_path, refused):
 def test_missing_file_folder_and_empty_file(tmp_path, refused):
     yaml(tmp_path, "a: 1")
     assert "did you mean 'file.yaml'?" in str(refused(read_text, tmp_path / "fiel.yaml"))
+    assert refused(read_text, tmp_path / "file.ls").remedy is None  # another kind of file
+    assert "'file.yaml'" in str(refused(read_text, tmp_path / "file.yml"))
+    assert "'file.yaml'" in str(refused(read_text, tmp_path / "file"))
     assert "does not exist either" in str(refused(read_text, tmp_path / "no" / "file.yaml"))
     assert "folder" in refused(read_text, tmp_path).what
     assert "empty" in refused(read_text, yaml(tmp_path, " \n\n")).what
