@@ -301,8 +301,11 @@ effect(() => {
   const name = file.value, version = versionOf(name), open = conflict.peek();
   if (!name || !begun.value || version === disk.peek().version || (open !== null && open !== "gone")) return;
   if (version === null) {
-    // Nothing holds this content any more but the page: it is unsaved, and so a draft.
-    batch(() => { disk.value = { version, text: "" }; conflict.value = "gone"; });
+    get("/api/files").then((listed) => { // what was saved just now is not listed yet
+      if (file.peek() !== name || listed.some((/** @type {{path: string}} */ one) => one.path === name)) return;
+      // Nothing holds this content any more but the page: it is unsaved, and so a draft.
+      batch(() => { disk.value = { version, text: "" }; conflict.value = "gone"; });
+    }, failed);
     return;
   }
   getFile("plan", name).then((found) => {
