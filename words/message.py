@@ -126,9 +126,13 @@ class _Case:
 
     @property
     def held(self) -> list[str]:
-        """The offsets that the header holds, and not the method: a wrong one has to be taken up by others."""
-        by_header = (row for row in self.parameters if row.group == "offset" and row.cause == Held("header"))
-        return [row.name for row in by_header]
+        """The offsets that the header holds, and not the method: others have to take up a wrong one. The last one
+        of a free tool is none of them: the tool takes it up."""
+        offsets = [row for row in self.parameters if row.group == "offset"]
+        tool = self.header.get("tool")
+        if isinstance(tool, Mapping) and tool.get("calibrated") is False:
+            offsets = offsets[:-1]
+        return [row.name for row in offsets if row.cause == Held("header")]
 
     def named(self, *status: Status) -> list[str]:
         """The offsets of these statuses."""
