@@ -126,8 +126,8 @@ class _Case:
 
     @property
     def held(self) -> list[str]:
-        """The offsets that the header holds, and not the method: others have to take up a wrong one. The last one
-        of a free tool is none of them: the tool takes it up."""
+        """The offsets that the header holds, and not the method: others have to take up a wrong one. Not the
+        last one of a free tool, which the tool takes up."""
         offsets = [row for row in self.parameters if row.group == "offset"]
         tool = self.header.get("tool")
         if isinstance(tool, Mapping) and tool.get("calibrated") is False:
