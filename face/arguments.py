@@ -55,7 +55,7 @@ def require_plan(plan: object) -> None:
 
 
 def require_progress(value: object) -> None:
-    """BadInput where `value` cannot be told of progress."""
+    """BadInput where `value` cannot take progress."""
     if not (value is None or isinstance(value, bool) or callable(value)):
         allowed = "True, False, None or a function of a stage and its share"
         raise BadInput("this cannot be used", found=repr(value), allowed=allowed, argument="progress")

@@ -351,8 +351,8 @@ def calibration(
         corrected_before = _corrected_before(run)
         if corrected_before and holds == "postures":
             raise BadInput(
-                "the robot file of this run is a corrected arm already: what a program needs for a controller"
-                " that computes with the nominal arm cannot be told from this run",
+                "the robot file of this run is a corrected arm already: this run does not determine how to"
+                " correct programs of a controller that computes with the nominal arm",
                 found=f"robot: {corrected_before}, which zerobeam export wrote",
                 allowed="a run with the robot file of the nominal arm",
                 remedy="name the nominal arm (robot: …) in the head of a copy of this run, or correct the"
@@ -433,8 +433,8 @@ def _relative(corrected_before: str | None, holds: Holds) -> tuple[str, ...]:
     if corrected_before is None or holds != "offsets":
         return ()
     return (
-        f"the robot file of the run ({corrected_before}) is a corrected arm already: these values are what is"
-        " left beside it, not the offsets for a controller that computes with the nominal arm",
+        f"the robot file of the run ({corrected_before}) is a corrected arm already: these values are the"
+        " remaining offsets of that arm, not those for a controller that computes with the nominal one",
     )
 
 

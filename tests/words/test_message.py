@@ -8,7 +8,7 @@ import json
 import shlex
 from dataclasses import replace
 from io import StringIO
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from rich.console import Console
 import zerobeam as zb
 from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherBasins, Outlying
 from zerobeam.analysis.displacement import Displacement
+from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.experiments.demos import demo_runs
@@ -31,9 +32,10 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result
 from zerobeam.words import numbers
-from zerobeam.words.message import _Case, _plan, message, message_so_far, tone
+from zerobeam.words.message import _Case, _case, _message, _plan, message, message_so_far, tone
 from zerobeam.words.next_steps import next_steps
 from zerobeam.words.result_json import to_json
+from zerobeam.words.wording import person
 
 GOOD, X_PATTERN = (case.path for case in demo_runs()[:2])
 
@@ -275,3 +277,20 @@ def test_a_plan_is_suggested_by_a_command_that_is_taken(header: dict, command: s
     )
     suggested = _plan(case)
     assert suggested is None if command is None else f"zerobeam plan optimal {command} plan.yaml" == suggested
+
+
+@pytest.mark.parametrize(
+    ("held", "calibrated", "named"), [(4, True, True), (6, True, True), (6, False, False)]
+)
+def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
+    held: int, calibrated: bool, named: bool
+) -> None:
+    """The tool takes that one up, so that holding it spoils nothing."""
+    case = _case(analysed("swapped").result)
+    by_header: dict[str, Any] = {"status": "held", "held": True, "cause": Held("header"), "estimate": 0.0}
+    by_header |= dict.fromkeys(("std", "data_std", "interval95", "midpoint", "tolerance_share"))
+    rows = [replace(row, **by_header) if row.name == f"delta{held}" else row for row in case.parameters]
+    tool = {**cast("dict[str, object]", case.header["tool"]), "calibrated": calibrated}
+    shown = _message(replace(case, parameters=rows, header={**case.header, "tool": tool}), person)
+    assert (f"J{held} (δ{held}) is held, not estimated" in (shown.cause or "")) == named
+    assert (f"Estimate J{held} (δ{held}) too" in shown.action.text) == named

@@ -33,7 +33,7 @@ function robotGroups() {
 async function withdrawn({ name, version }) {
   try {
     await post("/api/calibrations/withdraw", { name, version });
-    return "Nothing is left in the folder. Change what is asked for, and make the plan again.";
+    return "Nothing is left in the folder. Change the entries, and make the plan again.";
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
     return `The folder ${name} is left, with a header and without a plan.`;

@@ -1,16 +1,17 @@
 """Denso: PacScript programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _pacscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -37,13 +38,6 @@ def _pacscript() -> "LineLanguage":
     return PACSCRIPT
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .pacscript import PACSCRIPT
-
-    return written_points(PACSCRIPT, text, path)
-
-
 MAKER = Maker(
     "Denso",
     "denso",
@@ -57,10 +51,10 @@ MAKER = Maker(
             _read_pacscript,
             "Logs of a plan's program, or PacScript files (.pcs).",
             marks=(
-                FormatMark(
+                line_mark(
                     r"^[ \t]*[A-Za-z]\w*(?:\[\d+\])?[ \t]*=[ \t]*J[ \t]*\(",
                     "its joint positions (… = J(…)), as of a PacScript program",
-                    _points,
+                    _pacscript,
                 ),
             ),
             program_log=True,

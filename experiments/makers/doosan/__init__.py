@@ -1,16 +1,17 @@
 """Doosan: DRL programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _drl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -37,13 +38,6 @@ def _drl() -> "LineLanguage":
     return DRL
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .drl_language import DRL
-
-    return written_points(DRL, text, path)
-
-
 MAKER = Maker(
     "Doosan",
     "doosan",
@@ -54,7 +48,7 @@ MAKER = Maker(
             "drl",
             _read_drl,
             "Logs of a plan's program, or DRL files (.drl).",
-            marks=(FormatMark(r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL", _points),),
+            marks=(line_mark(r"\bposj[ \t]*\(", "its joint positions (posj), as of DRL", _drl),),
             program_log=True,
         ),
     ),

@@ -1,15 +1,17 @@
 """Franka: joint lists in radians, out and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
+    from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _joint_list(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -27,11 +29,10 @@ def _read_joint_list(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_taught(JOINT_LIST, job, points=names_of(points), vendor="franka", note=note)
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
+def _language() -> "LineLanguage":
     from .joint_list import JOINT_LIST
 
-    return written_points(JOINT_LIST, text, path)
+    return JOINT_LIST
 
 
 MAKER = Maker(
@@ -45,10 +46,10 @@ MAKER = Maker(
             _read_joint_list,
             "Joint lists (.txt, .py).",
             marks=(
-                FormatMark(
+                line_mark(
                     r"^[ \t]*\w+[ \t]*=[ \t]*\[(?:[^,\]\n]+,){6}[^,\]\n]+\]",
                     "its lists of seven numbers",
-                    _points,
+                    _language,
                 ),
             ),
         ),

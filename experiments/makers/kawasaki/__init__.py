@@ -1,16 +1,17 @@
 """Kawasaki: AS programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _as_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -39,13 +40,6 @@ def _as() -> "LineLanguage":
     return AS
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .as_language import AS
-
-    return written_points(AS, text, path)
-
-
 MAKER = Maker(
     "Kawasaki",
     "kawasaki",
@@ -57,10 +51,10 @@ MAKER = Maker(
             _read_as,
             "Saved AS files (.as, .pg).",
             marks=(
-                FormatMark(
+                line_mark(
                     r"^[ \t]*\.(?:PROGRAM|JOINTS|TRANS)\b",
                     "its lines .PROGRAM or .JOINTS, as of an AS file",
-                    _points,
+                    _as,
                 ),
             ),
         ),

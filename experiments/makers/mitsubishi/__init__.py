@@ -1,16 +1,17 @@
 """Mitsubishi: MELFA-BASIC V and VI programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _melfa_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -39,13 +40,6 @@ def _melfa() -> "LineLanguage":
     return MELFA_BASIC
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .melfa_basic import MELFA_BASIC
-
-    return written_points(MELFA_BASIC, text, path)
-
-
 MAKER = Maker(
     "Mitsubishi",
     "mitsubishi",
@@ -57,10 +51,10 @@ MAKER = Maker(
             _read_melfa,
             "Programs as text (.prg, .mb5).",
             marks=(
-                FormatMark(
+                line_mark(
                     r"^[ \t]*(?:\d+[ \t]+)?J\w+[ \t]*=[ \t]*\(",
                     "its joint variables (J… = (…)), as of a MELFA-BASIC program",
-                    _points,
+                    _melfa,
                 ),
             ),
         ),

@@ -1,16 +1,17 @@
 """Nachi: SLIM programs of joint positions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _slim_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -40,13 +41,6 @@ def _slim() -> "LineLanguage":
     return SLIM
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .slim import SLIM
-
-    return written_points(SLIM, text, path)
-
-
 MAKER = Maker(
     "Nachi",
     "nachi",
@@ -57,7 +51,7 @@ MAKER = Maker(
             "slim",
             _read_slim,
             "Programs as text (NAME.001).",
-            marks=(FormatMark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program", _points),),
+            marks=(line_mark(r"\bM1J\b", "its joint positions (M1J), as of a SLIM program", _slim),),
         ),
     ),
     correct=(ProgramFiles("SLIM", ".slim (Nachi, a copy of NAME.001)", (".slim",), _slim),),

@@ -1,16 +1,17 @@
 """Stäubli: VAL3 applications."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 _FILES = (".pgx", ".dtx", ".pjx")
 
@@ -41,13 +42,6 @@ def _val3() -> "LineLanguage":
     return VAL3
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .val3 import VAL3
-
-    return written_points(VAL3, text, path)
-
-
 MAKER = Maker(
     "Stäubli",
     "staubli",
@@ -67,8 +61,8 @@ MAKER = Maker(
             _read_val3,
             "Data files (.dtx).",
             marks=(
-                FormatMark(
-                    r"type=[\"']jointRx\b", "its joint variables (jointRx), as of a VAL3 data file", _points
+                line_mark(
+                    r"type=[\"']jointRx\b", "its joint variables (jointRx), as of a VAL3 data file", _val3
                 ),
             ),
         ),

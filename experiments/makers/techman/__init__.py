@@ -1,16 +1,17 @@
 """Techman: TMscript programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..maker import FormatMark, Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..line_marks import line_mark
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, ImportJob, TaughtPoint
+    from ..recordings import Imported, ImportJob
 
 
 def _tmscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:
@@ -34,13 +35,6 @@ def _tmscript() -> "LineLanguage":
     return TMSCRIPT
 
 
-def _points(text: str, path: Path) -> "Sequence[TaughtPoint]":
-    from ..taught_positions import written_points
-    from .tmscript_language import TMSCRIPT
-
-    return written_points(TMSCRIPT, text, path)
-
-
 MAKER = Maker(
     "Techman",
     "techman",
@@ -54,10 +48,10 @@ MAKER = Maker(
             _read_tmscript,
             "TMscript files (.tms, .txt).",
             marks=(
-                FormatMark(
+                line_mark(
                     r"\bJPP\b|^[ \t]*float\[\][ \t]+\w+[ \t]*=[ \t]*\{",
                     "its joints (JPP, float[]), as of TMscript",
-                    _points,
+                    _tmscript,
                 ),
             ),
         ),
