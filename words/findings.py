@@ -21,9 +21,9 @@ from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
+from . import numbers
 from .misfit import criterion_sentence
 from .observability import reason
-from . import numbers
 from .wording import Namer, be, clipped, label, listed
 
 MOST_NAMED = 10

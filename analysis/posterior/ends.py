@@ -27,9 +27,10 @@ from .convergence import tail_effective
 
 _TAIL = 0.025
 _CONTRADICTED = 4.0  # standard errors
-# Weights serve up to this k, and from this effective share of the draws. In many dimensions draws that miss the
-# outer part of a thin sheet have a k of 0.5 to 0.7 and a quarter of the share, and look right all the same.
-_LARGEST_K, _LEAST_SHARE = 0.5, 0.5
+# Weights serve up to this k, and from this effective share of the draws. In many dimensions draws that miss
+# the outer part of a thin sheet have a k of 0.5 to 0.7 and a quarter of the share, and look right all the
+# same.
+_LARGEST_K, _LEAST_SHARE = 0.5, 0.4
 _LEAST_TAIL = 5
 
 

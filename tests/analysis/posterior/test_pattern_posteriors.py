@@ -1,5 +1,7 @@
-"""The posterior of the pattern of the paper, of patterns near it, and of good plans, on arms as real ones are: a
-simulator of its own, Hamiltonian chains, and the truth."""
+"""Posteriors of the pattern of the paper, of patterns near it, and of good plans, on arms as real ones are.
+
+What is right is said by a simulator of its own, by Hamiltonian chains, and by the truth.
+"""
 
 from __future__ import annotations
 
