@@ -268,7 +268,7 @@ def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
     for case in cases:
         postures = module._patterned(case)
         plan, target = case.settings.plan, np.array(case.settings.target.xyz_mm)
-        searched_again = real(case.header, case.robot, target, plan.kind, plan.shots, span=plan.span)
+        searched_again = real(case.header, case.robot, target, plan.kind, plan.shots)
         np.testing.assert_array_equal(postures, searched_again)
     assert len(cases) > len(searched) == len({case.settings.plan.kind for case in cases})
     target_elsewhere = cases[0].settings.target.model_copy(update={"xyz_mm": (880.0, 50.0, 0.0)})
