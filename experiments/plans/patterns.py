@@ -59,12 +59,14 @@ def pattern(
     shots: int = 7,
     *,
     name: str = "psd",
+    span: float | None = None,
     line: Line = USUAL,
 ) -> Matrix:
     """(measurements, n) postures, rad or mm, whose beams start on a straight line and pass `target` (3,) mm.
 
     The line runs along the base's x axis (at y = 0) or y axis, as far before the base and over the target
-    as `line` says, or else `_LINES`. Raises BadInput where a posture cannot be reached.
+    as `line` says, or else `_LINES`; `span` is its length as a share of the arm's reach, where `line` has
+    none. Raises BadInput where a posture cannot be reached.
     """
     if not header.instrument.beam:
         raise BadInput(
@@ -72,9 +74,11 @@ def pattern(
             found=f"tool.kind {header.instrument.name}",
             allowed=" or ".join(names_of(beam=True)),
         )
+    forward, above, usual = _LINES[which]
+    shares = (forward, above, usual if span is None else span)
     distance, height, width = (
-        usual * reach(robot) if stated is None else stated
-        for stated, usual in zip((line.distance, line.height, line.width), _LINES[which], strict=True)
+        share * reach(robot) if stated is None else stated
+        for stated, share in zip((line.distance, line.height, line.width), shares, strict=True)
     )
     middle = np.array([distance, 0.0, target[2] + height])
     along = np.array([1.0, 0.0, 0.0]) if which == "x" else np.array([0.0, 1.0, 0.0])

@@ -30,7 +30,7 @@ from ....model.likelihood.problem import Problem
 from ...plans.candidates import candidates, reason_of
 from ...plans.constraints import Conditions, View
 from ...plans.optimal import Planner
-from ...plans.patterns import Line, pattern, reach
+from ...plans.patterns import Line, pattern
 from ..answer import held_share
 from ..case_store import each_piece, heading_of
 from ..data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint
@@ -195,11 +195,11 @@ def _patterned(case: Case) -> Matrix:
         line = Line(
             distance=made.distance_mm,
             height=made.height_mm,
-            width=made.width_mm if made.span is None else made.span * reach(case.robot),
+            width=made.width_mm,
             roll=None if made.roll_deg is None else float(np.radians(made.roll_deg)),
         )
         _patterns[key] = pattern(
-            case.header, case.robot, target, made.kind, made.shots, name=TARGET, line=line
+            case.header, case.robot, target, made.kind, made.shots, name=TARGET, span=made.span, line=line
         )
     return _patterns[key]
 

@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _WIDE, _MOST_PANELS = 3, 9
+_FAINT = 0.45
 _HEADROOM = 1.45  # of the scale, for the counts of cases without a number
-_DODGE = 0.1  # share of the panel that the cases of a value are spread over
+_DASH = 0.13  # half the length of the dash of a case, of the distance between two values
 
 
 def axes_picture(study: GridStudy) -> Picture | None:
-    """A panel for each axis of numbers: u of the offset that is least certain in most cases, a dot for each
+    """A panel for each axis of numbers: u of the offset that is least certain in most cases, a dash for each
     case, and at each value the median and the smallest. None where no case determines it.
 
     Above each value stands how many of its cases do not determine the offset: they are part of the median.
@@ -58,7 +59,7 @@ def axes_picture(study: GridStudy) -> Picture | None:
         )
         look = {"color": light("identified")}
         handles = [
-            Line2D([], [], linewidth=0, marker="o", markersize=2.5, alpha=0.5, label="a case", **look),
+            Line2D([], [], linewidth=0.7, alpha=_FAINT, label="a case", **look),
             Line2D([], [], linewidth=1.6, marker="o", markersize=4, label="median", **look),
             Line2D([], [], linewidth=1.0, marker="v", markersize=4, label="smallest", **look),
         ]
@@ -103,8 +104,10 @@ def _panel(axes: Axes, study: GridStudy, axis: int, one: CaseParameter, top: flo
     ]
     for place in range(len(rows)):
         ys = [y for x, y in found if x == place]
-        xs = [place + _DODGE * (2 * k / max(len(ys) - 1, 1) - 1) for k in range(len(ys))]
-        axes.plot(xs, ys, "o", markersize=1.8, alpha=0.35, color=blue, markeredgewidth=0, zorder=2)
+        # One line with gaps: a mark for each case would make a large file.
+        dashes = [place - _DASH, place + _DASH, math.nan] * len(ys)
+        heights = [y for std in ys for y in (std, std, math.nan)]
+        axes.plot(dashes, heights, linewidth=0.7, alpha=_FAINT, color=blue, zorder=2)
     medians = [math.nan if over.median is None else over.median for _, _, over in rows]
     least = [math.nan if over.least is None else over.least for _, _, over in rows]
     axes.plot(range(len(rows)), medians, "o-", linewidth=1.6, markersize=4, color=blue, zorder=3)
