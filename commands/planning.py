@@ -164,10 +164,10 @@ def plan(
             found=str(run) if run is not None else "no --header",
             remedy=f"zerobeam plan {kind.value} --header HEADER --target X,Y,Z -o PLAN",
         )
-    stated = {"distance": distance, "height": height, "width": width, "roll": roll}
+    line = {"distance": distance, "height": height, "width": width, "roll": roll}
     if kind is not PlanKind.OPTIMAL:
         _refuse_constraints(context, kind)
-    elif of_pattern := [name for name, value in stated.items() if value is not None]:
+    elif of_pattern := [name for name, value in line.items() if value is not None]:
         raise BadInput(
             f"plan optimal has no line: it takes no --{of_pattern[0]}", remedy="zerobeam plan x or y"
         )

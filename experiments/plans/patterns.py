@@ -77,8 +77,8 @@ def pattern(
     forward, above, usual = _LINES[which]
     shares = (forward, above, usual if span is None else span)
     distance, height, width = (
-        share * reach(robot) if stated is None else stated
-        for stated, share in zip((line.distance, line.height, line.width), shares, strict=True)
+        share * reach(robot) if length is None else length
+        for length, share in zip((line.distance, line.height, line.width), shares, strict=True)
     )
     middle = np.array([distance, 0.0, target[2] + height])
     along = np.array([1.0, 0.0, 0.0]) if which == "x" else np.array([0.0, 1.0, 0.0])
@@ -146,9 +146,9 @@ class _BeamAt:
         def residual(q: Matrix, _: Index) -> tuple[Matrix, Matrix]:
             residual_mm, jacobian = self._problem.linearise(self._x, q)
             values, jacobians = list[Matrix](), list[Matrix]()
-            for on_flange, place in places:
-                at, by = self._placed(q, parts.arm, on_flange)
-                values.append(at - place)
+            for on_flange, at_mm in places:
+                point_mm, by = self._placed(q, parts.arm, on_flange)
+                values.append(point_mm - at_mm)
                 jacobians.append(by[:, :, self._problem.parameters.block("offset")])
             values += [residual_mm, _KEEP_NEAR * (q - seed)]
             jacobians += [self._problem.by_joints(jacobian), _KEEP_NEAR * np.eye(n)[None]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from functools import partial
 from typing import TYPE_CHECKING
 
 from matplotlib.lines import Line2D
@@ -57,11 +58,11 @@ def axes_picture(study: GridStudy) -> Picture | None:
             fontsize=9.5,
             color=light("muted"),
         )
-        look = {"color": light("identified")}
+        handle = partial(Line2D, [], [], color=light("identified"))
         handles = [
-            Line2D([], [], linewidth=0.7, alpha=_FAINT, label="a case", **look),
-            Line2D([], [], linewidth=1.6, marker="o", markersize=4, label="median", **look),
-            Line2D([], [], linewidth=1.0, marker="v", markersize=4, label="smallest", **look),
+            handle(linewidth=0.7, alpha=_FAINT, label="a case"),
+            handle(linewidth=1.6, marker="o", markersize=4, label="median"),
+            handle(linewidth=1.0, marker="v", markersize=4, label="smallest"),
         ]
         if (at := tolerance(study, named[0])) is not None:
             text = in_font(f"tolerance {numbers.exact(at, shown_unit(named[0]))}")
@@ -96,16 +97,16 @@ def _panel(axes: Axes, study: GridStudy, axis: int, one: CaseParameter, top: flo
     rows, blue = _at(study, axis, one.name), light("identified")
     places = {i: k for k, (_, i, _) in enumerate(rows)}
     draw_tolerance(study, one, axes.axhline, zorder=1.5)
-    found = [
+    points = [
         (places[case.at[axis]], each.std)
         for case in study.cases
         for each in case.parameters
         if each.name == one.name and each.std is not None
     ]
-    for place in range(len(rows)):
-        ys = [y for x, y in found if x == place]
+    for at in range(len(rows)):
+        ys = [y for x, y in points if x == at]
         # One line with gaps: a mark for each case would make a large file.
-        dashes = [place - _DASH, place + _DASH, math.nan] * len(ys)
+        dashes = [at - _DASH, at + _DASH, math.nan] * len(ys)
         heights = [y for std in ys for y in (std, std, math.nan)]
         axes.plot(dashes, heights, linewidth=0.7, alpha=_FAINT, color=blue, zorder=2)
     medians = [math.nan if over.median is None else over.median for _, _, over in rows]
@@ -114,9 +115,9 @@ def _panel(axes: Axes, study: GridStudy, axis: int, one: CaseParameter, top: flo
     axes.plot(range(len(rows)), least, "v-", linewidth=1.0, markersize=4, color=blue, zorder=3)
     if any(over.without for _, _, over in rows):
         hatch(axes.axhspan, top, top * _HEADROOM, words=NOT_DETERMINED, zorder=1)
-        for place, (_, _, over) in enumerate(rows):
+        for at, (_, _, over) in enumerate(rows):
             axes.text(
-                place,
+                at,
                 top * math.sqrt(_HEADROOM),
                 str(over.without),
                 ha="center",

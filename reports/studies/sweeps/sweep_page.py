@@ -132,7 +132,11 @@ def _summary(study: GridStudy) -> Table:
 
 def _best(cases: Sequence[GridCase]) -> list[GridCase]:
     """Those with the smallest u of their least certain offset."""
-    return sorted(cases, key=lambda case: math.inf if case.worst_std is None else case.worst_std)[:_MOST_BEST]
+    return sorted(cases, key=_rank)[:_MOST_BEST]
+
+
+def _rank(case: GridCase) -> float:
+    return math.inf if case.worst_std is None else case.worst_std
 
 
 def _over_cases(study: GridStudy) -> Table | None:
@@ -206,6 +210,8 @@ def _parameters(study: GridStudy) -> Table | None:
         columns.append(("midpoint RMSE", "right"))
     span = len(columns) - 1
     cases = [(i, case) for i, case in enumerate(study.cases, start=1) if case.reason is None]
+    if len(study.cases) > MOST_ROWS:
+        cases.sort(key=lambda numbered: _rank(numbered[1]))
     rows: list[Row] = []
     count = 0
     for number, case in cases:
