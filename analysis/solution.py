@@ -279,9 +279,9 @@ class Solution:
     @cached_property
     def null_space(self) -> tuple[NullDirection, ...]:
         """The null-space directions, each with its cause and the remedy that was tried; without remedies
-        where every offset is identified, or the model does not describe the measurements."""
+        where the model does not describe the measurements."""
         directions = self.identified.facts.null_space
-        if not directions or not self.converged or self.misfit is not None or self.verdict == "pass":
+        if not directions or not self.converged or self.misfit is not None:
             return directions
         problem, fit = self.problem, self.fit
         search = Search(

@@ -34,7 +34,7 @@ from ..analysis.observability.causes import (
 )
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
-from ..analysis.observability.outlook import Advice, OverTarget
+from ..analysis.observability.outlook import Advice
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
@@ -47,9 +47,7 @@ _BASE_FRAME = (
 )
 _CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
-_PLAN_ANEW = (
-    "plan the postures anew (zerobeam plan optimal): no single change that was tried makes it much better"
-)
+_PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
 _SHIFTED: dict[Group, str] = {"target": "the target", "frame": "the frame", "tool": "the tool"}
@@ -153,8 +151,8 @@ def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None) -> str:
     if tried is None:
         return _untried(cause, name)
     if tried.how == "tolerances":
-        return f"{_closer(cause, tried, name)}: {_promise(tried, name)}"
-    return f"{_change(tried)}: {_promise(tried, name)}"
+        return f"{_closer(cause, tried)}; {_promise(tried, name)}"
+    return f"{_change(tried)}; {_promise(tried, name)}"
 
 
 def direction_remedy(direction: NullDirection, name: Namer = str) -> str:
@@ -184,7 +182,7 @@ def _change(tried: Tried) -> str:
     return f"add {'one like measurement' if tried.measured else 'one like posture'} {number} with {by}"
 
 
-def _closer(cause: Cause, tried: Tried, name: Namer) -> str:
+def _closer(cause: Cause, tried: Tried) -> str:
     """A smaller tolerance, where it can be measured and stated."""
     if isinstance(cause, ToolRotation) and cause.known_to is not None:
         to = numbers.exact(float(f"{cause.known_to / tried.amount:.3g}"), _unit_of_tool(cause.tool))
@@ -206,7 +204,7 @@ def _predicted(row: Predicted, name: Namer) -> str:
 
 
 def _untried(cause: Cause, name: Namer) -> str:
-    """What to do where no change of the postures was tried, or none of those that were helps much."""
+    """What to do where no change was tried, or none of those that were helps much."""
     match cause:
         case Held(by="base frame") | BaseFrame():
             return f"hold {name('delta1')} (the default): it is a choice of base frame and costs no accuracy"
@@ -390,14 +388,22 @@ def advice_sentence(advice: Advice) -> str:
     )
 
 
-def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
-    """What becomes of a plan if the target is not at its nominal place; `units` by parameter."""
-    name, worst = max(over.worst_std.items(), key=lambda item: item[1])
-    return (
+def over_target_sentence(check: Check) -> str | None:
+    """What becomes of a plan if the target is not at its nominal place, by the offsets that it determines."""
+    over = check.over_target
+    if over is None:
+        return None
+    hit = (
         f"With the target anywhere within its stated sigma ({over.draws} draws), {over.hit:.0%} of the"
-        f" measurements hit, and the largest standard uncertainty, priors included, is that of {label(name)}:"
-        f" {numbers.spread(worst, units[name])}."
+        " measurements hit"
     )
+    rows = [row for row in check.parameters if row.name in over.worst_std and row.std is not None]
+    if not rows:
+        return f"{hit}."
+    worst = max(rows, key=lambda row: over.worst_std[row.name])
+    u = numbers.spread(over.worst_std[worst.name], numbers.unit_of(worst.unit))
+    of = "" if len(rows) == len(over.worst_std) else " of the offsets that are determined"
+    return f"{hit}, and the largest standard uncertainty{of}, priors included, is that of {label(worst.name)}: {u}."
 
 
 def outlook_lines(check: Check) -> list[str]:
@@ -407,10 +413,7 @@ def outlook_lines(check: Check) -> list[str]:
     if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
         lines.append(f"A pass of such a run holds if {subject_to}.")
     lines += [] if check.advice is None else [advice_sentence(check.advice)]
-    if check.over_target is not None:
-        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
-        lines.append(over_target_sentence(check.over_target, units))
-    return lines
+    return [*lines, *filter(None, [over_target_sentence(check)])]
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:

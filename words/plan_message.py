@@ -107,7 +107,5 @@ def _action(check: Check) -> str:
 def _cautions(check: Check) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     yield from check_notes(check)[1 if check.violations else 0 :]
-    if check.over_target is not None:
-        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
-        yield over_target_sentence(check.over_target, units)
+    yield from filter(None, [over_target_sentence(check)])
     yield from (text for text in power_sentences(check.power) if "may not detect" in text)

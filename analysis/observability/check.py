@@ -276,10 +276,8 @@ class Check:
             observable = verdict_of(identified.status[parameters.block("offset")])
             taken = np.flatnonzero(_taken(aimed, violations))  # postures that give a measurement
             search = Search(shots, x, identified.status, covariance, taken.tolist(), allowed=allowed)
-            better, facts = None, identified.facts
-            if observable != "pass":
-                better = search.advice()
-                facts = replace(facts, null_space=search.with_remedies(facts.null_space))
+            better = None if observable == "pass" else search.advice()
+            facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))
         share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
         rows = []

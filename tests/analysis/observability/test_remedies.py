@@ -3,12 +3,9 @@ standard uncertainty that was promised."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from cells import (
-    OPEN_LASER,
     PROBE,
     TABLE_2,
     good_plan,
@@ -22,26 +19,15 @@ from cells import (
 )
 
 from zerobeam.analysis.observability.causes import (
-    CommonMotion,
-    Equivalent,
     NullDirection,
-    ParallelAxes,
     Tried,
-    worst_direction,
 )
 from zerobeam.analysis.observability.check import Check, carried_out, check
-from zerobeam.analysis.observability.remedies import IN_TURN
 from zerobeam.analysis.observability.remedies import carried_out as changed_shots
 from zerobeam.analysis.solution import Solution, solve
-from zerobeam.experiments.plans.constraints import check_plan
-from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.plan_file import StatedConstraints
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.message import message_so_far
-from zerobeam.words.observability import advice_sentence, direction_remedy, reason
-from zerobeam.words.plan_message import plan_message
 
 ORDER = np.random.default_rng(0).permutation(7)
 RANGES = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
