@@ -288,7 +288,7 @@ class Solution:
             problem,
             fit.x,
             self.status,
-            fit.covariance,
+            fit.std,
             problem.shot_numbers,
             weight=fit.weight,
             measured=True,

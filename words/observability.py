@@ -166,9 +166,8 @@ def _change(tried: Tried) -> str:
     move = "rotated" if tried.unit == "deg" else "moved"
     if tried.how == "vary":
         half = numbers.exact(tried.amount / 2, unit)
-        some = len(tried.postures) < tried.of
-        noun = "measurements" if tried.measured else "postures"
-        where = f" in {noun} {listed([str(i) for i in tried.postures], 99)}" if some else ""
+        noun, fixed = "measurements" if tried.measured else "postures", [str(i) for i in tried.unchanged]
+        where = f" in all {noun} but {listed(fixed, len(fixed))}" if fixed else ""
         again = "measure again with joint" if tried.measured else "vary joint"
         varied = " varied" if tried.measured else ""
         return (
@@ -403,7 +402,8 @@ def over_target_sentence(check: Check) -> str | None:
     worst = max(rows, key=lambda row: over.worst_std[row.name])
     u = numbers.spread(over.worst_std[worst.name], numbers.unit_of(worst.unit))
     of = "" if len(rows) == len(over.worst_std) else " of the offsets that are determined"
-    return f"{hit}, and the largest standard uncertainty{of}, priors included, is that of {label(worst.name)}: {u}."
+    largest = f"the largest standard uncertainty{of}, priors included, is that of {label(worst.name)}: {u}"
+    return f"{hit}, and {largest}."
 
 
 def outlook_lines(check: Check) -> list[str]:

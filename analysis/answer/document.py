@@ -126,8 +126,9 @@ class DirectionDocument(DocumentPart):
         description=(
             "the remedy in numbers, null where none was tried or none helps: `how` (`replace` or `add`: "
             "the posture or measurement of `postures`, with `joint`, from 1, rotated by `amount` in `unit` "
-            "(deg or mm) and aimed again, in its place or as one more; `vary`: these `postures`, of `of` in "
-            "all, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in turn, and aimed again; "
+            "(deg or mm) and aimed again, in its place or as one more; `vary`: these `postures`, all but "
+            "those that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in "
+            "turn, and aimed again; "
             "`tolerances`: an `amount` of times smaller), and `predicted`, by parameter: its `name`, "
             "`unit`, standard uncertainty `before` (null where it is not determined) and `after` the "
             "remedy, priors included, and the `tolerance` up to which it is identified"

@@ -226,9 +226,9 @@ class Tried:
     """A remedy that was tried, with what is `predicted` of the parameters concerned, the worst first.
 
     `how`: "replace" or "add" a posture, that of the number in `postures` with `joint` (from 1) rotated by
-    `amount` (`unit`: deg or mm) and aimed anew; "vary": these `postures`, of `of` in all, with `joint`
-    rotated by −1/2, 1/2 and 0 times the `amount` in turn, and aimed anew; "tolerances" that are an `amount`
-    of times smaller. `measured`: the postures are those of measurements.
+    `amount` (`unit`: deg or mm) and aimed anew; "vary": these `postures`, all but those
+    that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in turn, and aimed anew;
+    "tolerances" that are an `amount` of times smaller. `measured`: the postures are those of measurements.
     """
 
     how: How
@@ -237,7 +237,7 @@ class Tried:
     joint: int | None = None
     unit: str | None = None
     postures: tuple[int, ...] = ()
-    of: int = 0
+    unchanged: tuple[int, ...] = ()
     measured: bool = False
 
 

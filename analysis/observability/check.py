@@ -275,7 +275,9 @@ class Check:
             parameters = problem.parameters
             observable = verdict_of(identified.status[parameters.block("offset")])
             taken = np.flatnonzero(_taken(aimed, violations))  # postures that give a measurement
-            search = Search(shots, x, identified.status, covariance, taken.tolist(), allowed=allowed)
+            search = Search(
+                shots, x, identified.status, np.sqrt(np.diag(covariance)), taken.tolist(), allowed=allowed
+            )
             better = None if observable == "pass" else search.advice()
             facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))

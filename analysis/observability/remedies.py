@@ -62,6 +62,7 @@ _DETERMINED = 0.5  # of the prior's std: at most this is left of what was not de
 _HARM = 1.1  # times as large another u may become
 _ABOUT_AS_GOOD = 1.25  # an easier change is preferred to one that is better by less
 _MOST_PREDICTED = 3
+_ROUNDING = 1e-13  # of a variance
 
 
 class _Trial(NamedTuple):
@@ -80,17 +81,17 @@ class _Trial(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Changes of the aimed shots of a problem at x (p,), of which the `status` (p,) is known.
+    """Changes of the aimed shots of a problem at x (p,), of parameters with this `status` (p,).
 
-    `covariance` (f, f) is that of the scaled free parameters, priors included; `weight` 1 / noise scale². Of
-    shots that are `measured` none can be replaced: one more can be measured, or all anew. Postures that are
-    not `allowed` are not proposed. `numbers` (N,) are what the shots are called by.
+    `std` (f,) is that of the scaled free parameters, priors included; `weight` 1 / noise scale². The shots
+    are called by their `numbers`. Of those that are `measured` none can be replaced: one more can be
+    measured, or all anew. Postures that are not `allowed` are not proposed.
     """
 
     problem: Problem
     x: Matrix
     status: Sequence[Status]
-    covariance: Matrix
+    std: Matrix
     numbers: Sequence[int]
     weight: float = 1.0
     measured: bool = False
@@ -109,7 +110,7 @@ class Search:
             trial = self._best(self._singles, offsets) if len(offsets) else None
         if trial is None or trial.joint is None:
             return None
-        before, after = (float((std * self._shown)[offsets].max()) for std in (self._std, trial.std))
+        before, after = (float((std * self._shown)[offsets].max()) for std in (self.std, trial.std))
         return Advice(
             posture=int(self.numbers[trial.postures[0]]),
             joint=trial.joint,
@@ -154,7 +155,7 @@ class Search:
         if not trials:
             return None
         std, known, offsets = np.array([trial.std for trial in trials]), self._determined, self._offsets
-        before, after = self._std / self._tolerance, std / self._tolerance
+        before, after = self.std / self._tolerance, std / self._tolerance
         others = offsets[known[offsets]]
         useful = (after <= np.maximum(_HARM * before, 1.0))[:, others].all(axis=1)
         lost = concerned[~known[concerned]]
@@ -170,12 +171,12 @@ class Search:
         return trials[min(good, key=lambda k: (*trials[k].effort, after[k, concerned].max()))]
 
     def _told(self, trial: _Trial, concerned: Index) -> Tried:
-        helped = ~self._determined | (trial.std <= _WORTH_TELLING * self._std)
+        helped = ~self._determined | (trial.std <= _WORTH_TELLING * self.std)
         told = concerned[helped[concerned]]
         order = told[np.argsort(-(trial.std / self._tolerance)[told], kind="stable")]
         predicted = []
         for k in order[:_MOST_PREDICTED].tolist():
-            item, before = self._items[k], float(self._std[k] * self._shown[k])
+            item, before = self._items[k], float(self.std[k] * self._shown[k])
             predicted.append(
                 Predicted(
                     name=item.name,
@@ -185,6 +186,8 @@ class Search:
                     tolerance=item.tolerance * item.display,
                 )
             )
+        others = sorted(set(range(self.problem.shots)) - set(trial.postures)) if trial.how == "vary" else []
+        unchanged = tuple(int(self.numbers[i]) for i in others)
         return Tried(
             how=trial.how,
             amount=trial.amount,
@@ -192,7 +195,7 @@ class Search:
             joint=trial.joint,
             unit=None if trial.joint is None else self._unit_of(trial.joint),
             postures=tuple(int(self.numbers[i]) for i in trial.postures),
-            of=self.problem.shots,
+            unchanged=unchanged,
             measured=self.measured,
         )
 
@@ -212,10 +215,6 @@ class Search:
         return np.array([status != "unidentifiable" for status in self._status])
 
     @cached_property
-    def _std(self) -> Matrix:
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @cached_property
     def _shown(self) -> Matrix:
         """(f,) a std of 1 in the units that people read."""
         return np.array([item.prior_std * item.display for item in self._items])
@@ -233,6 +232,16 @@ class Search:
     def _informations(self) -> Matrix:
         """(N, f, f) of each shot."""
         return self.weight * informations(self.problem, self.x)
+
+    @cached_property
+    def _besides(self) -> Matrix:
+        """(f, f) of distances and priors."""
+        return besides(self.problem, self.problem.whiten(self.x))
+
+    @cached_property
+    def _information(self) -> Matrix:
+        """(f, f) of all."""
+        return self._besides + self._informations.sum(axis=0)
 
     @cached_property
     def _changed(self) -> tuple[Index, list[tuple[int, int, float]]]:
@@ -284,9 +293,9 @@ class Search:
         if not fit:
             return []
         roots = np.array([self._roots[k] for k in fit])
-        stds: list[tuple[How, Matrix]] = [("add", _with(self.covariance, roots))]
+        stds: list[tuple[How, Matrix]] = [("add", _with(np.linalg.inv(self._information), roots))]
         if not self.measured and self.problem.shots > 1:
-            without = np.linalg.inv(np.linalg.inv(self.covariance) - self._informations[some])
+            without = np.linalg.inv(self._information - self._informations[some])
             which = np.searchsorted(some, [tries[k][0] for k in fit])
             stds.append(("replace", _with(without[which], roots)))
         return [
@@ -298,8 +307,7 @@ class Search:
     @cached_property
     def _spreads(self) -> list[_Trial]:
         """All postures with one joint rotated in turn."""
-        problem, (some, tries) = self.problem, self._varied
-        alone, trials = besides(problem, problem.whiten(self.x)), []
+        (problem, (some, tries)), trials = (self.problem, self._varied), []
         for k, (j, amount) in enumerate(tries):
             roots = self._roots[len(self._changed[1]) + k * len(some) :][: len(some)]
             fit = [i for i, root in enumerate(roots) if root is not None]
@@ -307,7 +315,7 @@ class Search:
                 continue
             new = np.concatenate([root for root in roots if root is not None])
             kept = np.delete(self._informations[some], fit, axis=0).sum(axis=0)
-            total = alone + problem.shots / len(some) * (kept + new.T @ new)
+            total = self._besides + problem.shots / len(some) * (kept + new.T @ new)
             those = some[fit].tolist() if len(some) == problem.shots else range(problem.shots)
             std = np.sqrt(np.diag(np.linalg.inv(total)))
             trials.append(_Trial("vary", amount, std, j + 1, tuple(those)))
@@ -316,8 +324,7 @@ class Search:
     def _closer(self, tolerated: Mask) -> list[_Trial]:
         """Smaller tolerances of these parameters (p,)."""
         which = np.diag(tolerated[self.problem.parameters.free].astype(float))
-        information = np.linalg.inv(self.covariance)
-        stds = [np.sqrt(np.diag(np.linalg.inv(information + (k**2 - 1) * which))) for k in _CLOSER]
+        stds = [np.sqrt(np.diag(np.linalg.inv(self._information + (k**2 - 1) * which))) for k in _CLOSER]
         return [_Trial("tolerances", k, std) for k, std in zip(_CLOSER, stds, strict=True)]
 
 
@@ -365,8 +372,9 @@ def _spaced(count: int, most: int) -> Index:
 
 def _with(covariance: Matrix, roots: Matrix) -> Matrix:
     """(M, f) stds after one more shot, by its root (M, d, f) of information and the covariance (f, f) or
-    (M, f, f) before it."""
+    (M, f, f) before it; infinite where rounding leaves nothing of them."""
     gained = roots @ covariance  # (M, d, f)
     inner = gained @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1])
-    less = (gained * np.linalg.solve(inner, gained)).sum(axis=1)
-    return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1) - less, 1e-300)))
+    before = np.diagonal(covariance, axis1=-2, axis2=-1)
+    after = before - (gained * np.linalg.solve(inner, gained)).sum(axis=1)
+    return np.sqrt(np.where(after > _ROUNDING * before, after, np.inf))
