@@ -407,12 +407,13 @@ def over_target_sentence(check: Check) -> str | None:
 
 
 def outlook_lines(check: Check) -> list[str]:
-    """Which errors a run of the plan detects, the change of the plan that helps most, and the plan with the
-    target elsewhere."""
+    """Which errors a run of the plan detects, the change of one posture that helps most unless it is a
+    direction's remedy already, and the plan with the target elsewhere."""
     lines = power_sentences(check.power)
     if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
         lines.append(f"A pass of such a run holds if {subject_to}.")
-    lines += [] if check.advice is None else [advice_sentence(check.advice)]
+    if check.advice is not None and not any(map(check.advice.is_that, check.identifiability.null_space)):
+        lines.append(advice_sentence(check.advice))
     return [*lines, *filter(None, [over_target_sentence(check)])]
 
 

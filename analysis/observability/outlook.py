@@ -9,6 +9,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from .aim import aim, servo_joints
+from .causes import NullDirection
 
 _DRAWS = 16
 
@@ -50,6 +51,16 @@ class Advice:
     add: bool
     worst_std_before: float | None
     worst_std_after: float
+
+    def is_that(self, direction: NullDirection) -> bool:
+        """Whether it is the remedy of a direction."""
+        tried, how = direction.tried, "add" if self.add else "replace"
+        return tried is not None and (tried.how, tried.postures, tried.joint, tried.amount) == (
+            how,
+            (self.posture,),
+            self.joint,
+            self.change_deg,
+        )
 
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:

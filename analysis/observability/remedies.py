@@ -52,7 +52,7 @@ _MENDED_BY_POSTURES = (
 _TURNS = {"revolute": (30.0, 45.0, 60.0, 90.0), "prismatic": (100.0, 150.0, 200.0, 300.0)}  # degrees, mm
 _SPREADS = {"revolute": (60.0, 90.0, 120.0), "prismatic": (200.0, 300.0, 400.0)}
 IN_TURN = (-0.5, 0.5, 0.0)  # of a spread, from measurement to measurement
-_CLOSER = (2.0, 5.0, 10.0)  # times smaller tolerances
+_CLOSER_TOOL, _CLOSER_ARM = (2.0, 5.0, 10.0), (2.0, 5.0)  # times smaller tolerances
 _EFFORT: tuple[How, ...] = ("replace", "add", "vary", "tolerances")  # the easiest first
 _MOST_CHANGED = 12  # postures of which one is changed
 _MOST_VARIED = 30  # of more postures so many stand for all
@@ -124,12 +124,13 @@ class Search:
     def _for(self, direction: NullDirection, null_space: Sequence[NullDirection]) -> Tried | None:
         trials: list[_Trial] = []
         cause, parameters = direction.cause, self.problem.parameters
-        if direction.kind != "optima" and isinstance(cause, _MENDED_BY_POSTURES):
+        known_tool = isinstance(cause, ToolRotation) and cause.known_to is not None
+        if known_tool or isinstance(cause, _MENDED_BY_POSTURES):
             trials += [*self._singles, *self._spreads]
-        if isinstance(cause, ToolRotation) and cause.known_to is not None:
-            trials += self._closer(parameters.group("tool") & parameters.tolerated)
+        if known_tool:
+            trials += self._closer(parameters.group("tool") & parameters.tolerated, _CLOSER_TOOL)
         if isinstance(cause, WithinTolerances):
-            trials += self._closer(parameters.tolerated)
+            trials += self._closer(parameters.tolerated, _CLOSER_ARM)
         concerned = self._concerned(direction, null_space)
         trial = self._best(trials, concerned) if trials and len(concerned) else None
         return None if trial is None else self._told(trial, concerned)
@@ -321,11 +322,11 @@ class Search:
             trials.append(_Trial("vary", amount, std, j + 1, tuple(those)))
         return trials
 
-    def _closer(self, tolerated: Mask) -> list[_Trial]:
-        """Smaller tolerances of these parameters (p,)."""
+    def _closer(self, tolerated: Mask, times: Sequence[float]) -> list[_Trial]:
+        """So many times smaller tolerances of these parameters (p,)."""
         which = np.diag(tolerated[self.problem.parameters.free].astype(float))
-        stds = [np.sqrt(np.diag(np.linalg.inv(self._information + (k**2 - 1) * which))) for k in _CLOSER]
-        return [_Trial("tolerances", k, std) for k, std in zip(_CLOSER, stds, strict=True)]
+        stds = [np.sqrt(np.diag(np.linalg.inv(self._information + (k**2 - 1) * which))) for k in times]
+        return [_Trial("tolerances", k, std) for k, std in zip(times, stds, strict=True)]
 
 
 def changed(problem: Problem, x: Matrix, rows: Index, turned: Index, change: Matrix) -> tuple[Problem, Mask]:
