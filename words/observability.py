@@ -34,7 +34,6 @@ from ..analysis.observability.causes import (
 )
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
-from ..analysis.observability.outlook import Advice
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
@@ -371,16 +370,17 @@ def rank_facts(facts: Identifiability) -> list[tuple[str, str]]:
     return [*rows, ("Observability indices", text)] if text else rows
 
 
-def advice_sentence(advice: Advice) -> str:
-    """The change of one posture that helps most."""
+def advice_sentence(check: Check) -> str | None:
+    """The change of one posture that helps most, unless it is the remedy of a direction already."""
+    advice = check.advice
+    if advice is None or any(map(advice.is_that, check.identifiability.null_space)):
+        return None
     what = "as one more measurement" if advice.add else "in its place"
     after = numbers.spread(advice.worst_std_after, advice.unit)
     gain = f"every offset is then determined, the largest predicted standard uncertainty is {after}"
     if advice.worst_std_before is not None:
         before = numbers.spread(advice.worst_std_before, advice.unit)
-        gain = (
-            f"the largest standard uncertainty, priors included, falls from {before} to {after} (predicted)"
-        )
+        gain = f"the largest predicted standard uncertainty falls from {before} to {after}"
     return (
         f"The single change that helps most: posture {advice.posture} with joint {advice.joint} rotated"
         f" by {numbers.exact(advice.change_deg, advice.unit)} and aimed anew, {what}: {gain}."
@@ -412,9 +412,7 @@ def outlook_lines(check: Check) -> list[str]:
     lines = power_sentences(check.power)
     if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
         lines.append(f"A pass of such a run holds if {subject_to}.")
-    if check.advice is not None and not any(map(check.advice.is_that, check.identifiability.null_space)):
-        lines.append(advice_sentence(check.advice))
-    return [*lines, *filter(None, [over_target_sentence(check)])]
+    return [*lines, *filter(None, [advice_sentence(check), over_target_sentence(check)])]
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:

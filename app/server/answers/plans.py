@@ -334,7 +334,7 @@ def _remarks(checked: Check) -> CheckRemarks:
         worth=WorthColumn(head=head, of={row.name: of(row) for row in offsets}),
         tolerated=[row.name for row in checked.parameters if row.tolerated],
         lines=list(check_lines(checked)),
-        advice=None if checked.advice is None else advice_sentence(checked.advice),
+        advice=advice_sentence(checked),
         over_target=over_target_sentence(checked),
     )
 

@@ -205,7 +205,7 @@ def test_x_pattern_with_joint_1_jittered():
     assert 10 < row.data_std < 1000
     (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
     assert null.kind == "noise"
-    assert reason(null.cause).startswith("joint 1 varies by only 0.095°")
+    assert reason(null.cause).startswith("joint 1 varies by only 0.10°")
     assert direction_remedy(null).startswith("vary joint 1 by 90°")
     assert answer.identifiability.condition > 300
     assert answer.identifiability.rank == 7
