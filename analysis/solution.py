@@ -38,7 +38,7 @@ from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, U
 from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
 from .observability.identifiability import Identifiability, Identified, identify, no_better_than
 from .observability.power import DetectionPower, powers
-from .observability.remedies import Search
+from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.steps import RecordingSteps, steps
 from .status import (
@@ -284,7 +284,7 @@ class Solution:
         if not directions or not self.converged or self.misfit is not None:
             return directions
         problem, fit = self.problem, self.fit
-        search = Search(
+        search = RemedySearch(
             problem,
             fit.x,
             self.status,

@@ -125,13 +125,13 @@ class DirectionDocument(DocumentPart):
         None,
         description=(
             "the remedy in numbers, null where none was tried or none helps: `how` (`replace` or `add`: "
-            "the posture or measurement of `postures`, with `joint`, from 1, rotated by `amount` in `unit` "
+            "the posture of the number in `postures`, with `joint`, from 1, rotated by `amount` in `unit` "
             "(deg or mm) and aimed again, in its place or as one more; `vary`: these `postures`, all but "
             "those that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in "
-            "turn, and aimed again; "
-            "`tolerances`: an `amount` of times smaller), and `predicted`, by parameter: its `name`, "
-            "`unit`, standard uncertainty `before` (null where it is not determined) and `after` the "
-            "remedy, priors included, and the `tolerance` up to which it is identified"
+            "turn, and aimed again; `tolerances`: an `amount` of times smaller), whether these are postures "
+            "of what was `measured`, and `predicted`, by parameter: its `name`, `unit`, standard "
+            "uncertainty `before` (null where it is not determined) and `after` the remedy, priors "
+            "included, and the `tolerance` up to which it is identified"
         ),
     )
 

@@ -32,7 +32,7 @@ from .outlook import (
     predicted_std,
 )
 from .power import DetectionPower, powers
-from .remedies import Allowed, Search
+from .remedies import Allowed, RemedySearch
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -275,7 +275,7 @@ class Check:
             parameters = problem.parameters
             observable = verdict_of(identified.status[parameters.block("offset")])
             taken = np.flatnonzero(_taken(aimed, violations))  # postures that give a measurement
-            search = Search(
+            search = RemedySearch(
                 shots, x, identified.status, np.sqrt(np.diag(covariance)), taken.tolist(), allowed=allowed
             )
             better = None if observable == "pass" else search.advice()

@@ -80,7 +80,7 @@ class _Trial(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class RemedySearch:
     """Changes of the aimed shots of a problem at x (p,), of parameters with this `status` (p,).
 
     `std` (f,) is that of the scaled free parameters, priors included; `weight` 1 / noise scale². The shots
@@ -133,7 +133,7 @@ class Search:
             trials += self._closer(parameters.tolerated, _CLOSER_ARM)
         concerned = self._concerned(direction, null_space)
         trial = self._best(trials, concerned) if trials and len(concerned) else None
-        return None if trial is None else self._told(trial, concerned)
+        return None if trial is None else self._described(trial, concerned)
 
     def _concerned(self, direction: NullDirection, null_space: Sequence[NullDirection]) -> Index:
         """Places among the free parameters of what owes its status to a direction: offsets, or others where
@@ -171,10 +171,10 @@ class Search:
         good = np.flatnonzero(need <= most).tolist()
         return trials[min(good, key=lambda k: (*trials[k].effort, after[k, concerned].max()))]
 
-    def _told(self, trial: _Trial, concerned: Index) -> Tried:
+    def _described(self, trial: _Trial, concerned: Index) -> Tried:
         helped = ~self._determined | (trial.std <= _WORTH_TELLING * self.std)
-        told = concerned[helped[concerned]]
-        order = told[np.argsort(-(trial.std / self._tolerance)[told], kind="stable")]
+        improved = concerned[helped[concerned]]
+        order = improved[np.argsort(-(trial.std / self._tolerance)[improved], kind="stable")]
         predicted = []
         for k in order[:_MOST_PREDICTED].tolist():
             item, before = self._items[k], float(self.std[k] * self._shown[k])
