@@ -101,7 +101,7 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
     enough = too_few_measurements(problem) is None
     angles = _angles_of_axes(problem)
     for i, j in combinations(np.flatnonzero(free[:n]), 2):
-        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG and not _always_parallel(problem, i, j):
+        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG and not _always_parallel(problem, int(i), int(j)):
             cause = ParallelAxes(int(i) + 1, int(j) + 1, float(angles[i, j]))
             yield Mechanism(offset(int(i)) | offset(int(j)) | targets, cause)
     if tool.any() and not problem.tool.calibrated:

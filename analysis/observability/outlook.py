@@ -112,12 +112,6 @@ def besides(problem: Problem, whitened: Whitened) -> Matrix:
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
 
-def informations(problem: Problem, x: Matrix) -> Matrix:
-    """(N, f, f) of each shot alone, without priors."""
-    blocks = problem.roots(problem.whiten(x))
-    return np.asarray(blocks.transpose(0, 2, 1) @ blocks)
-
-
 def _offset_stds(problem: Problem, information: Matrix) -> tuple[list[str], Matrix]:
     """Names of the free offsets, and their std (deg; mm) (…, offsets) by information (…, f, f)."""
     items = [item for item in problem.parameters.items if not item.held]

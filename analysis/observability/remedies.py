@@ -36,7 +36,7 @@ from .causes import (
     WithinTolerances,
     worst_direction,
 )
-from .outlook import Advice, besides, informations
+from .outlook import Advice, besides
 
 Allowed = Callable[[Problem], Mask]  # of aimed shots (N,), which of them the constraints of a plan allow
 
@@ -209,7 +209,7 @@ class RemedySearch:
 
     @cached_property
     def _status(self) -> list[Status]:
-        return [self.status[i] for i in np.flatnonzero(self.problem.parameters.free)]
+        return [self.status[i] for i in np.flatnonzero(self.problem.parameters.free).tolist()]
 
     @cached_property
     def _determined(self) -> Mask:
@@ -230,9 +230,13 @@ class RemedySearch:
         return np.array([k for k, item in enumerate(self._items) if item.group == "offset"], dtype=np.int64)
 
     @cached_property
-    def _informations(self) -> Matrix:
-        """(N, f, f) of each shot."""
-        return self.weight * informations(self.problem, self.x)
+    def _now(self) -> Matrix:
+        """(N, d, f) the roots of the information of the shots as they are."""
+        return self._weighted(self.problem)
+
+    def _weighted(self, problem: Problem) -> Matrix:
+        """(M, d, f) the roots of the information of shots."""
+        return np.asarray(np.sqrt(self.weight) * problem.roots(problem.whiten(self.x)))
 
     @cached_property
     def _besides(self) -> Matrix:
@@ -242,7 +246,7 @@ class RemedySearch:
     @cached_property
     def _information(self) -> Matrix:
         """(f, f) of all."""
-        return self._besides + self._informations.sum(axis=0)
+        return self._besides + _square(self._now)
 
     @cached_property
     def _changed(self) -> tuple[Index, list[tuple[int, int, float]]]:
@@ -281,9 +285,8 @@ class RemedySearch:
             fit = fit[self.allowed(aimed.select(fit))]
         roots: list[Matrix | None] = [None] * len(rows)
         if len(fit):
-            part = aimed.select(fit)
-            for row, root in zip(fit.tolist(), part.roots(part.whiten(self.x)), strict=True):
-                roots[row] = np.sqrt(self.weight) * root
+            for row, root in zip(fit.tolist(), self._weighted(aimed.select(fit)), strict=True):
+                roots[row] = root
         return roots
 
     @cached_property
@@ -294,9 +297,10 @@ class RemedySearch:
         if not fit:
             return []
         roots = np.array([self._roots[k] for k in fit])
-        stds: list[tuple[How, Matrix]] = [("add", _with(np.linalg.inv(self._information), roots))]
+        stds: list[tuple[How, Matrix]] = [("add", _with(_inverse(self._information), roots))]
         if not self.measured and self.problem.shots > 1:
-            without = np.linalg.inv(self._information - self._informations[some])
+            old = self._now[some]
+            without = _inverse(self._information - old.transpose(0, 2, 1) @ old)
             which = np.searchsorted(some, [tries[k][0] for k in fit])
             stds.append(("replace", _with(without[which], roots)))
         return [
@@ -314,18 +318,18 @@ class RemedySearch:
             fit = [i for i, root in enumerate(roots) if root is not None]
             if len(fit) < _STILL_AIMED * len(some):
                 continue
-            new = np.concatenate([root for root in roots if root is not None])
-            kept = np.delete(self._informations[some], fit, axis=0).sum(axis=0)
-            total = self._besides + problem.shots / len(some) * (kept + new.T @ new)
+            new = np.array([root for root in roots if root is not None])
+            kept = np.delete(self._now[some], fit, axis=0)
+            total = self._besides + problem.shots / len(some) * (_square(kept) + _square(new))
             those = some[fit].tolist() if len(some) == problem.shots else range(problem.shots)
-            std = np.sqrt(np.diag(np.linalg.inv(total)))
+            std = np.sqrt(np.diag(_inverse(total)))
             trials.append(_Trial("vary", amount, std, j + 1, tuple(those)))
         return trials
 
     def _closer(self, tolerated: Mask, times: Sequence[float]) -> list[_Trial]:
         """So many times smaller tolerances of these parameters (p,)."""
         which = np.diag(tolerated[self.problem.parameters.free].astype(float))
-        stds = [np.sqrt(np.diag(np.linalg.inv(self._information + (k**2 - 1) * which))) for k in times]
+        stds = [np.sqrt(np.diag(_inverse(self._information + (k**2 - 1) * which))) for k in times]
         return [_Trial("tolerances", k, std) for k, std in zip(times, stds, strict=True)]
 
 
@@ -369,6 +373,16 @@ def _moved(problem: Problem, i: int) -> list[int]:
 def _spaced(count: int, most: int) -> Index:
     """So many places at the most, evenly among `count`."""
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
+
+
+def _square(roots: Matrix) -> Matrix:
+    """(f, f) the information of shots by their roots (M, d, f)."""
+    flat = roots.reshape(-1, roots.shape[-1])
+    return np.asarray(flat.T @ flat)
+
+
+def _inverse(information: Matrix) -> Matrix:
+    return np.asarray(np.linalg.inv(information), dtype=float)
 
 
 def _with(covariance: Matrix, roots: Matrix) -> Matrix:
