@@ -167,10 +167,9 @@ def _change(tried: Tried) -> str:
         half = numbers.exact(tried.amount / 2, unit)
         noun, fixed = "measurements" if tried.measured else "postures", [str(i) for i in tried.unchanged]
         where = f" in all {noun} but {listed(fixed, len(fixed))}" if fixed else ""
-        again = "measure again with joint" if tried.measured else "vary joint"
-        varied = " varied" if tried.measured else ""
+        again = "measure again and vary joint" if tried.measured else "vary joint"
         return (
-            f"{again} {tried.joint}{varied} by {numbers.exact(tried.amount, unit)}{where} ({move} by"
+            f"{again} {tried.joint} by {numbers.exact(tried.amount, unit)}{where} ({move} by"
             f" {numbers.MINUS}{half}, {half} and {numbers.exact(0.0, unit)} in turn, and aimed anew)"
         )
     (number,) = tried.postures

@@ -135,7 +135,7 @@ def test_the_x_pattern_claims_nothing_of_delta2():
     assert "delta2 is unidentifiable from these measurements." in answer["headline"]
     assert "Joint 1 varies by only" in answer["headline"]
     (null,) = [d for d in answer["identifiability"]["null_space"] if d["combination"].get("delta2") == 1.0]
-    assert null["remedy"].startswith("measure again with joint 1 varied by 90°")
+    assert null["remedy"].startswith("measure again and vary joint 1 by 90°")
     assert "delta2" not in found.draws.names
     assert "delta2" in [prior.name for prior in found.draws.prior_only]
 
