@@ -127,7 +127,7 @@ class Database:
         """The error of the database as a message."""
         cause = getattr(error, "orig", None)
         reason = str(cause or error).strip().splitlines()
-        where = f"{self.name}: {reason[0] if reason else type(error).__name__}"
+        where = f"{self.name}: {reason[0][:200] if reason else type(error).__name__}"
         if _is_of_the_disk(cause):
             return NotWritten(
                 "the history cannot be written",
