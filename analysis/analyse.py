@@ -32,12 +32,11 @@ from .estimation.threads import one_blas_thread
 from .ladder import solve_run
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
-    NOTHING_KNOWN,
-    OF_A_MISFIT,
     UNSAMPLED,
     Draws,
     Omitted,
     PosteriorSummary,
+    not_worth_sampling,
     sample_posterior,
 )
 from .repeatability.prior_free import offsets_without_prior
@@ -167,10 +166,9 @@ def _analyse(
     problem = solution.problem
     report("identifiability", 1.0)
     posterior, draws, between = UNSAMPLED, None, None
-    if solution.misfit is not None:
-        posterior = OF_A_MISFIT
-    elif solution.converged and not solution.known:
-        posterior = NOTHING_KNOWN
+    useless = not_worth_sampling(solution) if solution.converged else None
+    if useless is not None:
+        posterior = useless
     elif solution.converged:
         if sampling != "always":
             posterior, between = _omitted(solution)

@@ -28,6 +28,7 @@ from .wording import Namer, be, clipped, listed
 MOST_NAMED = 10
 _USELESS = {
     "nothing known": "no parameter is identifiable",
+    "little known": "the data determine less than half of the offsets",
     "misfit": "the model does not describe the measurements",
 }
 

@@ -94,7 +94,7 @@ class PosteriorSummary:
     acceptance: float | None
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
-    useless: Literal["nothing known", "misfit"] | None = None
+    useless: Literal["nothing known", "little known", "misfit"] | None = None
     omitted: Omitted | None = None
 
     def __post_init__(self) -> None:
@@ -105,6 +105,9 @@ class PosteriorSummary:
 UNSAMPLED = PosteriorSummary(False, False, 0, 0, 0, None, None, None, 0.0, None)
 # All of a posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
 NOTHING_KNOWN = replace(UNSAMPLED, useless="nothing known")
+# The draws would be spread along what the data leave open, turns of a whole revolution among it: a million of
+# them say nothing of the few parameters that the curvature and the profiles do not.
+LITTLE_KNOWN = replace(UNSAMPLED, useless="little known")
 OF_A_MISFIT = replace(UNSAMPLED, useless="misfit")
 
 
@@ -194,6 +197,17 @@ class Whitening:
 
     def undo(self, w: Matrix) -> Matrix:
         return self.centre + w @ self.factor.T
+
+
+def not_worth_sampling(solution: Solution) -> PosteriorSummary | None:
+    """The summary of a posterior that nobody needs draws of: of a misfit, or where the data determine nothing
+    or less than half of the offsets. None of any other."""
+    if solution.misfit is not None:
+        return OF_A_MISFIT
+    if not solution.known:
+        return NOTHING_KNOWN
+    offsets = [known(row.status) for row in solution.offsets if not row.held]
+    return LITTLE_KNOWN if 2 * sum(offsets) < len(offsets) else None
 
 
 def sample_posterior(

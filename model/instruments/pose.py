@@ -31,6 +31,7 @@ from .rotations import (
 )
 
 _ROUNDS = 50
+_OPEN = 1e-3  # of the largest: what the measurements determine so little is left at the guess
 
 
 class StatedMount(FileModel):
@@ -225,13 +226,17 @@ class PoseStation(FramedStation):
     def start_unknowns(
         self, poses: Matrix, readings: Matrix, unknowns: Matrix, variants: Sequence[str]
     ) -> Matrix:
-        """The hand-eye equation flange · mount = frame · measured in closed form: rotations by the singular
-        vectors of sum(measured ⊗ flange) (Shah 2013), then lengths by linear least squares."""
+        """The hand-eye equation flange · mount = frame · measured in closed form: rotations, then lengths by
+        linear least squares. Of what the measurements leave open the start is as near as can be to the guess.
+        """
         at, result = spread(len(poses)), np.array(unknowns, dtype=float)
         if not len(at) or (self.frame is not None and all(self.tolerated)):
             return result
         flange, measured = poses[at, :3, :3], np.array([rotation_of_quaternion(r[3:7]) for r in readings[at]])
         mount, frame = self._rotations(flange, measured, rotation(result[3:6]) @ self.mount_rotation)
+        if self.frame is None and not self.tolerated[1] and (axis := _one_axis(flange)) is not None:
+            turn = self._about(axis, flange, poses[at, :3, 3], readings[at, :3] @ frame.T)
+            mount, frame = rotation(turn * axis) @ mount, rotation(turn * flange[0] @ axis) @ frame
         if not self.tolerated[1]:
             result[3:6] = rotation_vector(mount @ self.mount_rotation.T)
         if self.frame is None:
@@ -246,16 +251,45 @@ class PoseStation(FramedStation):
         else:
             right += self.frame[1]
         if columns:
-            solution = np.linalg.lstsq(np.hstack(columns), right.ravel(), rcond=1e-9)[0]
+            solution = np.linalg.lstsq(np.hstack(columns), right.ravel(), rcond=_OPEN)[0]
             if self.frame is None:
                 result[6:9] = solution[-3:]
             if not self.tolerated[0]:
                 result[:3] += solution[:3]
         return result
 
+    def _about(self, axis: Matrix, flange: Matrix, origins: Matrix, measured: Matrix) -> float:
+        """By how much, rad, mount and frame are turned together about an axis (3,) that is the same in flange
+        and base of all poses: the rotations leave it open, the positions of the body determine it.
+
+        `measured` (N, 3) mm are in the axes of the base frame as far as is known.
+        """
+        in_base = flange[0] @ axis
+        along = np.outer(measured @ in_base, in_base)
+        across = measured - along
+        # sine · (axis x across) + cosine · across + along + f = flange x + origin, which is linear.
+        size = max(float(np.abs(across).max()), 1e-9)
+        columns = np.hstack(
+            [
+                np.cross(in_base, across).reshape(-1, 1) / size,
+                across.reshape(-1, 1) / size,
+                *([] if self.tolerated[0] else [-flange.reshape(-1, 3)]),
+                np.tile(np.eye(3), (len(flange), 1)),
+            ]
+        )
+        right = origins - along + (flange @ self.mount_point if self.tolerated[0] else 0.0)
+        sine, cosine = np.linalg.lstsq(columns, right.ravel(), rcond=_OPEN)[0][:2]
+        return float(np.arctan2(sine, cosine))
+
     def _rotations(self, flange: Matrix, measured: Matrix, mount: Matrix) -> tuple[Matrix, Matrix]:
         """Rotations (3, 3) of mount and frame from those of flange and measured body (N, 3, 3); what is known
-        stays as it is."""
+        stays as it is.
+
+        Where both are free: by the singular vectors of sum(measured ⊗ flange) (Shah 2013). Where several of
+        these fit as well, since all poses are turned about one axis or hardly at all, by the axes of the
+        rotations from the first pose to the others (Park and Martin 1994), which leave what is open of the
+        mount at its guess.
+        """
 
         def frame_of(mount: Matrix) -> Matrix:
             return nearest_rotation(np.einsum("nij,jk,nlk->il", flange, mount, measured))
@@ -268,14 +302,28 @@ class PoseStation(FramedStation):
         if self.tolerated[1]:
             return mount, frame_of(mount)
         # vec of rows: frame = flange · mount · measured', so (flange ⊗ measured) mount = frame.
-        left, _, right = np.linalg.svd(np.einsum("nij,nkl->ikjl", flange, measured).reshape(9, 9))
-        mount, frame = right[0].reshape(3, 3), left[:, 0].reshape(3, 3)
-        mount = nearest_rotation(mount * np.sign(np.linalg.det(mount) or 1.0))
-        frame = nearest_rotation(frame * np.sign(np.linalg.det(frame) or 1.0))
+        _, singular, right = np.linalg.svd(np.einsum("nij,nkl->ikjl", flange, measured).reshape(9, 9))
+        if singular[1] > (1 - _OPEN) * singular[0]:
+            axes = _sine_axes(flange).T @ _sine_axes(measured)
+            mount = nearest_rotation(axes + _OPEN * np.abs(axes).max() * mount)
+        else:
+            shah = right[0].reshape(3, 3)
+            mount = nearest_rotation(shah * np.sign(np.linalg.det(shah) or 1.0))
         for _ in range(_ROUNDS):
-            before = mount
-            frame = frame_of(mount)
+            before, frame = mount, frame_of(mount)
             mount = mount_of(frame)
             if np.abs(mount - before).max() < 1e-12:
                 break
         return mount, frame
+
+
+def _one_axis(flange: Matrix) -> Matrix | None:
+    """(3,) in the flange frame, of rotations (N, 3, 3) that are all about one axis; None of others."""
+    left, singular, _ = np.linalg.svd(_sine_axes(flange).T, full_matrices=False)
+    return left[:, 0] if singular[0] > 0 and singular[1] < _OPEN * singular[0] else None
+
+
+def _sine_axes(turns: Matrix) -> Matrix:
+    """(N, 3) of the rotations from the first of `turns` (N, 3, 3) to each: the axis times the sine."""
+    by = turns[0].T @ turns
+    return np.stack([by[:, 2, 1] - by[:, 1, 2], by[:, 0, 2] - by[:, 2, 0], by[:, 1, 0] - by[:, 0, 1]], axis=1)
