@@ -20,7 +20,16 @@ from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.shot import Shot, ShotRules, check_ties, shot_model, target_names, unknown_targets
+from ...model.files.shot import (
+    Shot,
+    ShotRules,
+    check_ties,
+    copied_rows,
+    copies,
+    shot_model,
+    target_names,
+    unknown_targets,
+)
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
@@ -153,10 +162,24 @@ class ImportJob:
             sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
             shots += new
         _numbered_once(shots)
-        joints = np.concatenate([part.joints for part in parts])
+        places = [
+            f"{part.noun} {i + 1 if part.lines is None else part.lines[i]} of {part.path.name}"
+            for part in parts
+            for i in range(len(part.joints))
+        ]
+        of = copies(shots)
+        copied = [copied_rows(of, len(shots), places.__getitem__)] if of else []
+        kept = [i for i in range(len(shots)) if i not in of]
+        shots = [shots[i] for i in kept]
+        joints = np.concatenate([part.joints for part in parts])[kept]
         numbers = [shot.shot for shot in shots]
         limits = check_limits(robot, joints, "measurement", numbers, numbers, limits="warn", file=None)
-        remarks = [*_commanded(robot, joints, numbers), *limits, *unknown_targets(self.header, names)]
+        remarks = [
+            *copied,
+            *_commanded(robot, joints, numbers),
+            *limits,
+            *unknown_targets(self.header, names),
+        ]
         plural = "s" if len(self.paths) > 1 else ""
         understood = [
             f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -49,7 +49,16 @@ from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .limits import warned
 from .robot_file import load_robot, require_loadable
-from .shot import Shot, ShotRules, check_shots, check_ties, shot_model, target_names
+from .shot import (
+    Shot,
+    ShotRules,
+    check_shots,
+    check_ties,
+    copied_rows,
+    copies,
+    shot_model,
+    target_names,
+)
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
@@ -198,7 +207,26 @@ class Run(ByValue):
         warnings = check_shots(header, robot, shots, [None] * len(shots), file=None)
         text = header_text(header) + "".join(shot_text(shot) for shot in shots)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
-        return cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
+        run = cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
+        return run.without_copies()
+
+    def without_copies(self) -> Self:
+        """The same with each measurement once; `warnings` say which rows are copies of others."""
+        of = copies(self.shots)
+        if not of:
+            return self
+
+        def called(i: int) -> str:
+            line = self.lines[i]
+            return f"measurement {self.shots[i].shot}" + ("" if line is None else f" (line {line})")
+
+        kept = [i for i in range(len(self.shots)) if i not in of]
+        return replace(
+            self,
+            shots=tuple(self.shots[i] for i in kept),
+            lines=tuple(self.lines[i] for i in kept),
+            warnings=(*self.warnings, copied_rows(of, len(self.shots), called)),
+        )
 
     def __repr__(self) -> str:
         targets, count = ", ".join(self.target_names), len(self.shots)
@@ -315,7 +343,8 @@ class Run(ByValue):
 def read_run(path: Path | str) -> Run:
     """Read a run file (JSON lines, `zerobeam/run/1`) and check every line of it.
 
-    A last line that is torn (a power cut) is left out, and `warnings` says so.
+    A last line that is torn (a power cut) is left out, and so is a measurement whose joints and readings are
+    those of an earlier one to the last digit (a copied row); `warnings` say so.
 
     Parameters
     ----------
@@ -344,7 +373,7 @@ def read_run(path: Path | str) -> Run:
     if not run.shots:
         actual = "a header only" if torn is None else "a header and a torn line"
         raise BadInput("the run has no measurements", found=actual, file=path, remedy="record some")
-    return run
+    return run.without_copies()
 
 
 def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
