@@ -366,7 +366,7 @@ def _cause(case: _Case, name: Namer) -> str | None:
 
 def _cause_words(case: _Case, name: Namer) -> str | None:
     if case.stopped is not None:
-        return None
+        return cause_sentence(case.diagnosis) if case.diagnosis else None
     if case.misfit is not None:
         held = ""
         if case.held:
@@ -429,6 +429,8 @@ def _saved_first(case: _Case, action: Action) -> Action:
 def _action(case: _Case) -> Action:
     run = run_argument(case.run)
     again = f"zerobeam analyse {run}"
+    if case.stopped is not None and case.diagnosis:
+        return Action(f"Enter nothing. {mend(case.diagnosis[0])}", again)
     if case.stopped is not None:
         return Action(
             "Enter nothing: look for a wrong measurement, or state a better guess of target and tool.", again

@@ -18,6 +18,9 @@ CAUSES: dict[Cause, str] = {
     "coupling": "coupled joints",
     "metres": "unit of the readings",
     "mirrored": "left-handed frame",
+    "quaternion": "order of the quaternions",
+    "inverse": "inverse rotations",
+    "inverse_pose": "inverse poses",
     "rows": "joints of another measurement",
     "twist": "sign of a twist",
     "convention": "Denavit-Hartenberg convention",
@@ -78,6 +81,14 @@ def changed(explanation: Explanation) -> str:
         case "mirrored":
             axis = "xyz"[round(amount) - 1] if amount else "one axis"
             return f"with the sign of {axis} of {clipped(of)} reversed (a left-handed frame)"
+        case "quaternion":
+            return f"with measured_quat of {clipped(of)} read as x, y, z, w"
+        case "inverse":
+            return f"with the rotations of {clipped(of)} inverted, its positions as they are"
+        case "inverse_pose":
+            return (
+                f"with the poses of {clipped(of)} inverted (they were of the instrument as the body sees it)"
+            )
         case "rows":
             which = "before" if amount > 0 else "after"
             return f"with the joints of each measurement taken from the one {which} it"
@@ -157,6 +168,12 @@ def mend(explanation: Explanation) -> str:
             axis = "xyz"[round(explanation.amount) - 1] if explanation.amount else "y, or any one axis,"
             quat = "a quaternion goes with it: its components of the other two axes change their sign"
             return f"Reverse the sign of {axis} in measured_mm of {clipped(of)} ({quat}), {_AGAIN}."
+        case "quaternion":
+            again = f"Import the poses of {clipped(of)} again"
+            return f"{again} with --quaternion-columns in the order w,x,y,z, {_AGAIN}."
+        case "inverse" | "inverse_pose":
+            which = "rotation" if explanation.cause == "inverse" else "pose"
+            return f"Import the poses of {clipped(of)} again with --inverse {which}, {_AGAIN}."
         case "rows":
             return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."
         case "twist":

@@ -19,7 +19,14 @@ from ...model.likelihood.problem import Problem
 from ..observability.changes import RunChange
 from ..solution import Solution
 from .cause import Cause
-from .hypotheses import SIGNIFICANCE, HypothesisFit, fits_at, fits_from, hypothesis_fits
+from .hypotheses import (
+    SIGNIFICANCE,
+    HypothesisFit,
+    fits_at,
+    fits_from,
+    hypothesis_fits,
+    of_readings,
+)
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations
@@ -73,10 +80,13 @@ class Explanation:
 
 
 def diagnose(solution: Solution) -> tuple[Explanation, ...]:
-    """What explains that a solution contradicts its noise or priors, the best explanation first.
+    """What explains that a solution contradicts its noise or priors, or did not converge, the best
+    explanation first.
 
     Empty where nothing does, or where there is nothing to explain.
     """
+    if not solution.converged:
+        return _of_no_fit(solution)
     if solution.misfit is None:
         return ()
     problem, x = _at_stated_noise(solution)
@@ -98,6 +108,17 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     # As the answer itself has it: it judges what is determined at measurements that hit.
     before = float(np.sqrt(solution.against_noise.chi2 / solution.dof))
     return tuple(replace(explanation, before=before) for explanation in explained)
+
+
+def _of_no_fit(solution: Solution) -> tuple[Explanation, ...]:
+    """Of a fit that did not converge: readings that, taken in another way, agree with the noise."""
+    if not solution.trusted or not np.isfinite(solution.fit.x).all():
+        return ()
+    problem, x = _at_stated_noise(solution)
+    (base,) = fits_at(Density(problem), x[None])
+    slack = 1.0 if solution.problem.noise.known else _SLACK
+    fits = [fit for fit in of_readings(problem) if fit.agrees(slack)]
+    return _explanations(base, fits, slack, exact=not problem.geometry) if base.dof > 0 else ()
 
 
 def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:

@@ -140,11 +140,13 @@ class PartRead(NamedTuple):
 
 class Misread(NamedTuple):
     """What may be wrong with all readings of the instrument `label`: they are in `metres`, or `mirrored`, in
-    a left-handed frame. `readings` (N, w) are put right; `axis` (1, 2, 3) is the one that has the wrong sign,
-    0 where any may be, as a rotation of a free frame makes one of another."""
+    a left-handed frame; of poses the `quaternion` has w last, the rotation is the `inverse`, or the whole
+    pose is (`inverse_pose`: that of the instrument as the body sees it). `readings` (N, w) are put right;
+    `axis` (1, 2, 3) is the one that has the wrong sign, 0 where any may be, as a rotation of a free frame
+    makes one of another."""
 
     label: str
-    wrong: Literal["metres", "mirrored"]
+    wrong: Literal["metres", "mirrored", "quaternion", "inverse", "inverse_pose"]
     readings: Matrix
     axis: int = 0
 

@@ -194,7 +194,8 @@ class PoseStation(FramedStation):
         }
 
     def misread(self, readings: Matrix) -> Iterator[Misread]:
-        """A mirror turns the axis of a rotation about, but for its part along the mirrored axis."""
+        """A mirror turns the axis of a rotation about, but for its part along the mirrored axis. Other
+        programs write w last, or the inverse."""
         metres = readings.copy()
         metres[:, :3] *= 1000
         yield Misread(self.label, "metres", metres)
@@ -203,6 +204,8 @@ class PoseStation(FramedStation):
             mirrored[:, which] *= -1
             mirrored[:, [4 + k for k in range(3) if k != which]] *= -1
             yield Misread(self.label, "mirrored", mirrored, axis)
+        for wrong in ("quaternion", "inverse", "inverse_pose"):
+            yield Misread(self.label, wrong, put_right(readings, wrong))
 
     def _measured(self, flange: Flange, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Position (3, 1) mm and rotation (3, 3) of the body, in the instrument's frame."""
@@ -315,6 +318,23 @@ class PoseStation(FramedStation):
             if np.abs(mount - before).max() < 1e-12:
                 break
         return mount, frame
+
+
+OtherPose = Literal["quaternion", "inverse", "inverse_pose"]
+
+
+def put_right(readings: Matrix, wrong: OtherPose) -> Matrix:
+    """Readings (N, 7 or more) of position and quaternion, recorded as another program writes them: its
+    `quaternion` has w last, its rotation is the `inverse`, or its whole pose is (`inverse_pose`)."""
+    right = readings.copy()
+    if wrong == "quaternion":
+        right[:, 3:7] = np.roll(readings[:, 3:7], 1, axis=1)
+        return right
+    right[:, 4:7] *= -1
+    if wrong == "inverse_pose":
+        turns = np.array([rotation_of_quaternion(q) for q in right[:, 3:7]]).reshape(-1, 3, 3)
+        right[:, :3] = -np.einsum("nij,nj->ni", turns, readings[:, :3])
+    return right
 
 
 def _one_axis(flange: Matrix) -> Matrix | None:

@@ -149,6 +149,10 @@ class TextTable:
             return np.array([[self._value(i, column) for column in columns] for i in range(len(self.rows))])
         return np.array(parts).T
 
+    def numbers_at(self, row: int, columns: Sequence[int]) -> list[float]:
+        """Finite numbers of one row, as `numbers`."""
+        return [self._value(row, column) for column in columns]
+
     def texts(self, column: int) -> list[str]:
         return [row[column] for row in self.rows]
 
