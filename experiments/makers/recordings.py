@@ -32,7 +32,7 @@ from ...model.files.shot import (
 )
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
+from ...model.parsing.reading import KeyPath, did_you_mean, read_other_text, read_yaml
 from ...model.parsing.validation import validate
 
 
@@ -70,6 +70,7 @@ _NEAR_DEG, _NEAR_MM = 30.0, 300.0
 _SAME = 5e-4
 _WHOLE_DEG, _FEWEST_WHOLE = 5e-4, 3  # so near to whole degrees, in so many joints, nothing is by chance
 _MOST_NAMED = 10
+_HALF, _TURN = 180.0, 360.0
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,8 @@ class ImportJob:
     def finish(self, parts: Sequence[FileMeasurements], notes: Sequence[str]) -> Imported:
         """The measurements of all files, numbered through; `notes` says how the files were read."""
         robot = self.robot
+        parts, wrapped = _within_half_a_turn(parts, robot)
+        notes = [*notes, *wrapped]
         if self.plan is not None:
             parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
         names = target_names(target for part in parts for target in part.targets)
@@ -281,6 +284,32 @@ class ImportJob:
             check_limits(self.robot, part.joints, part.noun, numbers, lines, limits="error", file=None)
 
 
+def _within_half_a_turn(
+    parts: Sequence[FileMeasurements], robot: Robot
+) -> tuple[Sequence[FileMeasurements], list[str]]:
+    """Joints that a controller counts from 0 to 360° (Kinova's do), above 180° less a turn, and a sentence on
+    them: where the limits of one joint ask for it, or the maker does."""
+    joints = np.concatenate([part.joints for part in parts])
+    turning = np.array([joint.kind == "revolute" for joint in robot.joints])
+    counted = (
+        turning & (joints >= 0).all(axis=0) & (joints <= _TURN).all(axis=0) & (joints > _HALF).any(axis=0)
+    )
+    less = np.where(joints > _HALF, joints - _TURN, joints)
+    lower, upper = robot.lower * robot.display, robot.upper * robot.display
+    outside = ((joints > upper) | (joints < lower)).any(axis=0)
+    inside = ((less <= upper) & (less >= lower)).all(axis=0)
+    if not (counted & inside & (outside | (robot.vendor == "kinova"))).any():
+        return parts, []
+    chosen = counted & inside
+    names = ", ".join(str(i + 1) for i in np.flatnonzero(chosen))
+    sentence = f"joints counted from 0 to 360°: of joint {names} values above 180° are taken less 360°"
+    right = [
+        replace(part, joints=np.where(chosen & (part.joints > _HALF), part.joints - _TURN, part.joints))
+        for part in parts
+    ]
+    return right, [sentence]
+
+
 @contextmanager
 def uncollected() -> Iterator[None]:
     """Without the collector of circles: among millions of rows there are none, and it would visit all of them
@@ -384,7 +413,7 @@ def import_points(
     parts = []
     for path, target in zip(job.paths, job.targets(), strict=True):
         with located(path):
-            points = _chosen(parse(read_text(path)[0], path), names)
+            points = _chosen(parse(read_other_text(path), path), names)
             rows = [_joints(point, job.robot) for point in points]
         joints = pendant.between_links(np.array(rows))
         listed = f"  points in their order: {', '.join(point.name for point in points)}"

@@ -22,7 +22,7 @@ from typing import Literal, NamedTuple
 
 from ....model.errors import BadInput, located
 from ....model.kinematics.pendant import require_link_encoder
-from ....model.parsing.reading import did_you_mean, read_text, shown
+from ....model.parsing.reading import did_you_mean, read_other_text, shown
 from ..calibration import JointOffset, RobotCalibration
 from ..maker import numbers_of, one_line, require_vendor
 
@@ -102,7 +102,7 @@ def moc_text(
     _require_turning(calibration)
     if against is None:
         return _table(calibration, gears)
-    text, _ = read_text(against)
+    text = read_other_text(against)
     if gears.signs is None:
         raise BadInput(
             "the sign must be stated: it is not published whether a reading rises or falls with cal_offset",

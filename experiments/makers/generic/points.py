@@ -23,7 +23,7 @@ from ....model.instruments.pose import put_right
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3
-from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_text, shown
+from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
 from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
 from .euler import found_order, require_as_stated, rotations
 from .tables import DELIMITERS, TextTable, check_signs, columns_of_joints, found_delimiter, number, table_of
@@ -244,7 +244,7 @@ def import_points(job: ImportJob, layout: PointLayout) -> Imported:
 def read_points(path: Path, delimiter: str | None, decimal: str) -> tuple[TextTable, list[str]]:
     """A table and its lines of remarks. The names of columns are in the first row, if no cell of it is a
     number, or in the last remark before it, if it has as many cells."""
-    text, _ = read_text(path, LARGEST_TABLE)
+    text = read_other_text(path, LARGEST_TABLE)
     lines = text.splitlines()
     remarks = [i for i, line in enumerate(lines) if line.lstrip().startswith(_COMMENT)]
     head = [lines[i].lstrip().lstrip("/#").strip() for i in remarks]
