@@ -60,6 +60,7 @@ _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to withi
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
+_FOUND = 4.0  # standard uncertainties from its nominal value
 _LARGEST_TOLERANCES = 3  # of those that set a variance are named
 
 
@@ -216,7 +217,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge.spanned)
     status, data_std = _statuses(parameters, scaled_std)
-    judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
+    judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status, data_std)
     singular = spectrum.of_all
     facts = Identifiability(
         rank=_rank(tolerated, singular),
@@ -295,6 +296,7 @@ class _Judged:
     marginal: Marginal
     spectrum: _Spectrum
     status: tuple[Status, ...]
+    data_std: Matrix
 
     @property
     def untolerated(self) -> list[Parameter]:
@@ -304,10 +306,12 @@ class _Judged:
 
     @cached_property
     def nominal(self) -> Matrix:
-        """A (M, f) of arm and tool without deviation: an estimate of its tilt, be it the noise's alone, turns
-        a beam off the axis that it lies on by its nominal place."""
+        """A (M, f) of arm and tool without deviations that the noise alone can make: such an estimate of its
+        tilt turns a beam off the axis that it lies on by its nominal place. What is found elsewhere is there.
+        """
         parameters = self.problem.parameters
-        nominal = np.where(parameters.tolerated, parameters.prior_mean, self.x)
+        found = np.abs(self.x - parameters.prior_mean) > _FOUND * self.data_std  # never where that is nan
+        nominal = np.where(parameters.tolerated & ~found, parameters.prior_mean, self.x)
         if np.array_equal(nominal, self.x):
             return self.gauge.jacobian
         ((_, jacobian, _),) = information_roots(self.problem, nominal[None], self.weight)
