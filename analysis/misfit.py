@@ -38,6 +38,7 @@ from .observability.changes import RunChange, run_change
 from .observability.geometry import link_columns
 from .observability.identifiability import Identified
 from .placements import placements
+from .recordings.resting import resting_columns
 from .recordings.steps import RecordingStep
 from .status import LACK_OF_FIT, UnsoundResult, known
 from .tight_priors import TightPrior, tight_priors
@@ -193,7 +194,7 @@ def misfit_of(
         criteria += (*_contradicted_links(fit), *tight_priors(fit))
     elif all(isinstance(criterion, _CONFUSED_WITH_LINKS) for criterion in criteria):
         criteria = (*(one for one in _contradicted_links(fit) if one.after < REDUCED * one.before), *criteria)
-    if not criteria and (changed := run_change(fit.problem, fit.x)) is not None:
+    if not criteria and (changed := run_change(fit.problem, fit.x, resting_columns(fit))) is not None:
         criteria = (changed,)
     return Misfit(criteria) if criteria else None
 

@@ -39,6 +39,7 @@ from .observability.geometry import GeometryResult, Rung, geometry_result, link_
 from .observability.identifiability import Identified, identify, no_better_than
 from .observability.power import DetectionPower, powers
 from .recordings.recordings import Effective
+from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
 from .status import (
     Status,
@@ -249,7 +250,7 @@ class Solution:
         moved = displacement(self.fit) if self.converged else None
         if moved is None or not moved.significant:
             return None
-        rival = self.link_columns
+        rival = self._rivals
         moved = moved if rival is None else displacement(self.fit, rival)
         return moved if moved is not None and moved.significant else None
 
@@ -266,7 +267,15 @@ class Solution:
     @cached_property
     def recording_steps(self) -> RecordingSteps:
         """The significant steps inside the recordings; none without an answer."""
-        return steps(self.fit, self.link_columns)
+        return steps(self.fit, self._rivals)
+
+    @property
+    def _rivals(self) -> Matrix | None:
+        """(M, g) what may look like a target or instrument that was moved: links within their tolerances, and
+        the common errors of joints that rested."""
+        columns = [self.link_columns, resting_columns(self.fit)]
+        stated = [each for each in columns if each is not None]
+        return np.hstack(stated) if stated else None
 
     @cached_property
     def power(self) -> tuple[DetectionPower, ...]:

@@ -72,11 +72,12 @@ def _places(shots: int) -> int:
     return max(0, shots - 2 * FEWEST + 1)
 
 
-def run_change(problem: Problem, x: Matrix) -> RunChange | None:
-    """The significant change at the mode x (p,); None without one, and where the noise is not known."""
+def run_change(problem: Problem, x: Matrix, rival: Matrix | None = None) -> RunChange | None:
+    """The significant change at the mode x (p,); None without one, and where the noise is not known. `rival`
+    as of `Linearised`, such as the common errors of joints that rested."""
     if not problem.noise.known or _places(problem.shots) == 0:
         return None
-    tried = sorted(_Changes(Linearised(problem, x)).clearest(), key=lambda row: row.p_value)
+    tried = sorted(_Changes(Linearised(problem, x, rival)).clearest(), key=lambda row: row.p_value)
     p_value = tried[0].p_value * _tests(problem) if tried else 1.0
     if p_value >= SIGNIFICANT:
         return None
