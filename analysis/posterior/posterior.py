@@ -22,7 +22,7 @@ from ...model.likelihood.problem import Problem
 from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads
-from ..solution import Solution
+from ..solution import Solution, undecided_names
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, weighted_ends
@@ -201,12 +201,14 @@ class Whitening:
 
 def not_worth_sampling(solution: Solution) -> PosteriorSummary | None:
     """The summary of a posterior that nobody needs draws of: of a misfit, or where the data determine nothing
-    or less than half of the offsets. None of any other."""
+    or less than half of the offsets. None of any other; several optima are what draws are for."""
     if solution.misfit is not None:
         return OF_A_MISFIT
     if not solution.known:
         return NOTHING_KNOWN
-    offsets = [known(row.status) for row in solution.offsets if not row.held]
+    undecided = undecided_names(solution.null_space)
+    free = [row for row in solution.offsets if not row.held]
+    offsets = [known(row.status) or row.name in undecided for row in free]
     return LITTLE_KNOWN if 2 * sum(offsets) < len(offsets) else None
 
 
