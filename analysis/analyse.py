@@ -18,7 +18,7 @@ from .answer.findings import findings
 from .answer.result import AngleResult, DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
-from .diagnostics.diagnosis import diagnose
+from .diagnostics.diagnosis import Explanation, diagnose
 from .diagnostics.enter import entered
 from .diagnostics.hold_out import HoldOut, hold_out, placement_result
 from .diagnostics.influence import shot_results
@@ -212,7 +212,7 @@ def _analyse(
         misfit=solution.misfit,
         findings=findings(solution, posterior, shots, robust, held_out_fit, run.warnings),
         inputs=_inputs(run, problem, seed),
-        diagnosis=diagnose(solution),
+        diagnosis=_with_sources(diagnose(solution), run),
         entered=to_enter,
         entered_geometry=with_links,
         conformity=conformity,
@@ -318,6 +318,14 @@ def _fitted(solution: Solution, tie: Tie, value: float) -> tuple[float | None, f
         return None, None
     by_free = (along * parameters.prior_std)[parameters.free]
     return value + float(residual[0]) * tie.sigma, float(np.sqrt(by_free @ fit.covariance @ by_free))
+
+
+def _with_sources(explanations: tuple[Explanation, ...], run: Run) -> tuple[Explanation, ...]:
+    """The explanations, with where the measurements are that they name."""
+    return tuple(
+        replace(one, sources=tuple((n, run.sources[n]) for n in one.measurements if n in run.sources))
+        for one in explanations
+    )
 
 
 def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:

@@ -120,6 +120,12 @@ class _Case:
         return isinstance(provenance, Mapping) and is_simulated(provenance)
 
     @property
+    def without_some(self) -> bool:
+        """Whether measurements of a file were left out (`analyse --drop`)."""
+        provenance = self.header.get("provenance")
+        return isinstance(provenance, Mapping) and "without measurements" in provenance
+
+    @property
     def offsets(self) -> list[ParameterResult]:
         """The offsets that are estimated."""
         return [row for row in self.parameters if row.group == "offset" and not row.held]
@@ -422,7 +428,9 @@ def _saved_first(case: _Case, action: Action) -> Action:
     """The same, where a command needs a file and the run is in none."""
     if action.command is None or not case.run or not in_no_file(case.run):
         return action
-    save = f'Save the run first: solution.run.write("{run_argument(case.run)}").'
+    file = run_argument(case.run)
+    by_command = f"--save {file}, or " if case.without_some else ""
+    save = f'Save the run first: {by_command}solution.run.write("{file}").'
     return Action(f"{action.text} {save}", action.command)
 
 
@@ -439,6 +447,9 @@ def _action(case: _Case) -> Action:
         if case.held:
             estimate = f"Enter nothing. Estimate {listed([person(each) for each in case.held])} too."
             return Action(f"{estimate} If the misfit stays: {_mend(case)}", again)
+        best = case.diagnosis[0] if case.diagnosis else None
+        if best is not None and best.cause == "measurements" and not in_no_file(case.run):
+            again += f" --drop {','.join(map(str, best.measurements))}"
         return Action(f"Enter nothing. {_mend(case)}", again)
     if (doubt := case.doubt) is not None:
         return Action(_check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)

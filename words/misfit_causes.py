@@ -110,8 +110,7 @@ def changed(explanation: Explanation) -> str:
         case "placement":
             return f"without the measurements at {listed(targets)}"
         case "measurements":
-            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            return f"without {noun} {_numbers(explanation)}"
+            return f"without {_called(explanation)}"
         case "moved_target":
             return f"with {targets[0]} moved {_between(explanation)}"
         case "jump":
@@ -196,9 +195,12 @@ def mend(explanation: Explanation) -> str:
                 f"Remove the measurements at {listed(targets)}, or record them again with the target fixed."
             )
         case "measurements":
-            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            again = "it" if len(explanation.measurements) == 1 else "them"
-            return f"Remove {noun} {_numbers(explanation)} from the run, or repeat {again}."
+            one = len(explanation.measurements) == 1
+            again, correct = ("it", "a typing error in it") if one else ("them", "typing errors in them")
+            return (
+                f"Analyse without {_called(explanation)} (--drop), correct {correct} and import again, or"
+                f" measure {again} again."
+            )
         case "moved_target":
             return (
                 f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on,"
@@ -255,6 +257,27 @@ def _signed(amount: float, unit: str) -> str:
 
 def _between(explanation: Explanation) -> str:
     return f"between measurements {explanation.measurements[0]} and {explanation.measurements[1]}"
+
+
+def _called(explanation: Explanation) -> str:
+    """The measurements as people count them: by the row of the file that they were imported from, else by the
+    line of the run."""
+    places = dict(explanation.sources)
+    if len(explanation.measurements) == 1 and (place := places.get(explanation.measurements[0])):
+        file, _, line = place.rpartition(":")
+        number = f"measurement {explanation.measurements[0]}"
+        if file.endswith(".jsonl"):
+            return f"{number} (line {line} of {clipped(file)})"
+        return f"row {line} of {clipped(file)} ({number})"
+    rows = {place.rpartition(":")[0]: True for place in places.values()}
+    noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
+    text = f"{noun} {_numbers(explanation)}"
+    if len(rows) != 1 or len(places) < len(explanation.measurements):
+        return text
+    (file,) = rows
+    lines = [places[n].rpartition(":")[2] for n in explanation.measurements]
+    rows_of = "lines" if file.endswith(".jsonl") else "rows"
+    return f"{text} ({rows_of} {listed(lines, MOST_MEASUREMENTS)} of {clipped(file)})"
 
 
 def _numbers(explanation: Explanation) -> str:

@@ -60,7 +60,7 @@ class Explanation:
     `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
     the parameters that it frees (their effective number), `p_value` is that of such evidence after all that
     was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of
-    the best explanation: 1 of this one.
+    the best explanation: 1 of this one. `sources` has FILE:LINE of the measurements, by number.
     """
 
     cause: Cause
@@ -77,6 +77,7 @@ class Explanation:
     agrees: bool
     of: str = ""
     odds: float = 1.0
+    sources: tuple[tuple[int, str], ...] = ()
 
 
 def diagnose(solution: Solution) -> tuple[Explanation, ...]:

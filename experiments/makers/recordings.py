@@ -260,6 +260,9 @@ class ImportJob:
             "target": part.targets,
             "joints_deg": part.joints.tolist(),
         }
+        name = part.path.name
+        if part.lines is not None and name.isprintable() and name == name.lstrip():
+            columns["source"] = [f"{name}:{line}" for line in part.lines]
         if part.spots is not None:
             columns["spot_mm"] = part.spots.tolist()
         if times is not None:

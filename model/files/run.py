@@ -228,6 +228,52 @@ class Run(ByValue):
             warnings=(*self.warnings, copied_rows(of, len(self.shots), called)),
         )
 
+    @cached_property
+    def sources(self) -> dict[int, str]:
+        """Where each measurement is, FILE:LINE, by its number: where it was imported from, else in the run's
+        file; without those that are in no file."""
+        places = {}
+        for shot, line in zip(self.shots, self.lines, strict=True):
+            place = shot.source if line is None else shot.source or f"{self.path.name}:{line}"
+            if place is not None:
+                places[shot.shot] = place
+        return places
+
+    def numbers_of(self, texts: Iterable[str]) -> tuple[int, ...]:
+        """The numbers of measurements that a person names: by number (4), or by FILE:LINE of the file that
+        was imported or of the run; several with commas. BadInput for one that is not there."""
+        of_place = {place: number for number, place in self.sources.items()}
+        for shot, line in zip(self.shots, self.lines, strict=True):
+            of_place.setdefault(f"{self.path.name}:{line}", shot.shot)
+        numbers, found = {shot.shot for shot in self.shots}, []
+        for text in (part.strip() for each in texts for part in each.split(",")):
+            folder, _, name = text.rpartition("/")
+            number = (
+                int(text) if text.isdecimal() and len(text) < 10 else of_place.get(name if folder else text)
+            )
+            if number not in numbers:
+                raise BadInput(
+                    "no measurement is called so",
+                    found=text,
+                    allowed=f"a number ({min(numbers)} to {max(numbers)}), or FILE:LINE such as"
+                    f" {next(iter(of_place))}",
+                    argument="drop",
+                )
+            found.append(int(number))
+        return tuple(dict.fromkeys(found))
+
+    def without(self, drop: Iterable[int]) -> Self:
+        """The run without the measurements of these numbers, in no file; its provenance says which."""
+        gone = set(drop)
+        left_out = {"without measurements": ", ".join(map(str, sorted(gone)))}
+        about = {**self.header.provenance, **left_out, "made of": f"{self.path.name} (SHA-256 {self.sha256})"}
+        header = self.header.model_copy(update={"provenance": about})
+        kept = [i for i, shot in enumerate(self.shots) if shot.shot not in gone]
+        name = f"{self.path.stem.removesuffix(REFIT)}{REFIT}{self.path.suffix}"
+        made = type(self).of_shots(header, self.robot, [self.shots[i] for i in kept], name)
+        # What the header names is beside the run's file.
+        return replace(made, path=self.path.with_name(name), lines=tuple(self.lines[i] for i in kept))
+
     def __repr__(self) -> str:
         targets, count = ", ".join(self.target_names), len(self.shots)
         what = f"{count} measurement{'' if count == 1 else 's'} of {targets}, {self.robot.name}"
@@ -463,8 +509,9 @@ def shot_text(shot: Shot) -> str:
     sigma = "" if shot.sigma_mm is None else f',"sigma_mm":{float.__repr__(shot.sigma_mm)}'
     time = "" if shot.time_s is None else f',"time_s":{float.__repr__(shot.time_s)}'
     comment = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
+    source = "" if shot.source is None else f',"source":{_json_text(shot.source)}'
     which = f"{posture}{instrument}{reflector}{target}"
-    rest = f"{readings}{sigma}{time}{comment}"
+    rest = f"{readings}{sigma}{time}{comment}{source}"
     return f'{{"shot":{shot.shot}{which},"joints_deg":{joints}{rest}}}\n'
 
 

@@ -129,6 +129,9 @@ class Shot(FileModel):
     )
     time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
     comment: Name | None = Field(default=None, description="what the operator noted; kept, not used")
+    source: Name | None = Field(
+        default=None, description="where it was imported from, FILE:LINE: reports name it so; not used"
+    )
 
     @property
     def readings(self) -> dict[str, float | tuple[float, ...]]:
@@ -147,7 +150,18 @@ class Shot(FileModel):
 
 
 _NO_READING = frozenset(
-    ("shot", "posture", "instrument", "reflector", "target", "joints_deg", "sigma_mm", "time_s", "comment")
+    (
+        "shot",
+        "posture",
+        "instrument",
+        "reflector",
+        "target",
+        "joints_deg",
+        "sigma_mm",
+        "time_s",
+        "comment",
+        "source",
+    )
 )
 
 
