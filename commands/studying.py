@@ -170,7 +170,7 @@ def _built_in(name: str, question: str) -> None:
         return _sweep(built_in_study(name), runs)
 
 
-_built_in("patterns", "X-Pattern, Y-Pattern or optimal plan, with the PSD at many positions in the cell?")
+_built_in("patterns", "X-Pattern, Y-Pattern or optimal plan, and which Y-Pattern of 576?")
 _built_in("noise", "How precise must joint and spot readings be?")
 _built_in("shots", "How many measurements are enough?")
 _built_in("cost", "The paper's midpoint cost, or the likelihood?")

@@ -26,7 +26,7 @@ from ..observability.check import CheckedPosture, PlanInputs
 from ..observability.geometry import Confounded, Rung, Tolerance
 from ..observability.outlook import Advice, CurvePoint, OverTarget
 from ..observability.power import WrongModel
-from ..posterior.posterior import PosteriorParameter
+from ..posterior.posterior import Agreement, PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
 from ..status import Status, UnsoundResult, Verdict, known
@@ -244,6 +244,15 @@ class PosteriorDocument(PosteriorMessage):
     ess_min: Number = Field(description="smallest effective sample size")
     rhat_max: Number = Field(description="largest nested R-hat, of the ensembles")
     acceptance: Number = Field(description="share of the proposed moves that were accepted")
+    agreement: Agreement | None = Field(
+        description=(
+            "whether another method confirms the draws, null where they did not get so far: `by` "
+            "(`importance`: sampling weighted by the density, or `profile`: the profile likelihood; null "
+            "where neither serves), `pareto_k` of the weights and their effective `share`, and `name`, the "
+            "parameter whose 95 % interval of draws is off most, by `off` of its width beyond chance. More "
+            "than 0.05 is not converged"
+        )
+    )
     seconds: float = Field(description="that it took")
     parameters: tuple[PosteriorParameter, ...] | None = Field(
         description=(
