@@ -377,11 +377,15 @@ class Problem:
 
     def rms_deg(self, residual: Matrix) -> float | None:
         """Root mean square angle of the rotations among residuals (N, d); None where no angle is read."""
+        return self.angle_deg(residual**2)
+
+    def angle_deg(self, squares: Matrix) -> float | None:
+        """Degrees: the root mean square angle by `squares` (N, d) of components; None where none is read."""
         angles = self.active * (1 - self._length_parts[0])
         read = angles.any(axis=1)
         if not read.any():
             return None
-        return float(np.degrees(np.sqrt((residual[read] ** 2 * angles[read]).sum(axis=1).mean())))
+        return float(np.degrees(np.sqrt((squares[read] * angles[read]).sum(axis=1).mean())))
 
     def read_components(self, row: int, residual: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Of the residual (d,) of a measurement what was read of it: lengths, mm, and angles, deg."""
