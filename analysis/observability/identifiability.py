@@ -60,7 +60,7 @@ _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to withi
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
-_FOUND = 4.0  # standard uncertainties from its nominal value
+_DEVIATES = 4.0  # standard uncertainties from its nominal value
 _LARGEST_TOLERANCES = 3  # of those that set a variance are named
 
 
@@ -310,8 +310,10 @@ class _Judged:
         tilt turns a beam off the axis that it lies on by its nominal place. What is found elsewhere is there.
         """
         parameters = self.problem.parameters
-        found = np.abs(self.x - parameters.prior_mean) > _FOUND * self.data_std  # never where that is nan
-        nominal = np.where(parameters.tolerated & ~found, parameters.prior_mean, self.x)
+        deviates = (
+            np.abs(self.x - parameters.prior_mean) > _DEVIATES * self.data_std
+        )  # never where that is nan
+        nominal = np.where(parameters.tolerated & ~deviates, parameters.prior_mean, self.x)
         if np.array_equal(nominal, self.x):
             return self.gauge.jacobian
         ((_, jacobian, _),) = information_roots(self.problem, nominal[None], self.weight)
