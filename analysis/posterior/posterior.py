@@ -1,5 +1,5 @@
-"""The posterior around a fit: sampled by `sampler` in the coordinates of `place`, in the units that people
-read."""
+"""The posterior around a fit: sampled by `sampler` in the coordinates of `whitening`, told in the units that
+people read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from ..solution import Solution, undecided_names
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, Weights, weighted_ends
-from .place import Place
 from .profiles import profile_ends
 from .sampler import (
     RHAT_GATE,
@@ -32,6 +31,7 @@ from .sampler import (
     degrees_of_freedom,
     sample_density,
 )
+from .whitening import Whitening
 
 _KEPT_PER_WALKER = 400
 _WEIGHED = 20_000  # proposals, at most, to compare draws with
@@ -269,24 +269,24 @@ class _Target:
 
     def __init__(self, solution: Solution) -> None:
         self._solution, self._problem = solution, solution.problem
-        self._place = Place(Density(solution.problem), solution.fit.x, solution.fit.covariance)
-        self.log_density = self._place.log_density
+        self._whitening = Whitening(Density(solution.problem), solution.fit.x, solution.fit.covariance)
+        self.log_density = self._whitening.log_density
         free = _free(solution.problem, solution.status)
         self._known = [(j, item) for j, (item, state) in enumerate(free) if known(state)]
 
     def shown(self, u: Matrix) -> Matrix:
         """Draws (…, f) in the units that people read."""
         parameters = self._problem.parameters
-        x = self._place.parameters(u.reshape(-1, u.shape[-1]))
+        x = self._whitening.parameters(u.reshape(-1, u.shape[-1]))
         return np.asarray(parameters.shown(x)[:, parameters.free].reshape(u.shape))
 
     def ends(self, judged: Matrix, proposed: Proposed | None) -> dict[str, Ends]:
         """By name, of each known offset and tool parameter: those of the draws or, where they are sharper, of
         what was proposed to them."""
-        wanted = [(j, item) for j, item in self._known if item.group in ("offset", "tool")]
-        result = {item.name: Ends.of_draws(_chains(judged[..., j])) for j, item in wanted}
+        of_arm = [(j, item) for j, item in self._known if item.group in ("offset", "tool")]
+        result = {item.name: Ends.of_draws(_chains(judged[..., j])) for j, item in of_arm}
         if proposed is not None and (weights := Weights.of(proposed.log_weights)).serve:
-            for name, sharper in self._weighed(proposed, weights, wanted).items():
+            for name, sharper in self._weighed(proposed, weights, of_arm).items():
                 # Another mode, which the draws have found, is not among the proposals.
                 if sharper.ess_tail > result[name].ess_tail and not result[name].off(sharper):
                     result[name] = sharper
@@ -325,14 +325,14 @@ class _Target:
         """By what was proposed, of the free parameters `which`. Without a sheet offsets and tool parameters
         are straight in the sampler's coordinates, so that they are proposed by a t."""
         shown = self.shown(proposed.points)
-        place, of = self._place, proposed.proposal
+        whitening, of = self._whitening, proposed.proposal
         result = {}
         for j, item in which:
             marginal = None
-            if not place.curved and item.group in ("offset", "tool"):
+            if not whitening.curved and item.group in ("offset", "tool"):
                 scale = item.prior_std * item.display
-                along = place.factor[j] * scale
-                middle = item.prior_mean * item.display + place.centre[j] * scale + along @ of.location
+                along = whitening.factor[j] * scale
+                middle = item.prior_mean * item.display + whitening.centre[j] * scale + along @ of.location
                 marginal = MarginalT(float(middle), float(np.linalg.norm(along @ of.factor)), of.nu)
             result[item.name] = weighted_ends(shown[:, j], weights, marginal)
         return result

@@ -32,7 +32,7 @@ from ...model.files.shot import (
 )
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.reading import KeyPath, did_you_mean, read_other_text, read_yaml
+from ...model.parsing.reading import KeyPath, did_you_mean, read_other_text, read_yaml, real_path
 from ...model.parsing.validation import validate
 
 
@@ -112,7 +112,7 @@ class ImportJob:
         if not paths:
             raise BadInput("no file to import is given")
         for i, path in enumerate(paths):
-            if path.resolve() in [other.resolve() for other in paths[:i]]:
+            if real_path(path) in map(real_path, paths[:i]):
                 raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
         plan = None
         if isinstance(header_or_plan, Plan):

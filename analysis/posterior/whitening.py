@@ -1,4 +1,4 @@
-"""The place where walkers live: coordinates in which a posterior is nearly a unit normal."""
+"""Where the walkers live: coordinates in which a posterior is nearly a unit normal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..estimation.coordinates import flange_coordinates
 from .sheet import Local, sheet_of
 
 
-class Place:
+class Whitening:
     """u (W, f) of the posterior of data set `of` of a density, around its fit (x (p,), covariance (f, f)).
 
     w = L^-1 (v - centre) whitens the coordinates v by the fit: near it a unit normal. Where the posterior is
@@ -49,6 +49,5 @@ class Place:
         rows = self._rows(w)
         at = self._coordinates.at(self._undone(w), rows)
         slopes = self._density.slopes(at.x, rows)
-        information = at.information(slopes.information)
-        gradient = at.gradient(slopes.gradient) @ self.factor
-        return Local(slopes.value, gradient, self.factor.T @ information @ self.factor)
+        information = self.factor.T @ at.information(slopes.information) @ self.factor
+        return Local(slopes.value, at.gradient(slopes.gradient) @ self.factor, information)
