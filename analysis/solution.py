@@ -275,8 +275,8 @@ class Solution:
         """(M, g) what may look like a target or instrument that was moved: links within their tolerances, and
         the common errors of joints that rested."""
         columns = [self.link_columns, resting_columns(self.fit)]
-        stated = [each for each in columns if each is not None]
-        return np.hstack(stated) if stated else None
+        rivals = [each for each in columns if each is not None]
+        return np.hstack(rivals) if rivals else None
 
     @cached_property
     def power(self) -> tuple[DetectionPower, ...]:

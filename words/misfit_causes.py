@@ -263,13 +263,13 @@ def _called(explanation: Explanation) -> str:
     """The measurements as people count them: by the row of the file that they were imported from, else by the
     line of the run."""
     places = dict(explanation.sources)
-    if len(explanation.measurements) == 1 and (place := places.get(explanation.measurements[0])):
-        file, _, line = place.rpartition(":")
+    if len(explanation.measurements) == 1 and (source := places.get(explanation.measurements[0])):
+        file, _, line = source.rpartition(":")
         number = f"measurement {explanation.measurements[0]}"
         if file.endswith(".jsonl"):
             return f"{number} (line {line} of {clipped(file)})"
         return f"row {line} of {clipped(file)} ({number})"
-    rows = {place.rpartition(":")[0]: True for place in places.values()}
+    rows = {source.rpartition(":")[0]: True for source in places.values()}
     noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
     text = f"{noun} {_numbers(explanation)}"
     if len(rows) != 1 or len(places) < len(explanation.measurements):

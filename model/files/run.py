@@ -234,18 +234,18 @@ class Run(ByValue):
         file; without those that are in no file."""
         places = {}
         for shot, line in zip(self.shots, self.lines, strict=True):
-            place = shot.source if line is None else shot.source or f"{self.path.name}:{line}"
-            if place is not None:
-                places[shot.shot] = place
+            source = shot.source if line is None else shot.source or f"{self.path.name}:{line}"
+            if source is not None:
+                places[shot.shot] = source
         return places
 
     def numbers_of(self, texts: Iterable[str]) -> tuple[int, ...]:
         """The numbers of measurements that a person names: by number (4), or by FILE:LINE of the file that
         was imported or of the run; several with commas. BadInput for one that is not there."""
-        of_place = {place: number for number, place in self.sources.items()}
+        of_place = {source: number for number, source in self.sources.items()}
         for shot, line in zip(self.shots, self.lines, strict=True):
             of_place.setdefault(f"{self.path.name}:{line}", shot.shot)
-        numbers, found = {shot.shot for shot in self.shots}, []
+        numbers, chosen = {shot.shot for shot in self.shots}, []
         for text in (part.strip() for each in texts for part in each.split(",")):
             folder, _, name = text.rpartition("/")
             number = (
@@ -259,8 +259,8 @@ class Run(ByValue):
                     f" {next(iter(of_place))}",
                     argument="drop",
                 )
-            found.append(int(number))
-        return tuple(dict.fromkeys(found))
+            chosen.append(int(number))
+        return tuple(dict.fromkeys(chosen))
 
     def without(self, drop: Iterable[int]) -> Self:
         """The run without the measurements of these numbers, in no file; its provenance says which."""

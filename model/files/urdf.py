@@ -243,8 +243,8 @@ class _Reader:
         origins = [float(np.linalg.norm(each[:3, 3])) for each in (*(j.fixed for j in joints), pending)]
         doubtful = (*too_long(origins, "metres in a URDF"), *self._rounded(base, tip))
         warn_of(self.name, doubtful)
-        said = tuple(f"robot {self.name}: {doubt}" for doubt in doubtful)
-        return Robot(self.name, tuple(joints), pending, doubts=said)
+        sentences = tuple(f"robot {self.name}: {doubt}" for doubt in doubtful)
+        return Robot(self.name, tuple(joints), pending, doubts=sentences)
 
     def _rounded(self, base: str, tip: str) -> Iterator[str]:
         """A sentence on each angle that is a rounded right angle, with all of the chain that have it."""
@@ -254,8 +254,8 @@ class _Reader:
             if element is not None and element.get("rpy") is not None:
                 turns = zip(("roll", "pitch", "yaw"), self._numbers(element, "rpy", 3), strict=True)
                 for which, value in turns:
-                    place = f"{which} of joint {edge.name!r} (line {self.lines.get(element)})"
-                    having.setdefault(abs(value), []).append(place)
+                    angle = f"{which} of joint {edge.name!r} (line {self.lines.get(element)})"
+                    having.setdefault(abs(value), []).append(angle)
         for value, places in having.items():
             if (sentence := rounded_angle(f"{self.path.name}, {', '.join(places)}", value)) is not None:
                 yield sentence

@@ -209,8 +209,10 @@ def _read_points(
     ] = None,
     quaternion_columns: Annotated[str | None, Option("Of poses: columns w,x,y,z instead of angles.")] = None,
     inverse: Annotated[
-        Literal["none", "rotation", "pose"] | None,
-        Option("Of poses: the table has the inverse rotation, or the inverse pose. Default: looked at."),
+        str | None,
+        Option(
+            "Of poses: the table has the inverse rotation, the inverse pose, or none. Default: looked at."
+        ),
     ] = None,
     uncertainty: Annotated[
         Literal["1sigma", "95", "none"] | None,

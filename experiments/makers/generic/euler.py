@@ -128,20 +128,20 @@ def require_as_stated(as_read: Matrix, flange: Matrix, columns: Sequence[str] | 
     }
     if columns is not None:
         tried["with w last"] = put_right(as_read, "quaternion")
-    stated = _misfit_of_poses(as_read, flange)
+    as_stated = _misfit_of_poses(as_read, flange)
     scores = {name: _misfit_of_poses(poses, flange) for name, poses in tried.items()}
     other = min(scores, key=scores.__getitem__)
-    clear = len(as_read) * np.log(scores[other] / max(stated, 1e-6)) > _CLEARLY
+    clear = len(as_read) * np.log(scores[other] / max(as_stated, 1e-6)) > _CLEARLY
     if scores[other] > _LARGEST_DEG or clear:
         return
     remedies = {"as inverse rotations": "--inverse rotation", "as inverse poses": "--inverse pose"}
     if columns is not None:
         remedies["with w last"] = f"--quaternion-columns {columns[3]},{columns[0]},{columns[1]},{columns[2]}"
-    both = stated <= _LARGEST_DEG
+    both = as_stated <= _LARGEST_DEG
     raise BadInput(
         f"the poses fit the nominal arm {'both as stated and ' if both else ''}{other}"
         + ("" if both else ", and not as stated"),
-        found=f"as stated to {stated:.3g}° (median), {other} to {scores[other]:.3g}°",
+        found=f"as stated to {as_stated:.3g}° (median), {other} to {scores[other]:.3g}°",
         remedy=f"state {remedies[other]}" + ("; or --inverse none, where they are as stated" if both else ""),
     )
 

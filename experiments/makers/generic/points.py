@@ -85,7 +85,7 @@ class PointLayout:
     rotation_units: Literal["deg", "rad"] | None = None
     euler: str | None = None
     quaternion_columns: Sequence[str] | None = None
-    inverse: Literal["none", "rotation", "pose"] | None = None
+    inverse: str | None = None
     uncertainty: Level | None = None
     uncertainty_columns: Sequence[str] | None = None
     lengths: Literal["mm", "m"] | None = None
@@ -139,6 +139,12 @@ class PointLayout:
                 allowed="one of them",
             )
         poses = self.rotation_columns is not None or self.quaternion_columns is not None
+        if self.inverse not in (None, "none", "rotation", "pose"):
+            raise BadInput(
+                "no such inverse of poses",
+                found=f"--inverse {self.inverse}",
+                allowed="none, rotation or pose",
+            )
         if self.inverse is not None and not poses:
             raise BadInput(
                 "an inverse is stated, but no orientation",
@@ -193,7 +199,7 @@ def import_points(job: ImportJob, layout: PointLayout) -> Imported:
     with uncollected():
         job.progress("reading", 0.1)
         table, head = read_points(path, layout.delimiter, layout.decimal)
-        points, seen, unit, notes = _points(table, head, layout)
+        points, visible, unit, notes = _points(table, head, layout)
         joints, rows, matched = _joints(table, pendant, layout)
         if layout.quaternion_columns is not None or layout.rotation_columns is not None:
             points, quaternions, how = _poses(table, job, points, joints, layout)
@@ -205,15 +211,15 @@ def import_points(job: ImportJob, layout: PointLayout) -> Imported:
         else:
             more = [{"measured_mm": row} for row in points.tolist()]
         sigmas, how = _sigmas(table, unit, layout)
-        for one, i in zip(more, seen.tolist() if sigmas else [], strict=False):
+        for one, i in zip(more, visible.tolist() if sigmas else [], strict=False):
             one["sigma_mm"] = sigmas[i // len(layout.markers)]
         notes += how
         if layout.reflector_column is not None:
             reflectors = table.texts(table.column(layout.reflector_column))
         else:
-            reflectors = [layout.markers[i % len(layout.markers)] for i in seen.tolist()]
+            reflectors = [layout.markers[i % len(layout.markers)] for i in visible.tolist()]
         # Of each measurement the row of the table, and with that the joints.
-        of = [i // len(layout.markers) for i in seen.tolist()]
+        of = [i // len(layout.markers) for i in visible.tolist()]
         joints, rows, count = joints[of], [rows[i] for i in of], len(of)
         shared = {row for row, times in Counter(rows).items() if times > 1}
         for one, row, reflector in zip(more, rows, reflectors, strict=True):
@@ -304,7 +310,7 @@ def _points(
         return table.numbers(columns) * MILLIMETRES[unit], np.arange(len(table.rows)), unit, notes
     # A marker that was not seen has no numbers.
     groups = [columns[3 * k : 3 * k + 3] for k in range(count)]
-    seen = np.array(
+    visible = np.array(
         [
             count * i + k
             for i, row in enumerate(table.rows)
@@ -313,9 +319,9 @@ def _points(
         ],
         dtype=np.int64,
     )
-    points = np.array([table.numbers_at(i // count, groups[i % count]) for i in seen.tolist()])
-    notes.append(f"  {count} markers in a row, {', '.join(layout.markers)}: {len(seen)} measurements")
-    return points.reshape(-1, 3) * MILLIMETRES[unit], seen, unit, notes
+    points = np.array([table.numbers_at(i // count, groups[i % count]) for i in visible.tolist()])
+    notes.append(f"  {count} markers in a row, {', '.join(layout.markers)}: {len(visible)} measurements")
+    return points.reshape(-1, 3) * MILLIMETRES[unit], visible, unit, notes
 
 
 def _columns_of_markers(table: TextTable, layout: PointLayout) -> list[str]:
