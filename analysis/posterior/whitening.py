@@ -43,7 +43,7 @@ class Whitening:
         return np.full(len(points), self._of)
 
     def _undone(self, w: Matrix) -> Matrix:
-        return self.centre + w @ self.factor.T
+        return np.asarray(self.centre + w @ self.factor.T)
 
     def _local(self, w: Matrix) -> Local:
         rows = self._rows(w)
