@@ -39,7 +39,7 @@ from .observability.geometry import link_columns
 from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.steps import RecordingStep
-from .status import LACK_OF_FIT, UnsoundResult, known
+from .status import LACK_OF_FIT, UnsoundResult, has_numbers
 from .tight_priors import TightPrior, tight_priors
 
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
@@ -223,7 +223,7 @@ def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[I
         block = problem.parameters.block("noise")
         for i in range(block.start, block.stop):
             item = problem.parameters.items[i]
-            if known(identified.status[i]):
+            if has_numbers(identified.status[i]):
                 of: Literal["joint", "spot"] = "joint" if item.axis == "joint" else "spot"
                 dof = float(1 / (2 * identified.data_std[i] ** 2))
                 yield from _beyond(of, float(np.exp(fit.x[i])), dof, problem.noise.plausible)
@@ -241,7 +241,7 @@ def _beyond(
 def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[BeyondPrior]:
     parameters, free = fit.problem.parameters, np.flatnonzero(fit.problem.parameters.free)
     off = [
-        OffPrior(parameters.names[i], float(z) if known(identified.status[i]) else None)
+        OffPrior(parameters.names[i], float(z) if has_numbers(identified.status[i]) else None)
         for i, z in zip(free, fit.z, strict=True)
         if abs(z) > BEYOND_PRIOR and parameters.items[i].group != "noise"
     ]

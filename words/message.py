@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from ..analysis.answer.findings import (
@@ -30,6 +30,7 @@ from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
 from ..analysis.misfit import Criterion, LackOfFit, Misfit, NominalContradicted, PlacementsDisagree
 from ..analysis.observability.causes import (
+    AsGoodAs,
     BaseFrame,
     Cause,
     Held,
@@ -47,8 +48,11 @@ from ..analysis.status import LACK_OF_FIT, Status, Verdict
 from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.files.run import in_no_file
+from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import KINDS
+from ..model.likelihood.parameters import HeldBy
 from . import numbers
+from .basis import basis_lines
 from .controllers import export_command, export_sentence, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
@@ -62,9 +66,9 @@ from .misfit import (
     step_sentence,
 )
 from .misfit_causes import mend
-from .observability import condition, reason, remedy, unnoticed_sentence
+from .observability import condition, reason, remedy, stating, unnoticed_sentence
 from .provenance import is_simulated
-from .verdict import VERDICT_WORDS
+from .verdict import VERDICT_WORDS, resting
 from .wording import (
     NOT_DETERMINED,
     Namer,
@@ -145,10 +149,12 @@ class _Case:
 
     @property
     def worst(self) -> ParameterResult | None:
-        """The least well determined offset; None without one that is estimated, or without an answer."""
+        """The least well determined offset, of those that are more than assumed; None without one that is
+        estimated, or without an answer."""
         if self.misfit is not None or self.stopped is not None:
             return None
-        return max(self.offsets, key=lambda row: (row.std is None, row.std or 0.0), default=None)
+        determined = [row for row in self.offsets if row.status != "assumed"]
+        return max(determined, key=lambda row: (row.std is None, row.std or 0.0), default=None)
 
     def u(self, row: ParameterResult) -> str:
         """Its expanded uncertainty."""
@@ -162,7 +168,11 @@ class _Case:
 
 def message(result: Result) -> Message:
     """The message of an answer."""
-    return _message(_case(result), person)
+    effects = result.misfit is None and result.likelihood.converged
+    basis = basis_lines(
+        result.taken_as_known, result.inputs.header, result.coverage_factor, person, effects=effects
+    )
+    return replace(_message(_case(result), person), basis=basis)
 
 
 def tone(result: Result) -> Tone:
@@ -271,7 +281,11 @@ def _warnings(result: Result) -> Iterator[str]:
     follows from its model."""
     if result.misfit is not None or not result.likelihood.converged:
         return
-    offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
+    offsets = [
+        row
+        for row in result.parameters
+        if row.group == "offset" and row.std is not None and row.status != "assumed"
+    ]
     yield from map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
     if (unchecked := likelihood_message(result.likelihood)) is not None:
         yield f"{capital(unchecked)}."
@@ -340,7 +354,30 @@ def _determined(case: _Case, name: Namer) -> str:
         sentences.append(f"{_are(weak, name)} only weakly observable, {_within(case, weak)}.")
     if known:
         sentences.append(f"{_are(known, name)} identified, {_within(case, known, k_said=bool(weak))}.")
+    sentences += resting(case.offsets, name)
+    if case.verdict == "pass" and sentences:
+        sentences += _held_words(case, name)
     return " ".join(sentences) or "No offset is estimated: all are held."
+
+
+_HELD_BY: dict[HeldBy, str] = {
+    "base frame": "base frame",
+    "tool rotation": "free tool",
+    "first link": "base frame",
+    "free tool": "free tool",
+    "header": "by the header",
+}
+
+
+def _held_words(case: _Case, name: Namer) -> Iterator[str]:
+    """Whom a pass leaves out because it is held, and why."""
+    parts = [
+        f"{name(row.name)} held: {_HELD_BY[row.cause.by]}"
+        for row in case.parameters
+        if row.group == "offset" and isinstance(row.cause, Held)
+    ]
+    if parts:
+        yield f"{'; '.join(parts)}."
 
 
 def _are(names: Sequence[str], name: Namer) -> str:
@@ -445,6 +482,8 @@ def _action(case: _Case) -> Action:
         cause = worst_direction(case.null_space, row.name).cause
         planned = not isinstance(cause, _IN_THE_HEADER)
         return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
+    if case.verdict != "pass" and (assumed := _assumed(case)):
+        return Action(f"Enter nothing yet: {stating(assumed)}.", again)
     if case.verdict != "pass":
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
     if not case.offsets:
@@ -460,6 +499,12 @@ def _action(case: _Case) -> Action:
         values = "values are" if taken_by(case.vendor) == "offsets" else "offsets alone are"
         enter += f" The {values} not enough for the requirement: do not release the robot with them."
     return Action(enter, f"zerobeam {command} {run} -o {file}")
+
+
+def _assumed(case: _Case) -> list[Assumption]:
+    """What offsets rest on that nobody stated or measured."""
+    of = [row.cause.of for row in case.offsets if isinstance(row.cause, AsGoodAs) and not row.cause.stated]
+    return list(dict.fromkeys(one for some in of for one in some))
 
 
 def _mend(case: _Case) -> str:

@@ -53,8 +53,9 @@ def moving_offsets(problem: Problem, jacobian: Matrix) -> NDArray[np.bool_]:
 
 
 def undetermined_offsets(problem: Problem, status: Sequence[Status]) -> NDArray[np.bool_]:
-    """(n,) the offsets that the data do not determine; that of joint 1 is a choice of frame and not one."""
-    undetermined = np.isin(status[problem.parameters.block("offset")], ["unidentifiable", "held"])
+    """(n,) the offsets that the data alone do not determine; that of joint 1 is a choice of frame and not
+    one."""
+    undetermined = np.isin(status[problem.parameters.block("offset")], ["unidentifiable", "held", "assumed"])
     undetermined[0] = False
     return undetermined
 

@@ -23,7 +23,7 @@ from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads
 from ..solution import Solution
-from ..status import Status, UnsoundResult, known, require_no_more_than
+from ..status import Status, UnsoundResult, has_numbers, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, weighted_ends
 from .sampler import (
@@ -241,7 +241,7 @@ def sample_posterior(
 
     def short(judged: Matrix, proposed: Proposed | None) -> float:
         for j, (item, state) in enumerate(_free(problem, solution.status)):
-            if known(state) and item.group in ("offset", "tool"):
+            if has_numbers(state) and item.group in ("offset", "tool"):
                 of_draws = Ends.of_draws(_chains(judged[..., j]))
                 better = None if proposed is None else sharp(proposed, j, item)
                 # Another mode, which the draws have found, is not among the proposals.
@@ -291,14 +291,14 @@ def _summarised(
         parameters=rows if converged else None,
     )
     thin = max(1, steps // _KEPT_PER_WALKER)
-    determined = [j for j, (_, state) in enumerate(free) if known(state)]
+    determined = [j for j, (_, state) in enumerate(free) if has_numbers(state)]
     kept = [free[j] for j in determined]
     draws = Draws(
         tuple(item.name for item, _ in kept),
         tuple(item.unit for item, _ in kept),
         tuple(state for _, state in kept),
         shown[:, :, ::thin][..., determined],
-        tuple(_prior_only(item) for item, state in free if not known(state)),
+        tuple(_prior_only(item) for item, state in free if not has_numbers(state)),
         converged,
     )
     return summary, draws
