@@ -25,6 +25,7 @@ from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from .diagnostics.scene import scene
+from .estimation.effective_dof import as_small
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
@@ -268,6 +269,7 @@ def _likelihood(solution: Solution) -> LikelihoodSummary:
         chi2=chi2,
         dof=dof,
         p_value=p_value,
+        p_small=as_small(fit) if fit.converged else None,
         noise_scale=solution.noise_scale if problem.noise.estimated else None,
         noise_known=problem.noise.known,
         other_basins=fit.other_basins,

@@ -34,7 +34,7 @@ from ..model.likelihood.problem import Problem
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
-from .observability.changes import RunChange, run_change
+from .observability.changes import RunChange, run_change, run_change_with_links
 from .observability.geometry import link_columns
 from .observability.identifiability import Identified
 from .placements import placements
@@ -193,9 +193,19 @@ def misfit_of(
         criteria += (*_contradicted_links(fit), *tight_priors(fit))
     elif all(isinstance(criterion, _CONFUSED_WITH_LINKS) for criterion in criteria):
         criteria = (*(one for one in _contradicted_links(fit) if one.after < REDUCED * one.before), *criteria)
-    if not criteria and (changed := run_change(fit.problem, fit.x)) is not None:
-        criteria = (changed,)
+    if not criteria:
+        criteria = tuple(_changed(fit))
     return Misfit(criteria) if criteria else None
+
+
+def _changed(fit: LikelihoodFit) -> Iterator[Criterion]:
+    """What changed during the run. Of an exact arm links within typical tolerances are the first suspect."""
+    changed = run_change(fit.problem, fit.x)
+    if changed is None or fit.problem.geometry:
+        yield from () if changed is None else (changed,)
+        return
+    changed = run_change_with_links(fit.problem, fit.x)
+    yield from _links_test(fit) if changed is None else (changed,)
 
 
 def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
@@ -295,13 +305,18 @@ class _Left:
 
 
 def _contradicted_links(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
+    """What all links of an exact arm significantly explain."""
+    return (test for test in _links_test(fit) if test.significant)
+
+
+def _links_test(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
     """The F-test of all links against nominal geometry, at the linearised fit."""
     links = link_columns(fit.problem, fit.x)
     if links is None:
         return
     left = _Left.of(fit)
     explained = left.explained(left.beside(links))
-    if explained is not None and explained.significant:
+    if explained is not None:
         yield NominalContradicted(**vars(explained))
 
 

@@ -65,13 +65,13 @@ class ParameterResult:
     numbers in its `unit` (deg, mm, or 1 of a noise factor).
 
     `status` is "identified", "weak", "assumed", "unidentifiable", "held", or "unvalidated" after a misfit.
-    `estimate`, `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for a
-    "held" one `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that of the
-    prior, `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
-    eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
-    part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
-    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the effective
-    degrees of freedom of `std`, infinite of known noise.
+    `estimate`, `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for
+    a "held" one `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that
+    of the prior, `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint`
+    is the paper's eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share`
+    (0 to 1) is the part of the variance that the tolerances of the geometry set, None where the geometry is
+    nominal. `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the
+    effective degrees of freedom of `std`, infinite of known noise.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """

@@ -24,7 +24,7 @@ from ..analysis.answer.findings import (
 )
 from ..analysis.answer.message import Action, Message, WorstOffset
 from ..analysis.answer.result import Result
-from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
@@ -40,7 +40,7 @@ from ..analysis.observability.causes import (
     ToolRotation,
     worst_direction,
 )
-from ..analysis.observability.changes import RunChange
+from ..analysis.observability.changes import ChangeAt, RunChange
 from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
@@ -65,7 +65,7 @@ from .misfit import (
     measurements,
     step_sentence,
 )
-from .misfit_causes import mend
+from .misfit_causes import CAUSES, mend
 from .observability import condition, reason, remedy, stating, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS, resting
@@ -88,6 +88,7 @@ Tone = Verdict | Literal["held"]
 _SAFE = re.compile(r"[\w./+@-]+")
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
+_MOST_ASKED = 2  # causes between which the measurements do not decide
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
 _DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
@@ -510,7 +511,10 @@ def _assumed(case: _Case) -> list[Assumption]:
 def _mend(case: _Case) -> str:
     assert case.misfit is not None
     if case.diagnosis:
-        return mend(case.diagnosis[0])
+        asked = undecided(case.diagnosis)[:_MOST_ASKED]
+        if not asked:
+            return mend(case.diagnosis[0])
+        return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in asked)
     match _sharpest(case.misfit):
         case Displacement(station=True, at=at):
             return (
@@ -534,13 +538,17 @@ def _mend(case: _Case) -> str:
             )
         case TightPrior() as prior:
             return larger_tolerance(prior)
-        case RunChange(at=at):
-            what = "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
-            return f"Look for what changed {what} during the run, and record the run again."
+        case RunChange(at=at, elsewhere=elsewhere):
+            asked = list(dict.fromkeys(map(_changed, (at, *elsewhere[: _MOST_ASKED - 1]))))
+            return f"Look for what changed {' or '.join(asked)} during the run, and record the run again."
         case _ if case.diagnosis is None:
             return "Analyse the run: that says what could be wrong."
         case _:
             return "Check joint columns, signs, units, targets and geometry, then measure again."
+
+
+def _changed(at: ChangeAt) -> str:
+    return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
 
 def _check_first(doubt: Finding | HoldOut) -> str:

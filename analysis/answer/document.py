@@ -161,6 +161,13 @@ class FitDocument(DocumentPart):
     p_value: Number = Field(
         description="of χ²; null where the noise is estimated or no degree of freedom is left"
     )
+    p_small: Number = Field(
+        None,
+        description=(
+            "p-value of residuals as small, the noise as stated, of an arm without any deviation; null where "
+            "the noise is estimated, and without an answer"
+        ),
+    )
     noise_scale: Number = Field(
         description="the noise as a multiple of the stated one, where it is estimated"
     )

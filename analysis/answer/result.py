@@ -40,7 +40,7 @@ class LikelihoodSummary:
 
     `chi2` of the residuals, `dof` the numbers left over, `p_value` None where the noise is estimated
     (`noise_scale` is then its multiple of the stated, unless joints and spot have factors of their own) or no
-    number is left over.
+    number is left over. `p_small` is that of residuals as small, of an arm without any deviation.
     """
 
     converged: bool
@@ -57,6 +57,7 @@ class LikelihoodSummary:
     noise_scale: float | None
     noise_known: bool
     other_basins: int
+    p_small: float | None = None
 
 
 @dataclass(frozen=True)

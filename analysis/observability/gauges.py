@@ -52,8 +52,8 @@ class Gauge:
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower.
 
-    They may be where nothing deviates that has a tolerance. An estimate of such a deviation, be it that of the
-    noise alone, must not pass for information on what would be a gauge without it.
+    They may be where nothing deviates that has a tolerance. An estimate of such a deviation, be it that of
+    the noise alone, must not pass for information on what would be a gauge without it.
     """
     aimed, jacobian, hit = information_root(problem, x, weight)
     tolerated = problem.parameters.tolerated[problem.parameters.free]

@@ -359,9 +359,10 @@ def calibration(
 
     BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where other
     offsets fit nearly as well; where nothing is left to apply. An offset that is as good as what is assumed
-    is left out, unless that is allowed. That a target seems to have moved may be allowed: then the warnings say so. NotValidated where the model does not describe the run, unless that is
-    asked for (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied.
-    FitFailed where the fit did not converge.
+    is left out, unless that is allowed. That a target seems to have moved may be allowed: then the warnings
+    say so. NotValidated where the model does not describe the run, unless that is asked for (`unvalidated`)
+    or the file states the statuses (`as_data`), in which nothing is then applied. FitFailed where the fit did
+    not converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with one_blas_thread(), located(run.path, run.header_line):
