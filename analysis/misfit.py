@@ -13,7 +13,7 @@ statuses do not see:
     moved target         a target that was displaced between two measurements
     steps                measurements of one recording that are off together, as if the target had slipped
     change               a zero that jumped or drifted during the run, or a target that drifted; where no
-                         other criterion says that something is wrong, or what
+                         other criterion says that something is wrong, or only that a target moved
 
 Nominal geometry, placements and steps need no stated noise: their yardstick is the scatter that is left with
 links, and within the placements and recordings. So a misfit cannot vanish into a noise that is estimated from
@@ -193,8 +193,8 @@ def misfit_of(
         criteria += (*_contradicted_links(fit), *tight_priors(fit))
     elif all(isinstance(criterion, _CONFUSED_WITH_LINKS) for criterion in criteria):
         criteria = (*(one for one in _contradicted_links(fit) if one.after < REDUCED * one.before), *criteria)
-    if not criteria:
-        criteria = tuple(_changed(fit))
+    if all(isinstance(criterion, Displacement) for criterion in criteria):  # or it was a zero that changed
+        criteria += tuple(_changed(fit))
     return Misfit(criteria) if criteria else None
 
 

@@ -54,8 +54,8 @@ class Explanation:
     `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
     the parameters that it frees (their effective number), `p_value` is that of such evidence after all that
     was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of
-    the most likely explanation. Of an exact arm its links come first where they are enough, whatever their
-    odds.
+    the most likely explanation. Of an exact arm its links come first where they are enough, unless another
+    is 20 times as likely.
     """
 
     cause: Cause
@@ -153,8 +153,11 @@ def _explanations(
         }
     rows = _once(sorted(((value, i) for i, value in evidence.items() if value > margin), reverse=True), fits)
     best = rows[0][0] if rows else 0.0
-    if exact:  # what no arm is without comes first, where it is enough
-        rows.sort(key=lambda row: fits[row[1]].cause != "geometry" or row[1] not in agreeing)
+    if exact:  # what no arm is without comes first, where it is enough, and nothing is clearly likelier
+        enough = best - float(np.log(DECIDED))
+        rows.sort(
+            key=lambda row: row[1] not in agreeing or fits[row[1]].cause != "geometry" or row[0] <= enough
+        )
     return tuple(
         Explanation(
             cause=left.cause,
@@ -173,8 +176,7 @@ def _explanations(
             odds=float(np.exp(value - best)),
         )
         for value, i in rows[:_MOST]
-        if (left := fits[i]).cause is not None
-        and (value > best - margin or (exact and left.cause == "geometry" and i in agreeing))
+        if (left := fits[i]).cause is not None and value > best - margin
     )
 
 

@@ -16,7 +16,9 @@ from ...model.likelihood.problem import Problem
 from ..status import Status
 
 TcpSource = Literal["stated point", "tool", "last axis"]
-NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
+# mm: an offset that moves the TCP by less in one prior std does not enter. A point of the last axis of the
+# nominal arm is a fraction of a millimetre off that of an arm that deviates.
+NO_EFFECT = 0.02
 _ON_AXIS = 1e-6  # mm
 
 
