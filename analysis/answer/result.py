@@ -237,7 +237,7 @@ class Result:
         if (self.verdict == "misfit") != (self.misfit is not None):
             raise UnsoundResult(f"verdict {self.verdict!r}, but misfit is {self.misfit}")
         if self.misfit is not None:
-            trusted = {row.name for row in self.parameters if row.status in ("identified", "weak")}
+            trusted = {row.name for row in self.parameters if row.status in ("identified", "weak", "assumed")}
             self._refuse(trusted, "a status that a misfit does not allow")
         elif any(row.status == "unvalidated" for row in self.parameters):
             raise UnsoundResult("a parameter is unvalidated, but there is no misfit")

@@ -33,7 +33,7 @@ from ..status import known
 from .tcp_positions import (
     arm_covariance,
     default_point,
-    moving_offsets,
+    moving_by_nominal,
     spread_postures,
     tool_point,
     undetermined_offsets,
@@ -252,7 +252,7 @@ class TcpSpread:
     @property
     def undetermined(self) -> bool:
         """Whether an offset that the measurements do not determine moves the TCP."""
-        moving = moving_offsets(self.problem, self.jacobian)
+        moving = moving_by_nominal(self.problem, self.point, self.joints)
         return bool((moving & undetermined_offsets(self.problem, self.solution.status)).any())
 
     def placed(self, arm: Matrix) -> Matrix:

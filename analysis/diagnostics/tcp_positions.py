@@ -16,9 +16,7 @@ from ...model.likelihood.problem import Problem
 from ..status import Status
 
 TcpSource = Literal["stated point", "tool", "last axis"]
-# mm: an offset that moves the TCP by less in one prior std does not enter. A point of the last axis of the
-# nominal arm is a fraction of a millimetre off that of an arm that deviates.
-NO_EFFECT = 0.02
+NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
 
 
@@ -52,6 +50,12 @@ def moving_offsets(problem: Problem, jacobian: Matrix) -> NDArray[np.bool_]:
     offsets = problem.parameters.block("offset")
     effect = np.sqrt((jacobian[:, :, offsets] ** 2).sum(axis=1).max(axis=0))
     return np.asarray(effect * problem.parameters.prior_std[offsets] > NO_EFFECT)
+
+
+def moving_by_nominal(problem: Problem, point: Matrix, joints: Matrix) -> NDArray[np.bool_]:
+    """(n,) the same of the `point` (3,) of the flange at `joints` (P, n) of the nominal arm: a point of its
+    last axis is a fraction of a millimetre off that of an arm that deviates, which does not matter."""
+    return moving_offsets(problem, tool_point(problem, problem.parameters.prior_mean, point, joints)[1])
 
 
 def undetermined_offsets(problem: Problem, status: Sequence[Status]) -> NDArray[np.bool_]:

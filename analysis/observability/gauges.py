@@ -79,6 +79,10 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     if null.size and tolerated.any():
         confirming = _near_by(problem, x, hit, aimed, followed, problem.parameters.untolerated)
     dimension, exact_part = _confirm(null, confirming, followed)
+    # What deviates takes parts along that are none of the nominal arm.
+    exact_part = np.any(
+        [exact_part, *(point.null.part for point in near_by if point.null.size <= dimension)], axis=0
+    )
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
     every = np.any(taken_up, axis=0)
     gauge = Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)

@@ -59,6 +59,7 @@ _NEW = 1e-4  # a null direction is not named yet if this part of it is outside t
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
+_RESTS = 2.0  # times the std without what is known of tool and frames: then three quarters are known by it
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
 _LARGEST_TOLERANCES = 3  # of those that set a variance are named
 
@@ -216,7 +217,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         observability=observability(singular, problem.shots),
         null_space=(*_exact_directions(judged), *_noise_directions(judged)),
     )
-    rests_on = _taken_as_known(problem, x, weight, judged.status)
+    rests_on = _taken_as_known(problem, x, weight, judged.status, data_std)
     status = tuple(
         "assumed" if any(not one.stated for one in rests_on.get(item.name, ())) else each
         for item, each in zip(parameters.items, judged.status, strict=True)
@@ -242,28 +243,36 @@ def _judged(problem: Problem, x: Matrix, weight: float) -> tuple[_Judged, Matrix
 
 
 def _taken_as_known(
-    problem: Problem, x: Matrix, weight: float, status: Sequence[Status]
+    problem: Problem, x: Matrix, weight: float, status: Sequence[Status], data_std: Matrix
 ) -> dict[str, tuple[Assumption, ...]]:
     """By the name of each offset that would be unidentifiable were nothing known of tool and frames: what it
-    rests on. What is assumed, where that alone makes it identifiable; else what the header states."""
+    rests on. What is assumed, where that alone makes it identifiable; else what the header states. `data_std`
+    (p,) is with all that is known.
+    """
     items = problem.parameters.items
     offsets = [i for i, item in enumerate(items) if item.group == "offset" and known(status[i])]
     every = problem.tool.taken_as_known
     if not offsets or not every:
         return {}
     stated, assumed = ([one for one in every if one.stated == as_stated] for as_stated in (True, False))
-    resting = _lost(problem, x, weight, offsets, keep_stated=False)
+    resting = _lost(problem, x, weight, offsets, data_std, keep_stated=False)
     without = resting if not stated else []
     if resting and stated and assumed:
-        without = _lost(problem, x, weight, resting, keep_stated=True)
+        without = _lost(problem, x, weight, resting, data_std, keep_stated=True)
     return {items[i].name: _of_unit(problem, assumed if i in without else stated) for i in resting}
 
 
 def _lost(
-    problem: Problem, x: Matrix, weight: float, offsets: Sequence[int], *, keep_stated: bool
+    problem: Problem,
+    x: Matrix,
+    weight: float,
+    offsets: Sequence[int],
+    data_std: Matrix,
+    *,
+    keep_stated: bool,
 ) -> list[int]:
     """The places among `offsets` of those that are unidentifiable at x where tool and frames may be anything,
-    but for what the header states if that is kept."""
+    but for what the header states if that is kept, and that this is the reason of."""
     freed, there = problem.freed(x, keep_stated=keep_stated)
     tolerated = freed.parameters.tolerated[freed.parameters.free]
     gauge = gauge_at(freed, there, weight)
@@ -271,8 +280,8 @@ def _lost(
     spectrum = _Spectrum.of(marginal.root, gauge.basis)
     scaled_std = _stds(marginal, spectrum, tolerated)
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
-    status, _ = _statuses(freed.parameters, scaled_std)
-    return [i for i in offsets if status[i] == "unidentifiable"]
+    status, std = _statuses(freed.parameters, scaled_std)
+    return [i for i in offsets if status[i] == "unidentifiable" and std[i] > _RESTS * data_std[i]]
 
 
 def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, ...]:
