@@ -46,7 +46,7 @@ def _sizes(entry: Mapping[str, object], keys: Sequence[tuple[str, Unit]]) -> str
     for key, unit in keys:
         value = entry.get(key)
         if isinstance(value, int | float) or (isinstance(value, list | tuple) and value):
-            parts.append(tolerance_words(value, unit))
+            parts.append(tolerance_words(value if isinstance(value, int | float) else tuple(value), unit))
         elif isinstance(value, Mapping):
             at_zero, per_m = (tolerance_words(value[each], unit) for each in ("constant", "per_m"))
             parts.append(f"{at_zero} and {per_m} a metre")
@@ -66,6 +66,6 @@ def _words(basis: Basis, k: float, name: Namer, effects: bool) -> str:
     if not effects or basis.offset is None or basis.u is None or basis.u_if_exact is None:
         return text
     if basis.u_if_exact > _HARDLY * basis.u:
-        return f"{text} (hardly in any U)"
-    u, if_exact = (numbers.spread(k * each, basis.unit) for each in (basis.u, basis.u_if_exact))
+        return f"{text} (U hardly less if exact)"
+    u, if_exact = (numbers.spread(k * each, basis.unit or "") for each in (basis.u, basis.u_if_exact))
     return f"{text} (U of {name(basis.offset)} {u}, {if_exact} if exact)"

@@ -484,7 +484,8 @@ def _action(case: _Case) -> Action:
         planned = not isinstance(cause, _IN_THE_HEADER)
         return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
     if case.verdict != "pass" and (assumed := _assumed(case)):
-        return Action(f"Enter nothing yet: {stating(assumed)}.", again)
+        more = "or record more measurements, in varied postures"
+        return Action(f"Enter nothing yet: {stating(assumed)}, {more}.", again)
     if case.verdict != "pass":
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
     if not case.offsets:
