@@ -540,8 +540,8 @@ def _mend(case: _Case) -> str:
         case TightPrior() as prior:
             return larger_tolerance(prior)
         case RunChange(at=at, elsewhere=elsewhere):
-            asked = list(dict.fromkeys(map(_changed, (at, *elsewhere[: _MOST_ASKED - 1]))))
-            return f"Look for what changed {' or '.join(asked)} during the run, and record the run again."
+            what = list(dict.fromkeys(map(_changed, (at, *elsewhere[: _MOST_ASKED - 1]))))
+            return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
         case _ if case.diagnosis is None:
             return "Analyse the run: that says what could be wrong."
         case _:
