@@ -134,7 +134,8 @@ def test_a_plan_with_its_remedy_gives_what_was_promised(case: str) -> None:
             assert now.status in ("weak", "unidentifiable", "assumed")
             assert then.std == pytest.approx(row.after, rel=WITHIN)
             assert row.before is None or row.after <= 0.8 * row.before
-            assert (then.status in ("identified", "assumed")) == (row.after <= row.tolerance)
+            if then.status != "assumed":
+                assert (then.status == "identified") == (row.after <= row.tolerance)
 
 
 @pytest.mark.at_length(LONG.replace("x$|", ""))
