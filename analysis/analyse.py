@@ -25,11 +25,13 @@ from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from .diagnostics.scene import scene
+from .estimation.effective_dof import as_small
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
+from .observability.basis import bases
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
     UNSAMPLED,
@@ -41,7 +43,7 @@ from .posterior.posterior import (
 )
 from .repeatability.prior_free import offsets_without_prior
 from .solution import ParameterTable, Solution, require_noise_data, undecided_names
-from .status import known, versions
+from .status import has_numbers, versions
 
 Sampling = Literal["always", "where needed", "never"]
 
@@ -191,13 +193,14 @@ def _analyse(
     if isinstance(held_out, Run):
         held_out_fit = predict_run(solution, held_out)
     to_enter, with_links, conformity = entered(solution, run.header.required)
+    geometry = solution.geometry(run.header)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
         identifiability=solution.facts,
         likelihood=_likelihood(solution),
         midpoint=_midpoint(midpoint),
-        geometry=solution.geometry(run.header),
+        geometry=geometry,
         posterior=posterior,
         shots=shots,
         distances=_distances(solution),
@@ -219,6 +222,9 @@ def _analyse(
         power=solution.power,
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
+        taken_as_known=bases(
+            solution.problem, solution.fit.covariance, solution.status, run.header, geometry
+        ),
     )
     report("diagnostics", 1.0)
     return solution, result, draws
@@ -239,7 +245,7 @@ def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:
     items, estimates = solution.problem.parameters.items, dict(zip(fit.names, fit.x, strict=True))
     return ParameterTable(
         replace(row, midpoint=item.shown(float(estimates[row.name])))
-        if known(row.status) and row.group != "noise" and row.name in estimates
+        if has_numbers(row.status) and row.group != "noise" and row.name in estimates
         else row
         for row, item in zip(solution.parameters, items, strict=True)
     )
@@ -261,6 +267,7 @@ def _likelihood(solution: Solution) -> LikelihoodSummary:
         chi2=chi2,
         dof=dof,
         p_value=p_value,
+        p_small=as_small(fit) if fit.converged else None,
         noise_scale=solution.noise_scale if problem.noise.estimated else None,
         noise_known=problem.noise.known,
         other_basins=fit.other_basins,

@@ -24,7 +24,7 @@ from ..placements import Placement, placements
 from ..recordings.recordings import Effective
 from ..recordings.steps import RecordingSteps
 from ..solution import Solution
-from ..status import known
+from ..status import has_numbers
 from .prediction import p_value, predicted, settled
 
 _SEPARATORS = "_-. "
@@ -313,7 +313,7 @@ def jackknife(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Jackkn
     problem, rows = solution.problem, []
     for i in np.flatnonzero(problem.parameters.group("offset")):
         item = problem.parameters.items[i]
-        if item.held or not known(solution.status[i]):
+        if item.held or not has_numbers(solution.status[i]):
             continue
         values = np.array([fit.x[fit.problem.parameters.index(item.name)] for fit in fits])
         determined = determined_by[:, i]

@@ -19,7 +19,7 @@ from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import threads
 from ..solution import Solution, undecided_names
-from ..status import Status, UnsoundResult, known, require_no_more_than
+from ..status import Status, UnsoundResult, has_numbers, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, Weights, weighted_ends
 from .profiles import profile_ends
@@ -213,7 +213,7 @@ def not_worth_sampling(solution: Solution) -> PosteriorSummary | None:
         return NOTHING_KNOWN
     undecided = undecided_names(solution.null_space)
     free = [row for row in solution.offsets if not row.held]
-    offsets = [known(row.status) or row.name in undecided for row in free]
+    offsets = [has_numbers(row.status) or row.name in undecided for row in free]
     return LITTLE_KNOWN if 2 * sum(offsets) < len(offsets) else None
 
 
@@ -272,7 +272,7 @@ class _Target:
         self._whitening = Whitening(Density(solution.problem), solution.fit.x, solution.fit.covariance)
         self.log_density = self._whitening.log_density
         free = _free(solution.problem, solution.status)
-        self._known = [(j, item) for j, (item, state) in enumerate(free) if known(state)]
+        self._known = [(j, item) for j, (item, state) in enumerate(free) if has_numbers(state)]
 
     def shown(self, u: Matrix) -> Matrix:
         """Draws (…, f) in the units that people read."""
@@ -383,14 +383,14 @@ def _summarised(
         agreement=agreement if mixed else None,
     )
     thin = max(1, steps // _KEPT_PER_WALKER)
-    determined = [j for j, (_, state) in enumerate(free) if known(state)]
+    determined = [j for j, (_, state) in enumerate(free) if has_numbers(state)]
     kept = [free[j] for j in determined]
     draws = Draws(
         tuple(item.name for item, _ in kept),
         tuple(item.unit for item, _ in kept),
         tuple(state for _, state in kept),
         shown[:, :, ::thin][..., determined],
-        tuple(_prior_only(item) for item, state in free if not known(state)),
+        tuple(_prior_only(item) for item, state in free if not has_numbers(state)),
         converged,
     )
     return summary, draws

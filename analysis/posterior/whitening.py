@@ -22,7 +22,7 @@ class Whitening:
         self._coordinates = flange_coordinates(density)
         rows = self._rows(x[None])
         of_v = self._coordinates.covariance(x[None], covariance[None], rows)[0]
-        self.centre = self._coordinates.from_parameters(x[None], rows)[0]
+        self.centre: Matrix = self._coordinates.from_parameters(x[None], rows)[0]
         self.factor = np.asarray(np.linalg.cholesky(of_v), dtype=float)
         self._sheet = sheet_of(self._local, len(self.centre))
         self.curved = 0 if self._sheet is None else self._sheet.curved
@@ -43,7 +43,7 @@ class Whitening:
         return np.full(len(points), self._of)
 
     def _undone(self, w: Matrix) -> Matrix:
-        return self.centre + w @ self.factor.T
+        return np.asarray(self.centre + w @ self.factor.T)
 
     def _local(self, w: Matrix) -> Local:
         rows = self._rows(w)

@@ -14,7 +14,7 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
-from .kind import Flange, Misread, TargetEntry, Unknown, Words
+from .kind import Assumption, Flange, Misread, TargetEntry, Unknown, Words
 from .proposal import Point, ProposedHeader, station_at
 from .rotations import (
     Quaternion,
@@ -157,6 +157,16 @@ class PoseStation(FramedStation):
             Unknown(axis, "deg", 0.0, angle, of, tolerated=self.tolerated[1]) for axis in ("rx", "ry", "rz")
         )
         return (*shifts, *turns, *self.frame_unknowns)
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        """Besides the frame the mount as far as its sigmas are stated: without one it is free."""
+        key, (length, angle) = f"instruments.{self.label}.mount.sigma", self.mount_std
+        of = f"{self.label}.mount"
+        shift = Assumption(self.label, of, self.name, "mount", length, "mm", stated=True, key=f"{key}_mm")
+        rotation = shift._replace(std=float(np.degrees(angle)), unit="deg", key=f"{key}_deg")
+        parts = zip((shift, rotation), self.tolerated, strict=True)
+        return (*super().taken_as_known, *(part for part, stated in parts if stated))
 
     @property
     def turns(self) -> bool:

@@ -293,6 +293,25 @@ class Problem:
             functions=shot_functions(self.robot, self.tool, kind, geometry),
         )
 
+    def freed(self, x: Matrix, *, keep_stated: bool) -> tuple[Problem, Matrix]:
+        """The same measurements by a tool and frames that may be anything, but for what the header states if
+        that is kept; and x (p,) with the values of what is unknown then."""
+        tool, values = self.tool.freed()
+        stated = {
+            f"{unknown.of}.{unknown.axis}"
+            for unknown in tool.unknowns
+            if unknown.tolerated and not unknown.assumed
+        }
+        parameters = self.parameters.with_instrument(tool, keeping=stated if keep_stated else ())
+        functions = self.functions
+        if tool is not self.tool:
+            kind: Literal["none", "relative"] = "relative" if self.noise.separate else "none"
+            functions = shot_functions(self.robot, tool, kind, self.geometry)
+        there = parameters.with_values(parameters.prior_mean, self.parameters, x)
+        for name, value in values.items():
+            there[parameters.index(name)] = value
+        return replace(self, tool=tool, parameters=parameters, functions=functions), there
+
     def with_noise_of(self, x: Matrix) -> tuple[Problem, Matrix]:
         """The same problem with the noise as known: that of x (p,); and x without its noise factors."""
         if not self.noise.separate:
