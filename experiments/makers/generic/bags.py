@@ -16,7 +16,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from ruamel.yaml import YAML, AliasToken, YAMLError
+from ruamel.yaml import YAML, AliasToken
+from ruamel.yaml.error import YAMLError
 
 from ....model.errors import BadInput, missing_extra
 from ....model.parsing.reading import read_text, require_regular
