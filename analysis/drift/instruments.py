@@ -212,7 +212,7 @@ class _BiasInformation:
         pairs = -own[:, upper] * own[:, lower] * np.where(upper == lower, 0.5, 1.0)
         log_weights = (self.numbers @ np.concatenate([own, pairs], axis=1)[:, :, None])[:, :, 0]
         cumulated = np.cumsum(normalised(log_weights.T), axis=0)
-        return np.minimum((cumulated < shares).sum(axis=0), len(cumulated) - 1)
+        return np.asarray(np.minimum((cumulated < shares).sum(axis=0), len(cumulated) - 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,12 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(interface, "ANSWER_S", 0.15)
 
 
+@pytest.fixture
+def patient(impatient: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what ends by its size, or by itself, however busy the machine is."""
+    monkeypatch.setattr(interface, "ANSWER_S", 30.0)
+
+
 @contextmanager
 def bounded_memory() -> Iterator[None]:
     """At most what a reading may have, twice over: as bytes and as what is made of them."""
@@ -139,6 +145,7 @@ def test_draining_ends(content: bytes) -> None:
         bridge.close()
 
 
+@pytest.mark.usefixtures("patient")
 def test_large_frames_are_joined_once() -> None:
     """Just within the limit: a message of many frames is read whole."""
     parts = [frame(0x01, b"a" * 1000), *(frame(0x00, b"b" * 1000) for _ in range(2000)), frame(0x80, b"c")]
@@ -149,6 +156,7 @@ def test_large_frames_are_joined_once() -> None:
     assert (len(message), message[0], message[-1]) == (2_001_001, "a", "c")
 
 
+@pytest.mark.usefixtures("patient")
 def test_each_reading_has_its_own_limit() -> None:
     """Readings one after the other may be many: only one of them is limited."""
     with Hostile(b"x" * 100_000) as server:
@@ -177,6 +185,7 @@ def server_waits(connection: socket.socket) -> None:
         connection.recv(1)
 
 
+@pytest.mark.usefixtures("patient")
 def test_the_stand_ins_are_read_as_before() -> None:
     """The control: the same clients read what ends."""
     from live_controllers import LiveArm
