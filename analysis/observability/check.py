@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
 # "violated": the plan breaks its own constraints, whatever it would determine.
 PlanVerdict = Verdict | Literal["violated"]
-Condition = Literal["limits", "behind", "beam_mm", "facing", "itself", "cell", "beam", "sight", "unfit"]
+Condition = Literal[
+    "limits", "behind", "beam_mm", "facing", "itself", "cell", "beam", "sight", "arm", "unfit"
+]
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,11 @@ class Violation:
 
     `condition`: "limits" (a joint is nearer to a limit than the margin), "beam_mm", "facing", "itself" (the
     arm touches itself), "cell" (it touches the floor or a box), "beam" (a box is in the beam's way), "sight"
-    (the arm or a box is in the line of sight), "unfit" (`why`, a clause). `at`
-    is the value found, `lowest` to `highest` are allowed, in `unit`; None for what is touched. `joint` (from
-    1) is that of "limits", `via` (from 0) an intermediate posture on the way to the posture. `planned`: it is
-    broken by the posture as written, and no longer once the wrist is turned onto the target.
+    (a box is in the line of sight), "arm" (a link of the arm is in the way of either), "unfit" (`why`, a
+    clause). `at` is the value found, `lowest` to `highest` are allowed, in `unit`; None for what is touched.
+    `joint` (from 1) is that of "limits", or moves the link of "arm" (0: the base); `via` (from 0) an
+    intermediate posture on the way to the posture. `planned`: it is broken by the posture as written, and no
+    longer once the wrist is turned onto the target. `assumed`: the radius of the links is nowhere stated.
     """
 
     posture: int
@@ -65,12 +68,13 @@ class Violation:
     via: int | None = None
     planned: bool = False
     why: str | None = None
+    assumed: bool = False
 
     @property
     def unseen(self) -> bool:
         """Whether the posture gives no measurement: the beam does not come to the front of the target, or the
         instrument cannot measure."""
-        return self.condition in ("behind", "facing", "beam", "sight", "unfit")
+        return self.condition in ("behind", "facing", "beam", "sight", "arm", "unfit")
 
 
 @dataclass(frozen=True)

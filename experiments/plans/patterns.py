@@ -14,6 +14,7 @@ from ...model.instruments.registry import names_of
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from .obstacles import Clearance
 
 Pattern = Literal["x", "y"]
 
@@ -44,7 +45,7 @@ def pattern(
 
     The line runs along the base's x axis (at y = 0) or y axis, as far before the base and over the target
     as `_LINES` says; `span` is its length as a share of the arm's reach. Raises BadInput where a posture
-    cannot be reached.
+    cannot be reached, or the arm blocks every beam from there.
     """
     if not header.instrument.beam:
         raise BadInput(
@@ -69,7 +70,8 @@ def pattern(
         if posture is None:
             raise BadInput(
                 f"the {which.upper()}-Pattern cannot be made: the arm cannot shoot from all of its line",
-                found=f"no posture has the laser at {_point(starts[i])} mm and sees {_point(target)} mm",
+                found=f"no posture has the laser at {_point(starts[i])} mm and sees {_point(target)} mm"
+                " past the arm itself",
                 remedy="put the target nearer to the middle of the workspace",
             )
         postures[i] = posture
@@ -87,6 +89,7 @@ class _BeamAt:
         self._target = target
         self._beam = problem.functions.kernel("beam")
         self._placed = problem.functions.kernel("placed")
+        self._clearance = Clearance(problem, None)
 
     def posture(self, start: Matrix, near: list[Matrix]) -> Matrix | None:
         robot = self._problem.robot
@@ -121,7 +124,10 @@ class _BeamAt:
             return None
         origin, direction = self._beam(solution.x, parts.arm, parts.tool)
         ahead = float(direction[0] @ (self._target - origin[0])) > 0
-        return solution.x[0] if ahead else None
+        free = (
+            ahead and not self._clearance.in_the_way(solution.x, origin, self._target, beam=True).blocked[0]
+        )
+        return solution.x[0] if free else None
 
 
 def _point(point: Matrix) -> str:
