@@ -196,7 +196,7 @@ def _analyse(
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
-        identifiability=solution.identified.facts,
+        identifiability=solution.facts,
         likelihood=_likelihood(solution),
         midpoint=_midpoint(midpoint),
         geometry=solution.geometry(run.header),
@@ -316,7 +316,7 @@ def _fitted(solution: Solution, tie: Tie, value: float) -> tuple[float | None, f
     along[parameters.block("target", tie.first)] = by_first[0] * tie.sigma
     along[parameters.block("target", tie.second)] = by_second[0] * tie.sigma
     ends = {parameters.names[i] for i in np.flatnonzero(along)}
-    if not solution.converged or ends & set(undecided_names(solution.null_space)):
+    if not solution.converged or ends & set(undecided_names(solution.identified.facts.null_space)):
         return None, None
     by_free = (along * parameters.prior_std)[parameters.free]
     return value + float(residual[0]) * tie.sigma, float(np.sqrt(by_free @ fit.covariance @ by_free))

@@ -155,7 +155,8 @@ class _Residuals(NamedTuple):
             # Least squares with a row for each prior of the rival, in units of the stated noise as well.
             count = rival.shape[1]
             priors = np.hstack([np.zeros((count, columns.shape[1])), np.eye(count) / np.sqrt(fit.weight)])
-            columns = np.vstack([np.hstack([columns, rival]), priors])
+            beside = np.vstack([rival, np.zeros((len(columns) - len(rival), count))])  # of no tolerance's row
+            columns = np.vstack([np.hstack([columns, beside]), priors])
             residual = np.append(residual, np.zeros(count))
         basis, reach, _ = np.linalg.svd(columns, full_matrices=False)
         basis = basis[:, reach > _REACH]

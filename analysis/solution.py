@@ -36,8 +36,9 @@ from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
 from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
-from .observability.identifiability import Identified, identify, no_better_than
+from .observability.identifiability import Identifiability, Identified, identify, no_better_than
 from .observability.power import DetectionPower, powers
+from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.steps import RecordingSteps, steps
 from .status import (
@@ -275,10 +276,29 @@ class Solution:
             return ()
         return powers(self.problem, self.fit.x, self.identified.facts.rank)
 
-    @property
+    @cached_property
     def null_space(self) -> tuple[NullDirection, ...]:
-        """The null-space directions, each with its cause."""
-        return self.identified.facts.null_space
+        """The null-space directions, each with its cause and the remedy that was tried; without remedies
+        where the model does not describe the measurements."""
+        directions = self.identified.facts.null_space
+        if not directions or not self.converged or self.misfit is not None:
+            return directions
+        problem, fit = self.problem, self.fit
+        search = RemedySearch(
+            problem,
+            fit.x,
+            self.status,
+            fit.std,
+            problem.shot_numbers,
+            weight=fit.weight,
+            measured=True,
+        )
+        return search.with_remedies(directions)
+
+    @property
+    def facts(self) -> Identifiability:
+        """What is identifiable, its null-space directions with their remedies."""
+        return replace(self.identified.facts, null_space=self.null_space)
 
     @cached_property
     def known(self) -> tuple[int, ...]:
@@ -453,7 +473,7 @@ class Solution:
         determined = known(status)
         data_std = item.shown_std(value, float(self.identified.data_std[i]))
         by_tolerances = float(self._tolerance_share[i]) if determined and self._tolerated else None
-        cause = cause_for(self.null_space, item, status, by_tolerances)
+        cause = cause_for(self.identified.facts.null_space, item, status, by_tolerances)
         return ParameterResult(
             name=item.name,
             unit=item.unit,

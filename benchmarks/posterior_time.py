@@ -32,10 +32,9 @@ from threadpoolctl import threadpool_limits
 from tracker_peers import simulated
 from tracker_table import NOISE, header, problem_of
 
-from zerobeam.analysis.estimation.coordinates import FlangeCoordinates
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.posterior.posterior import Whitening
 from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
+from zerobeam.analysis.posterior.whitening import Whitening
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
@@ -75,8 +74,7 @@ class Case:
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)
         self.size = self.density.size
-        self._coordinates = FlangeCoordinates(self.density)
-        self._whitening = Whitening.around(self.fit, self._coordinates)
+        self._whitening = Whitening(self.density, self.fit.x, self.fit.covariance)
 
     @property
     def arm_of_peer(self) -> dict[str, Matrix]:
@@ -90,7 +88,7 @@ class Case:
 
     def parameters(self, w: Matrix) -> Matrix:
         """x (W, p) of whitened coordinates (W, f)."""
-        return self._coordinates.to_parameters(self._whitening.undo(w))
+        return self._whitening.parameters(w)
 
     def log_density(self, w: Matrix) -> Matrix:
         return self.density.log_posterior(self.parameters(w))

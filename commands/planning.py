@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import StrEnum
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -118,6 +119,27 @@ def plan(
     ] = 60.0,
     beam: Annotated[str, typer.Option(help="Shortest and longest beam, mm: MIN,MAX.")] = "200,2000",
     margin: Annotated[float, typer.Option(min=0, help="Distance kept from every joint limit, deg.")] = 5.0,
+    distance: Annotated[
+        float | None,
+        typer.Option(
+            help="x, y: of the middle of the pattern's line before the base's z axis, mm.", show_default=False
+        ),
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(help="x, y: of the pattern's line over the target, mm.", show_default=False),
+    ] = None,
+    width: Annotated[
+        float | None,
+        typer.Option(min=0, help="x, y: length of the pattern's line, mm.", show_default=False),
+    ] = None,
+    roll: Annotated[
+        float | None,
+        typer.Option(
+            help="x, y: rotation of the flange about the beams, deg; 0: b1 along the line.",
+            show_default=False,
+        ),
+    ] = None,
     obstacles: Annotated[
         Path | None, typer.Option(help="Obstacles file (.yaml): floor, boxes.", show_default=False)
     ] = None,
@@ -142,10 +164,16 @@ def plan(
             found=str(run) if run is not None else "no --header",
             remedy=f"zerobeam plan {kind.value} --header HEADER --target X,Y,Z -o PLAN",
         )
+    line = {"distance": distance, "height": height, "width": width, "roll": roll}
     if kind is not PlanKind.OPTIMAL:
         _refuse_constraints(context, kind)
+    elif of_pattern := [name for name, value in line.items() if value is not None]:
+        raise BadInput(
+            f"plan optimal has no line: it takes no --{of_pattern[0]}", remedy="zerobeam plan x or y"
+        )
     from ..experiments.plans.make import PlanRequest, make_plan
     from ..experiments.plans.obstacles import read_obstacles
+    from ..experiments.plans.patterns import Line
     from ..model.files.header_file import read_header
     from ..model.files.plan import read_plan
     from ..model.files.plan_file import Obstacles
@@ -175,6 +203,7 @@ def plan(
         margin_deg=margin,
         obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
         seed=seed,
+        line=Line(distance, height, width, None if roll is None else radians(roll)),
     )
     with cluster_of(workers, scheduler), progress("plan", _PLAN) as tell:
         try:

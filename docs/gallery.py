@@ -48,7 +48,7 @@ COMMANDS = (
     f"compare {' '.join(f'{name}.jsonl' for name in RUNS)} --json -o compare",
     "study instruments --json -o instruments",
     "study table2 --json -o table2",
-    "study patterns --runs 20 --json -o patterns",
+    "study patterns --json -o patterns",
 )
 REPORTS = ("good", "x-pattern", "misfit", "uncalibrated")
 # What the page of the gallery may link to; the report of a demo has its folder's name.

@@ -20,10 +20,11 @@ from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
-from ..analysis.posterior.posterior import PosteriorSummary
+from ..analysis.posterior.posterior import Agreement, PosteriorSummary
+from . import numbers
 from .misfit import criterion_sentence
 from .observability import reason
-from .wording import Namer, be, clipped, listed
+from .wording import Namer, be, clipped, label, listed
 
 MOST_NAMED = 10
 _USELESS = {
@@ -125,7 +126,13 @@ def posterior_message(posterior: PosteriorSummary) -> str:
     if posterior.converged:
         return (
             f"{posterior.ensembles} independent ensembles agree: R-hat {rhat}, at least"
-            f" {posterior.ess_min:.0f} effective draws"
+            f" {posterior.ess_min:.0f} effective draws{_confirmed(posterior.agreement)}"
+        )
+    if posterior.agreement is not None and not posterior.agreement.holds:
+        return (
+            f"the posterior has not converged: its ensembles agree with each other (R-hat {rhat}, smallest"
+            f" effective sample size {posterior.ess_min:.0f}), but {_contradicted(posterior.agreement)}."
+            " Record more varied measurements, or hold what the data do not determine"
         )
     drifts = ", and its draws still drift" if posterior.drifts else ""
     return (
@@ -133,6 +140,33 @@ def posterior_message(posterior: PosteriorSummary) -> str:
         f" {posterior.ess_min:.0f}{drifts}). Record more varied measurements, or hold what the data do not"
         " determine"
     )
+
+
+_METHODS = {"importance": "importance sampling", "profile": "the profile likelihood"}
+
+
+def _confirmed(agreement: Agreement | None) -> str:
+    """Which other method has the same intervals, as what can follow a sentence without its full stop."""
+    if agreement is None or agreement.by is None:
+        return ""
+    method = _METHODS[agreement.by]
+    return f". {method[0].upper()}{method[1:]} agrees with them{_pareto(agreement)}"
+
+
+def _contradicted(agreement: Agreement) -> str:
+    """What does not confirm the draws."""
+    if agreement.by is None or agreement.name is None:
+        return f"no other method confirms them{_pareto(agreement)}"
+    return (
+        f"not with {_METHODS[agreement.by]}{_pareto(agreement)}: the 95 % interval of"
+        f" {label(agreement.name)} is off by {100 * agreement.off:.0f} % of its width"
+    )
+
+
+def _pareto(agreement: Agreement) -> str:
+    if agreement.pareto_k is None or agreement.by == "profile":
+        return ""
+    return f" (Pareto k̂ {numbers.significant(agreement.pareto_k, 2)})"
 
 
 def hold_out_message(held_out: HoldOut) -> str | None:

@@ -31,7 +31,6 @@ from ..analysis.holm import holm
 from ..analysis.misfit import Criterion, LackOfFit, Misfit, NominalContradicted, PlacementsDisagree
 from ..analysis.observability.causes import (
     BaseFrame,
-    Cause,
     Held,
     NoiseSplit,
     NullDirection,
@@ -62,7 +61,7 @@ from .misfit import (
     step_sentence,
 )
 from .misfit_causes import mend
-from .observability import condition, reason, remedy, unnoticed_sentence
+from .observability import condition, direction_remedy, reason, unnoticed_sentence
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
 from .wording import (
@@ -442,9 +441,10 @@ def _action(case: _Case) -> Action:
         return Action(_check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
         row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
-        cause = worst_direction(case.null_space, row.name).cause
-        planned = not isinstance(cause, _IN_THE_HEADER)
-        return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
+        direction = worst_direction(case.null_space, row.name)
+        planned = not isinstance(direction.cause, _IN_THE_HEADER)
+        todo = direction_remedy(direction, person)
+        return Action(f"Enter nothing yet: {todo}.", _plan(case) if planned else again)
     if case.verdict != "pass":
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
     if not case.offsets:
@@ -510,14 +510,6 @@ def _check_first(doubt: Finding | HoldOut) -> str:
             return f"Check placement {clipped(names[0])} before you enter anything: measure there again."
         case _:
             return "Check these measurements before you enter anything: remove them, or repeat them."
-
-
-def _remedy(cause: Cause, row: ParameterResult) -> str:
-    if by_tolerances(cause, row.tolerance_share) is not None:
-        return (
-            "add measurements in postures that differ in every joint, or state closer tolerances of the arm"
-        )
-    return remedy(cause, person)
 
 
 def _plan(case: _Case) -> str | None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..analysis.answer.message import Action, Message, WorstOffset
-from ..analysis.observability.causes import worst_direction
+from ..analysis.observability.causes import Tried, worst_direction
 from ..analysis.observability.check import Check, CheckedParameter
 from ..analysis.status import Status
 from . import numbers
 from .geometry import by_tolerances
-from .observability import advice_sentence, condition, over_target_sentence, power_sentences, reason, remedy
+from .observability import condition, direction_remedy, over_target_sentence, power_sentences, reason
 from .verdict import VERDICT_WORDS, check_notes, violation_words
 from .wording import be, capital, counted, ended, listed, person, sentence
 
@@ -72,6 +72,14 @@ def _limiting(check: Check) -> CheckedParameter | None:
     return max(rows, key=lambda row: (row.std is None, row.std or 0.0), default=None)
 
 
+def tried_change(check: Check) -> Tried | None:
+    """The change of the postures that the message of a weak or degenerate plan suggests; None where it
+    suggests none."""
+    row = _limiting(check)
+    tried = None if row is None else worst_direction(check.identifiability.null_space, row.name).tried
+    return None if tried is None or tried.joint is None else tried
+
+
 def _cause(check: Check) -> str | None:
     if check.violations:
         first = check.violations[0]
@@ -96,16 +104,11 @@ def _action(check: Check) -> str:
     if row is None:
         measure = "Nothing needs to change. Measure by this plan"
         return measure if _offsets(check) else "Estimate an offset: leave it out of `held`"
-    if check.advice is not None:
-        return advice_sentence(check.advice)
-    cause = worst_direction(check.identifiability.null_space, row.name).cause
-    return capital(remedy(cause, person))
+    return capital(direction_remedy(worst_direction(check.identifiability.null_space, row.name), person))
 
 
 def _cautions(check: Check) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     yield from check_notes(check)[1 if check.violations else 0 :]
-    if check.over_target is not None:
-        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
-        yield over_target_sentence(check.over_target, units)
+    yield from filter(None, [over_target_sentence(check)])
     yield from (text for text in power_sentences(check.power) if "may not detect" in text)

@@ -44,7 +44,7 @@ from .findings import (
 from .message import headline, message
 from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps, offered
-from .observability import reason, remedy
+from .observability import direction_remedy, reason
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
@@ -207,7 +207,9 @@ def _identifiability(facts: Identifiability) -> document.IdentifiabilityDocument
 def direction_document(direction: NullDirection) -> document.DirectionDocument:
     """A null-space direction in words."""
     cause = direction.cause
-    return document.DirectionDocument.filled(direction, reason=reason(cause), remedy=remedy(cause))
+    return document.DirectionDocument.filled(
+        direction, reason=reason(cause), remedy=direction_remedy(direction)
+    )
 
 
 def _fits(result: Result) -> document.FitsDocument:

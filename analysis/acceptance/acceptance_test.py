@@ -26,6 +26,7 @@ from scipy import stats
 from scipy.linalg import block_diag, solve_triangular
 
 from ...model.arrays import Matrix
+from ...model.files.run import UNKNOWNS
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, Whitened
 from ..solution import Solution
@@ -376,15 +377,20 @@ def choose(
 
 
 def _placing(problem: Problem, rows: list[int]) -> list[int]:
-    """The measurements without those of targets that only one of them has: placing the target takes up all of
-    it."""
-    targets = [problem.targets[problem.target_index[row]] for row in rows]
-    several = [
-        row
-        for row, target in zip(rows, targets, strict=True)
-        if problem.is_station(target) or targets.count(target) > 1
-    ]
-    return several or rows
+    """The measurements, each target with more numbers than its place takes up: with further ones of the run,
+    or without those of a target of which there are no more."""
+    of_row = problem.target_index
+    result = []
+    for target in dict.fromkeys(of_row[rows]):
+        chosen = [row for row in rows if of_row[row] == target]
+        if not problem.is_station(problem.targets[target]):
+            further = [row for row in np.flatnonzero(of_row == target).tolist() if row not in chosen]
+            while problem.sizes[chosen].sum() <= UNKNOWNS and further:
+                chosen.append(further.pop(0))
+            if problem.sizes[chosen].sum() <= UNKNOWNS:
+                continue
+        result += chosen
+    return result or rows
 
 
 def _farthest(joints: Matrix, rows: list[int], count: int) -> list[int]:

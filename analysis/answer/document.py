@@ -22,11 +22,12 @@ from ..diagnostics.predicted_run import PredictedMeasurement
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
 from ..estimation.tolerance_factors import Factors
+from ..observability.causes import Tried
 from ..observability.check import CheckedPosture, PlanInputs
 from ..observability.geometry import Confounded, Rung, Tolerance
 from ..observability.outlook import Advice, CurvePoint, OverTarget
 from ..observability.power import WrongModel
-from ..posterior.posterior import PosteriorParameter
+from ..posterior.posterior import Agreement, PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
 from ..status import Status, UnsoundResult, Verdict, known
@@ -120,6 +121,19 @@ class DirectionDocument(DocumentPart):
     reason: str = Field(description="the cause, in words")
     remedy: str = Field(description="what would determine it, in words")
     data_std: Number = Field(description="of the unit combination, in prior stds; null if exact")
+    tried: Tried | None = Field(
+        None,
+        description=(
+            "the remedy in numbers, null where none was tried or none helps: `how` (`replace` or `add`: "
+            "the posture of the number in `postures`, with `joint`, from 1, rotated by `amount` in `unit` "
+            "(deg or mm) and aimed again, in its place or as one more; `vary`: these `postures`, all but "
+            "those that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in "
+            "turn, and aimed again; `tolerances`: an `amount` of times smaller), whether these are postures "
+            "of what was `measured`, and `predicted`, by parameter: its `name`, `unit`, standard "
+            "uncertainty `before` (null where it is not determined) and `after` the remedy, priors "
+            "included, and the `tolerance` up to which it is identified"
+        ),
+    )
 
 
 class IdentifiabilityDocument(DocumentPart):
@@ -244,6 +258,15 @@ class PosteriorDocument(PosteriorMessage):
     ess_min: Number = Field(description="smallest effective sample size")
     rhat_max: Number = Field(description="largest nested R-hat, of the ensembles")
     acceptance: Number = Field(description="share of the proposed moves that were accepted")
+    agreement: Agreement | None = Field(
+        description=(
+            "whether another method confirms the draws, null where they did not get so far: `by` "
+            "(`importance`: sampling weighted by the density, or `profile`: the profile likelihood; null "
+            "where neither serves), `pareto_k` of the weights and their effective `share`, and `name`, the "
+            "parameter whose 95 % interval of draws is off most, by `off` of its width beyond chance. More "
+            "than 0.05 is not converged"
+        )
+    )
     seconds: float = Field(description="that it took")
     parameters: tuple[PosteriorParameter, ...] | None = Field(
         description=(
@@ -842,8 +865,8 @@ class CheckDocument(DocumentPart):
         description=(
             "the single change of the plan that lowers the largest std most: change `posture` (from 0) in "
             "`joint` (from 1) by `change_deg` (mm if prismatic; `unit`) and aim it again, as one more "
-            "measurement (`add` true) or in its place; `worst_std_before`, `worst_std_after`. Null where "
-            "the verdict is `pass` or no single change helps much"
+            "measurement (`add` true) or in its place; `worst_std_before` (null where an offset is not "
+            "determined), `worst_std_after`. Null where the verdict is `pass` or no single change helps much"
         )
     )
     notes: tuple[str, ...] = Field(description="findings in sentences, violations first")

@@ -102,7 +102,7 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
         yield NotConverged(solution.fit.reason)
     yield from solution.contradictions
     if solution.fit.other_basins:
-        undecided = undecided_names(solution.null_space)
+        undecided = undecided_names(solution.identified.facts.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
 
 

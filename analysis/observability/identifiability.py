@@ -32,6 +32,7 @@ from .causes import (
     BaseFrame,
     Cause,
     CommonMotion,
+    Equivalent,
     NamedTolerance,
     NoiseSplit,
     NullDirection,
@@ -48,7 +49,6 @@ from .causes import (
 from .gauges import PART, ROUNDING, Gauge, complement, gauge_of, information_root, information_roots
 from .marginal import Marginal
 
-_CONSTANT = 1e-9  # degrees or mm
 _NEARLY_CONSTANT_DEG = 10.0
 _NEARLY_CONSTANT_MM = 50.0
 _NEARLY_PARALLEL_DEG = 3.0
@@ -59,6 +59,8 @@ _NEW = 1e-4  # a null direction is not named yet if this part of it is outside t
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
+_PART_OF_IT = 0.1  # of the largest term of a direction: an offset that has as much is named
+_SHIFTED: tuple[Group, ...] = ("target", "frame", "tool")
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
 _LARGEST_TOLERANCES = 3  # of those that set a variance are named
 
@@ -92,15 +94,14 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(offset(n - 1), OnAxis(each.name, n))
         if (carried := parameters.carried(each)).any() and free[n - 1]:
             yield Mechanism(offset(n - 1) | carried, _tool_rotation(each, n))
-    spread = np.ptp(problem.joints, axis=0) * problem.robot.display
     for k in range(1, n):
         if free[k]:
-            yield Mechanism(offset(k) | targets, _common_motion(problem, spread, k))
+            yield Mechanism(offset(k) | targets, _common_motion(problem, k))
     # Of too few measurements almost any pair of axes looks inseparable: that is no property of the axes.
     enough = too_few_measurements(problem) is None
     angles = _angles_of_axes(problem)
     for i, j in combinations(np.flatnonzero(free[:n]), 2):
-        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG:
+        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG and not _always_parallel(problem, int(i), int(j)):
             cause = ParallelAxes(int(i) + 1, int(j) + 1, float(angles[i, j]))
             yield Mechanism(offset(int(i)) | offset(int(j)) | targets, cause)
     if tool.any() and not problem.tool.calibrated:
@@ -112,44 +113,65 @@ def _tool_rotation(tool: Instrument, joint: int) -> ToolRotation:
     return ToolRotation(tool.name, joint, tool.known_to if tool.calibrated else None)
 
 
-def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:
-    """The motion of everything after joint k (1 … k do not change, or hardly).
-
-    `spread` (n,) is the range of each joint over the measurements, degrees or mm.
-    """
-    revolute = np.array([joint.kind == "revolute" for joint in problem.robot.joints])
-    before, turning = spread[:k], revolute[:k]
-
-    def largest(chosen: Mask) -> float | None:
-        return float(before[chosen].max()) if chosen.any() else None
-
-    return CommonMotion(
-        joint=k + 1,
-        revolute=tuple(bool(each) for each in revolute[: k + 1]),
-        range_deg=largest(turning),
-        range_mm=largest(~turning),
-        constant=bool(before.max() <= _CONSTANT),
-        nearly_constant=bool((before <= np.where(turning, _NEARLY_CONSTANT_DEG, _NEARLY_CONSTANT_MM)).all()),
-    )
+def _common_motion(problem: Problem, k: int) -> CommonMotion:
+    """The motion of everything after joint k (1 … k do not change, or hardly)."""
+    revolute, ranges, little = _before(problem, k)
+    return CommonMotion(k + 1, (*revolute, problem.robot.joints[k].kind == "revolute"), ranges, little)
 
 
-def _angles_of_axes(problem: Problem) -> Matrix:
-    """(n, n) the largest angle, deg, between two joint axes of nominal geometry over the measurements."""
+def _before(problem: Problem, k: int) -> tuple[tuple[bool, ...], tuple[float, ...], tuple[bool, ...]]:
+    """Of each of the first k joints: whether it is revolute, its range over the measurements (degrees or mm),
+    and whether that is hardly anything."""
+    revolute = tuple(joint.kind == "revolute" for joint in problem.robot.joints[:k])
+    ranges = tuple((np.ptp(problem.joints, axis=0) * problem.robot.display)[:k].tolist())
+    most = (_NEARLY_CONSTANT_DEG if each else _NEARLY_CONSTANT_MM for each in revolute)
+    return revolute, ranges, tuple(size <= limit for size, limit in zip(ranges, most, strict=True))
+
+
+def _always_parallel(problem: Problem, i: int, j: int) -> bool:
+    """Whether the axes of two joints are nearly parallel whatever the posture, as those of joints 2 and 3 of
+    most arms are: postures cannot mend that."""
+    anywhere = np.random.default_rng(0).uniform(-1.0, 1.0, (8, problem.robot.n))
+    return bool(_angles_of_axes(problem, anywhere)[i, j] <= _NEARLY_PARALLEL_DEG)
+
+
+def _angles_of_axes(problem: Problem, joints: Matrix | None = None) -> Matrix:
+    """(n, n) the largest angle, deg, between two joint axes of nominal geometry over the measurements, or
+    over `joints` (N, n)."""
     (axes,) = problem.functions.kernel("axes")(
-        problem.joints, problem.split(problem.parameters.prior_mean).arm
+        problem.joints if joints is None else joints, problem.split(problem.parameters.prior_mean).arm
     )
     axes = axes.reshape(-1, 3, problem.robot.n)  # the kernel gives one column without its axis
     cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
 
-def unexplained(problem: Problem) -> Mechanism:
-    """What explains a direction that no single mechanism explains."""
+def unexplained(problem: Problem, direction: Matrix | None = None) -> Mechanism:
+    """What explains a direction (m,) of the untolerated parameters that no single mechanism explains."""
     few = too_few_measurements(problem)
     if few is not None:
         return few
     one_position = not problem.tool.beam and not problem.stations and len(problem.targets) == 1
-    return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
+    if one_position or direction is None:
+        return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
+    return Mechanism(_NO_SUPPORT, _by_its_terms(problem, direction))
+
+
+def _by_its_terms(problem: Problem, direction: Matrix) -> Cause:
+    """What a direction (m,) says by itself: which offsets together have the effect of what."""
+    parameters = problem.parameters
+    terms = np.zeros(len(parameters))
+    terms[parameters.untolerated] = np.abs(direction) / np.abs(direction).max()
+    joints = np.flatnonzero(terms[parameters.block("offset")] >= _PART_OF_IT)
+    if not len(joints):
+        joints = np.flatnonzero(terms[parameters.block("offset")] >= _NEGLIGIBLE)
+    shifted = tuple(group for group in _SHIFTED if (terms[parameters.group(group)] >= _NEGLIGIBLE).any())
+    if not len(joints) and not shifted:
+        return Unexplained()
+    if len(joints) == 1 and joints[0] > 0 and shifted == ("target",):
+        return _common_motion(problem, int(joints[0]))
+    before = _before(problem, int(joints[-1]) if len(joints) else problem.robot.n)
+    return Equivalent(tuple((joints + 1).tolist()), shifted, *before)
 
 
 def too_few_measurements(problem: Problem) -> Mechanism | None:
@@ -386,8 +408,7 @@ def _exact_directions(judged: _Judged) -> list[NullDirection]:
         if named:
             taken = np.array([direction for direction, _ in named]).T
             left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
-    rest = unexplained(problem)
-    named += [(column, rest) for column in left.T]
+    named += [(column, unexplained(problem, column)) for column in left.T]
     directions = [
         _named(judged, direction, "exact" if i < judged.gauge.dimension else "noise", mechanism)
         for i, (direction, mechanism) in enumerate(named)
@@ -436,7 +457,7 @@ def _noise_directions(judged: _Judged) -> list[NullDirection]:
             ):
                 direction, mechanism = vector, candidate
                 break
-        mechanism = mechanism or _by_tolerances(judged, direction) or unexplained(judged.problem)
+        mechanism = mechanism or _by_tolerances(judged, direction) or unexplained(judged.problem, direction)
         explained.append(direction)
         null_directions.append(_named(judged, direction, "noise", mechanism))
     return null_directions
@@ -495,4 +516,8 @@ def _named(
     effect_size = max(float(np.linalg.norm(root @ direction)), ROUNDING)
     weights = direction / direction[order[0]]
     combination = {judged.untolerated[i].name: float(weights[i]) for i in order}
-    return NullDirection(combination, kind, mechanism.cause, None if kind == "exact" else 1 / effect_size)
+    cause, std = mechanism.cause, None if kind == "exact" else 1 / effect_size
+    if isinstance(cause, CommonMotion | Equivalent):
+        lost = judged.status[judged.problem.parameters.index(next(iter(combination)))] == "unidentifiable"
+        cause = replace(cause, hidden=lost or std is None or std >= 1)
+    return NullDirection(combination, kind, cause, std)

@@ -1,7 +1,5 @@
-"""The posterior around a fit: sampled by `sampler`, in the units that people read.
-
-The walkers live in the coordinates of `coordinates`, whitened by the fit: near it a unit normal.
-"""
+"""The posterior around a fit: sampled by `sampler` in the coordinates of `whitening`, told in the units that
+people read."""
 
 from __future__ import annotations
 
@@ -19,13 +17,12 @@ from ...model.arrays import Matrix, ShareDone
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
-from ..estimation.coordinates import FlangeCoordinates
-from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean
-from .ends import Ends, MarginalT, weighted_ends
+from .ends import Ends, MarginalT, Weights, weighted_ends
+from .profiles import profile_ends
 from .sampler import (
     RHAT_GATE,
     IndependenceProposal,
@@ -34,8 +31,11 @@ from .sampler import (
     degrees_of_freedom,
     sample_density,
 )
+from .whitening import Whitening
 
 _KEPT_PER_WALKER = 400
+_WEIGHED = 20_000  # proposals, at most, to compare draws with
+APART = 0.05  # of its width: by so much a 95 % interval of draws may be off that of another method
 
 
 @dataclass(frozen=True)
@@ -77,10 +77,31 @@ class Omitted:
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """Whether another method than the chains has the same intervals of what the data determine.
+
+    `by` importance sampling, where its weights serve (`pareto_k` of their tail, effective `share` of the
+    independent draws), else by the profile likelihood; None where neither is to be had. `name` is the
+    parameter whose interval of draws is off most, by `off` of the width (0 where chance explains it).
+    """
+
+    by: Literal["importance", "profile"] | None
+    pareto_k: float | None
+    share: float | None
+    name: str | None
+    off: float
+
+    @property
+    def holds(self) -> bool:
+        return self.by is not None and self.off <= APART
+
+
+@dataclass(frozen=True)
 class PosteriorSummary:
     """Diagnostics of the sampling; `parameters` is None unless it converged.
 
-    `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled:
+    `drifts`: the ensembles agree, but their draws still drift. `agreement` is None where the chains did not
+    get so far. Without any draws it was not sampled:
     `useless` says why nobody needs it, it was `omitted`, or the fit did not converge.
     """
 
@@ -94,6 +115,7 @@ class PosteriorSummary:
     acceptance: float | None
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
+    agreement: Agreement | None = None
     useless: Literal["nothing known", "misfit"] | None = None
     omitted: Omitted | None = None
 
@@ -179,23 +201,6 @@ class Draws:
         return f"<Draws: {count} of {len(self.names)} parameters, {how}>"
 
 
-class Whitening:
-    """w = L^-1 (v - centre): near the fit a unit normal, where the walkers live."""
-
-    def __init__(self, centre: Matrix, factor: Matrix) -> None:
-        self.centre, self.factor = centre, factor
-
-    @classmethod
-    def around(cls, fit: LikelihoodFit, coordinates: FlangeCoordinates) -> Whitening:
-        """By the covariance of a fit."""
-        covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
-        factor = np.asarray(np.linalg.cholesky(covariance), dtype=float)
-        return cls(coordinates.from_parameters(fit.x[None])[0], factor)
-
-    def undo(self, w: Matrix) -> Matrix:
-        return self.centre + w @ self.factor.T
-
-
 def sample_posterior(
     solution: Solution,
     *,
@@ -211,69 +216,139 @@ def sample_posterior(
     draws they need (`sample_density`).
     """
     began = time.perf_counter()
-    problem, fit = solution.problem, solution.fit
-    density = Density(problem)
-    coordinates = FlangeCoordinates(density)
-    whitening = Whitening.around(fit, coordinates)
-
-    def log_density(w: Matrix) -> Matrix:
-        return density.log_posterior(coordinates.to_parameters(whitening.undo(w)))
-
-    def shown(values: Matrix) -> Matrix:
-        """Draws (…, f) of the sampler in the units that people read."""
-        x = coordinates.to_parameters(whitening.undo(values.reshape(-1, len(fit.z))))
-        return np.asarray(problem.parameters.shown(x)[:, problem.parameters.free].reshape(values.shape))
-
-    def sharp(proposed: Proposed, j: int, item: Parameter) -> Ends | None:
-        """By what was proposed: offsets and tool parameters are straight in the sampler's coordinates."""
-        scale = item.prior_std * item.display
-        along = whitening.factor[j] * scale
-        of_mean = item.prior_mean * item.display + whitening.centre[j] * scale
-        of_proposal = proposed.proposal
-        marginal = MarginalT(
-            float(of_mean + along @ of_proposal.location),
-            float(np.linalg.norm(along @ of_proposal.factor)),
-            of_proposal.nu,
-        )
-        return weighted_ends(of_mean + proposed.points @ along, proposed.log_weights, marginal)
-
+    target = _Target(solution)
     ends: dict[str, Ends] = {}  # of the draws so far
+    agreements: list[Agreement] = []
 
     def short(judged: Matrix, proposed: Proposed | None) -> float:
-        for j, (item, state) in enumerate(_free(problem, solution.status)):
-            if known(state) and item.group in ("offset", "tool"):
-                of_draws = Ends.of_draws(_chains(judged[..., j]))
-                better = None if proposed is None else sharp(proposed, j, item)
-                # Another mode, which the draws have found, is not among the proposals.
-                ends[item.name] = of_draws if better is None or better.contradict(of_draws) else better
+        ends.update(target.ends(judged, proposed))
         return 0.0 if short_by is None else short_by(ends)
 
-    size = len(fit.z)
+    def agrees(judged: Matrix, proposed: Proposed | None) -> bool:
+        agreements.append(target.agreement(judged, proposed))
+        return agreements[-1].holds
+
+    size = len(solution.fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
     # The kernel lets go of Python's lock, so that the cores that are there share its rows.
     sampled = sample_density(
-        log_density,
+        target.log_density,
         proposal,
         seed=seed,
         ess=ess,
         threads=threads(),
-        judged=shown,
+        judged=target.shown,
         short_by=short,
+        agrees=agrees,
         progress=progress,
     )
-    summary, draws = _summarised(problem, sampled, solution.status, ess, time.perf_counter() - began)
+    agreement = agreements[-1] if agreements else None
+    seconds = time.perf_counter() - began
+    summary, draws = _summarised(solution.problem, sampled, solution.status, ess, seconds, agreement)
     return summary, replace(draws, ends=ends)
 
 
+class _Target:
+    """The posterior in the sampler's coordinates u (W, f), and what is said of draws in them."""
+
+    def __init__(self, solution: Solution) -> None:
+        self._solution, self._problem = solution, solution.problem
+        self._whitening = Whitening(Density(solution.problem), solution.fit.x, solution.fit.covariance)
+        self.log_density = self._whitening.log_density
+        free = _free(solution.problem, solution.status)
+        self._known = [(j, item) for j, (item, state) in enumerate(free) if known(state)]
+
+    def shown(self, u: Matrix) -> Matrix:
+        """Draws (…, f) in the units that people read."""
+        parameters = self._problem.parameters
+        x = self._whitening.parameters(u.reshape(-1, u.shape[-1]))
+        return np.asarray(parameters.shown(x)[:, parameters.free].reshape(u.shape))
+
+    def ends(self, judged: Matrix, proposed: Proposed | None) -> dict[str, Ends]:
+        """By name, of each known offset and tool parameter: those of the draws or, where they are sharper, of
+        what was proposed to them."""
+        of_arm = [(j, item) for j, item in self._known if item.group in ("offset", "tool")]
+        result = {item.name: Ends.of_draws(_chains(judged[..., j])) for j, item in of_arm}
+        if proposed is not None and (weights := Weights.of(proposed.log_weights)).serve:
+            for name, sharper in self._weighed(proposed, weights, of_arm).items():
+                # Another mode, which the draws have found, is not among the proposals.
+                if sharper.ess_tail > result[name].ess_tail and not result[name].off(sharper):
+                    result[name] = sharper
+        return result
+
+    def agreement(self, judged: Matrix, proposed: Proposed | None) -> Agreement:
+        """Of draws and of what was proposed to them."""
+        draws = {item.name: Ends.of_draws(_chains(judged[..., j])) for j, item in self._known}
+        other: dict[str, Ends] = {}
+        by: Literal["importance", "profile"] | None = None
+        weights = None
+        if proposed is not None:
+            some = proposed._replace(
+                points=proposed.points[:_WEIGHED], log_weights=proposed.log_weights[:_WEIGHED]
+            )
+            weights = Weights.of(some.log_weights)
+            if weights.serve:
+                by, other = "importance", self._weighed(some, weights, self._known)
+        if by is None:
+            other = self._profiled(draws)
+            by = "profile" if other else None
+        off = {name: draws[name].off(ends) for name, ends in other.items()}
+        name = max(off, key=lambda name: off[name], default=None)
+        finite = weights is not None and np.isfinite(weights.pareto_k)
+        return Agreement(
+            by,
+            weights.pareto_k if weights is not None and finite else None,
+            None if weights is None else weights.share,
+            name,
+            0.0 if name is None else off[name],
+        )
+
+    def _weighed(
+        self, proposed: Proposed, weights: Weights, which: list[tuple[int, Parameter]]
+    ) -> dict[str, Ends]:
+        """By what was proposed, of the free parameters `which`. Without a sheet offsets and tool parameters
+        are straight in the sampler's coordinates, so that they are proposed by a t."""
+        shown = self.shown(proposed.points)
+        whitening, of = self._whitening, proposed.proposal
+        result = {}
+        for j, item in which:
+            marginal = None
+            if not whitening.curved and item.group in ("offset", "tool"):
+                scale = item.prior_std * item.display
+                along = whitening.factor[j] * scale
+                middle = item.prior_mean * item.display + whitening.centre[j] * scale + along @ of.location
+                marginal = MarginalT(float(middle), float(np.linalg.norm(along @ of.factor)), of.nu)
+            result[item.name] = weighted_ends(shown[:, j], weights, marginal)
+        return result
+
+    def _profiled(self, draws: Mapping[str, Ends]) -> dict[str, Ends]:
+        """By the profile likelihood, with the std of the draws; empty unless there is one of every offset."""
+        items = [item for _, item in self._known if item.group in ("offset", "tool")]
+        which = np.array([self._problem.parameters.index(item.name) for item in items], dtype=int)
+        ends = profile_ends(self._solution, which)
+        if not np.isfinite(ends).all():
+            return {}
+        return {
+            item.name: Ends(draws[item.name].std, item.shown(low), item.shown(high), np.inf)
+            for item, (low, high) in zip(items, ends, strict=True)
+        }
+
+
 def _summarised(
-    problem: Problem, sampled: Sampled, status: tuple[Status, ...], ess: float, seconds: float
+    problem: Problem,
+    sampled: Sampled,
+    status: tuple[Status, ...],
+    ess: float,
+    seconds: float,
+    agreement: Agreement | None,
 ) -> tuple[PosteriorSummary, Draws]:
     """Draws and summary in the units that people read."""
     shown = sampled.judged
     ensembles, walkers, steps, _ = shown.shape
     rhat, bulk = sampled.rhat, sampled.ess_bulk
     free = _free(problem, status)
-    converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
+    mixed = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
+    converged = mixed and sampled.agrees
     by_parameter = np.moveaxis(shown, -1, 0).copy()
     items, unidentifiable = zip(*((item, state == "unidentifiable") for item, state in free), strict=True)
     with ThreadPoolExecutor(threads()) as pool:
@@ -289,6 +364,7 @@ def _summarised(
         acceptance=sampled.acceptance,
         seconds=seconds,
         parameters=rows if converged else None,
+        agreement=agreement if mixed else None,
     )
     thin = max(1, steps // _KEPT_PER_WALKER)
     determined = [j for j, (_, state) in enumerate(free) if known(state)]

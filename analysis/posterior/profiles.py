@@ -22,6 +22,7 @@ import scipy
 from ...model.arrays import ByValue, Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.likelihood.density import Density
+from ...model.likelihood.problem import Problem
 from ..estimation.climb import Climb
 from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.effective_dof import student_half_width
@@ -110,6 +111,52 @@ def root_of_drop(distance: Matrix | float, curvature: Matrix, dof: Matrix | floa
     with np.errstate(invalid="ignore"):
         drop = np.where(np.isinf(dof), squared, dof * np.log1p(squared / dof))
     return np.asarray(np.sqrt(curvature * drop))
+
+
+def profile_intervals(
+    problem: Problem,
+    fit: LikelihoodFit,
+    which: Index,
+    half_width: Matrix | float,
+    dof: Matrix | float = math.inf,
+) -> Matrix:
+    """(len(which), 2) lower and upper ends, in internal units, of parameters `which` (by their index).
+
+    How far each may go while all others do their best to keep the fit (`profiles`).
+
+    The ends are at the distance `half_width` (n,) from the mode, in standard uncertainties of `dof` (n,)
+    degrees of freedom: where twice the drop of the log-posterior, all others at their best, is its square
+    (1.96 for 95 %), of an estimated noise that of Student's. For a linear fit they are those by the
+    curvature. NaN where no end was found. Offsets, tool and noise only: a target's coordinate is no
+    coordinate of the fit. Raises ValueError for another.
+    """
+    parameters = problem.parameters
+    if (parameters.group("target") | ~parameters.free)[which].any():
+        raise ValueError("profiles are of free offsets, tool and noise parameters")
+    column = np.repeat(parameters.among_free[which], 2)
+    sign = np.tile([-1.0, 1.0], len(which))
+    fixed = np.arange(len(fit.z)) == column[:, None]
+    ridge = Ridge(fit, fixed, np.zeros(fixed.shape))
+    step = sign * np.sqrt(ridge.covariance[column, column])
+    ridge.direction[:] = fixed * step[:, None]
+    # How all move with the one, by the curvature.
+    along = (ridge.covariance[:, column] / step).T
+    half = np.repeat(np.broadcast_to(half_width, which.shape), 2)
+    width = root_of_drop(
+        half, ridge.curvature(along, np.arange(len(column))), np.repeat(np.broadcast_to(dof, which.shape), 2)
+    )
+    ends = ridge.mode[column] + step * ridge.farthest(half, along, width)
+    prior = np.repeat(which, 2)
+    return np.asarray((ends * parameters.prior_std[prior] + parameters.prior_mean[prior]).reshape(-1, 2))
+
+
+def profile_ends(solution: Solution, which: Index) -> Matrix:
+    """(len(which), 2) the 95 % intervals of a solution's parameters `which`, as of `profile_intervals`; NaN
+    where there is none. With noise factors the fit is at their marginal mode: no profile starts from it."""
+    if solution.problem.noise.separate:
+        return np.full((len(which), 2), np.nan)
+    halves, dof = solution.quantiles[which], solution.effective_dof[which]
+    return profile_intervals(solution.problem, solution.fit, which, halves, dof)
 
 
 @dataclass(frozen=True, eq=False)

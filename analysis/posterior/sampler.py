@@ -1,8 +1,7 @@
 """Sampling of a density by emcee: an independence move from a multivariate t, and differential evolution.
 
 Nothing here knows of robots: a vectorised log-density goes in, draws and their diagnostics come out. A run
-that mixes badly continues in the coordinates of a triangular map with many more walkers, up to a stated
-budget.
+that mixes badly continues with many more walkers, up to a stated budget.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ import numpy as np
 from ...model.arrays import Index, Mask, Matrix, ShareDone
 from .convergence import effective, nested_rhat, normal_scores
 from .lean_emcee import lean_emcee
-from .triangular_map import TriangularMap
 
 LogDensity = Callable[[Matrix], Matrix]
 # A function of each of many arrays, as `map`.
@@ -158,28 +156,28 @@ class DifferentialMove(_Move):
 _CHUNK = 2048  # rows of one call of the density, whatever the number of threads: the numbers must be the same
 ENSEMBLES = 4
 RHAT_GATE = 1.01
-BUDGET = 1_000_000  # evaluations of the density before a run gives up, and
+BUDGET = 600_000  # evaluations of the density before a run gives up, and
 _PER_ESS = 40  # more for each effective draw asked for
+_KEPT = 2e7  # numbers of the draws that are kept: 160 MB, twice
 _WALKERS = (32, 1024)  # of an ensemble: many share the cost of a step where many draws are asked for
 _STEPS_PLANNED = 64
 SHARE = 0.1  # of the steps, by differential evolution
 ROUND = 20  # steps from one fit of the proposal to the next
 ROUNDS = (2, 5)  # at least and at most
 GOOD = 0.5  # of the proposals accepted: the proposal is close to the density
+_HOPELESS = 0.05  # of them accepted: the density is not at all like the proposal
 SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
 _PULLS = 12  # halvings of the way to the proposal's location
 _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
 _MANY_WALKERS = 64  # of an ensemble: where there are more, and proposals are accepted, fewer steps suffice
-_MAPPED_LOOK = 100
 _DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
-_PLAIN_STEPS = 250
-# Of the progress: the run in plain coordinates where it is expected to suffice, and where not; of the rest
-# the burn-in of the mapped one.
-_SUFFICES, _PLAIN, _BURN_IN = 0.8, 0.2, 0.4
-_MAPPED_WALKERS = 512
-MAPPED_SHARE = 0.3
-_MAPPED_ROUNDS = (6, 12)
-_FITTED = 8_000  # draws to fit a triangular map to
+_FEW_STEPS = 250  # of the run with few walkers
+# Of the progress: the run with few walkers where it is expected to suffice, and where not; of the rest the
+# burn-in of the one with many.
+_SUFFICES, _FEW, _BURN_IN = 0.8, 0.2, 0.4
+_MANY = 512  # walkers of an ensemble where few do not mix,
+MANY_SHARE = 0.3  # and their share of the steps by differential evolution
+_MANY_ROUNDS = (6, 12)
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
 # Draws up to which more are taken for what the effective sample size does not decide: in all, and for each
 # effective one that is asked for.
@@ -199,6 +197,8 @@ class Proposed(NamedTuple):
 
 # Of what is judged, and of what was proposed where that is known: how many times as many draws it takes.
 ShortBy = Callable[[Matrix, Proposed | None], float]
+# Of the same: whether the draws agree with the density by another method.
+Agrees = Callable[[Matrix, Proposed | None], bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +207,8 @@ class Sampled:
     those in which R-hat, ESS and drift are taken.
 
     `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
-    was required. `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the
-    density's rows.
+    was required; `agrees`: another method confirms the draws. `seconds` are those of the sampling, `looking`
+    those of the diagnostics, `evaluations` the density's rows.
     """
 
     values: Matrix
@@ -217,10 +217,15 @@ class Sampled:
     ess_bulk: Matrix
     enough: bool
     settled: bool
+    agrees: bool = False
     acceptance: float = 0.0
     seconds: float = 0.0
     looking: float = 0.0
     evaluations: int = 0
+
+    @property
+    def done(self) -> bool:
+        return self.enough and self.settled and self.agrees
 
 
 def possible_density(log_density: LogDensity, points: Matrix) -> Matrix:
@@ -272,11 +277,12 @@ class _Run:
         pool: ThreadPoolExecutor,
         judged: Callable[[Matrix], Matrix],
         short_by: ShortBy,
+        agrees: Agrees,
     ) -> None:
         self._log_density, self._pool = log_density, pool
-        self._judged, self._short_by = judged, short_by
-        self._first = self._proposal = proposal
-        self._transport: TriangularMap | None = None
+        self._judged, self._short_by, self._agrees = judged, short_by, agrees
+        self._proposal = proposal
+        self.share = SHARE
         self.random = np.random.default_rng(seed)
         self._evaluated: list[tuple[Matrix, Matrix]] = []
         self.evaluations = 0
@@ -316,28 +322,17 @@ class _Run:
     def advance(self, starts: Matrix, steps: int) -> Matrix:
         """Chains (ensembles, walkers, steps, f) from `starts` (ensembles, walkers, f)."""
         began = time.perf_counter()
-        transport = self._transport
-        size = starts.shape[-1]
-
-        def density(points: Matrix) -> Matrix:
-            return self.density(points if transport is None else transport.forth(points))
-
-        start = starts.reshape(-1, size)
-        if transport is not None:
-            start = transport.back(start)
-        share = SHARE if transport is None else MAPPED_SHARE
-        moves = Moves(self._proposal, self.random, share, groups=ENSEMBLES)
-        chain = moves.advance(lambda points: self._mapped(density, points), start, steps)
-        if transport is not None:
-            chain = self._mapped(transport.forth, chain.reshape(-1, size))
+        start = starts.reshape(-1, starts.shape[-1])
+        moves = Moves(self._proposal, self.random, self.share, groups=ENSEMBLES)
+        chain = moves.advance(lambda points: self._mapped(self.density, points), start, steps)
         both = (moves.independence, moves.differential)
         self._independent = both[0].accepted / max(1, both[0].proposed)
         self.acceptance = sum(m.accepted for m in both) / sum(m.proposed for m in both)
-        if transport is None and sum(len(points) for points, _ in self._evaluated) < DECIDING:
+        if sum(len(points) for points, _ in self._evaluated) < DECIDING:
             self._evaluated += moves.independence.evaluated
         self.evaluations += len(start) * (steps + 1)
         self.seconds += time.perf_counter() - began
-        return chain.reshape(*starts.shape[:2], steps, size)
+        return chain.reshape(*starts.shape[:2], steps, -1)
 
     def burn_in(
         self, starts: Matrix, rounds: tuple[int, int], progress: ShareDone = lambda share: None
@@ -346,7 +341,7 @@ class _Run:
         best, values = 0.0, starts[:, :, None]
         for count in range(1, rounds[1] + 1):
             values = self.advance(values[:, :, -1], ROUND)
-            self.refit(values[:, :, ROUND // 2 :], self._transport is not None)
+            self._refit(values[:, :, ROUND // 2 :])
             settled = self._independent < best + SETTLED and drift(values, self._pool.map) < _DRIFT_GATE
             if count >= rounds[0] and settled:
                 break
@@ -354,34 +349,31 @@ class _Run:
             progress(count / rounds[1])
         return values
 
-    def refit(self, values: Matrix, mapped: bool) -> None:
+    def _refit(self, values: Matrix) -> None:
         draws = values.reshape(-1, values.shape[-1])
         size = draws.shape[1]
-        if not mapped:
-            # From few draws a covariance of many parameters is a worse proposal than one that is close.
-            fewest = 10 * size if self._independent < GOOD else max(10 * size, 2 * size**2)
-            self._proposal = self._proposal.refitted(draws, fewest)
-            return
-        self._transport = TriangularMap(self.random.permutation(draws)[:_FITTED], self._first.factor)
-        self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
+        # From few draws a covariance of many parameters is a worse proposal than one that is close.
+        fewest = 10 * size if self._independent < GOOD else max(10 * size, 2 * size**2)
+        self._proposal = self._proposal.refitted(draws, fewest)
+
+    @property
+    def hopeless(self) -> bool:
+        """No number of draws within the budget would do."""
+        return self._independent < _HOPELESS
 
     def _first_look(self, walkers: int) -> int:
         """How many steps until the first diagnostics: many autocorrelation times of a walker."""
-        if self._transport is not None:
-            return _MAPPED_LOOK
         if self._independent < GOOD:
             return _FIRST_LOOK
         return min(max(_FIRST_LOOK // 2, _FIRST_LOOK * _MANY_WALKERS // walkers), _FIRST_LOOK)
 
     def _settled(self, judged: Matrix, rhat: Matrix) -> bool:
-        # Where the map does not reach, no walker tells; a poor acceptance does.
-        reaches = self._transport is None or self._independent >= GOOD
-        return float(rhat.max()) <= RHAT_GATE and drift(judged, self._pool.map) <= _DRIFT_GATE and reaches
+        return float(rhat.max()) <= RHAT_GATE and drift(judged, self._pool.map) <= _DRIFT_GATE
 
     def grow(
         self, starts: Matrix, ess: float, limit: int, progress: Callable[[float, bool], None]
     ) -> Sampled:
-        """Draws from `starts` until they are enough and have settled, in at most `limit` steps.
+        """Draws from `starts` until they are enough, have settled, and agree, in at most `limit` steps.
 
         `progress` hears the share that is done, of the effective draws or of the steps, and whether the limit
         is expected to suffice.
@@ -398,7 +390,7 @@ class _Run:
             expected = total * needed / max(reached, 1.0)
             progress(min(reached / needed, 1.0) if expected <= limit else total / limit, expected <= limit)
             settled, enough = self._settled(judged, rhat), reached >= needed
-            if (enough and settled) or total >= limit:
+            if (enough and settled) or total >= limit or self.hopeless:
                 sampled = Sampled(values, judged, rhat, bulk, enough, settled)
                 return self._decide(sampled, ess) if enough and settled else sampled
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
@@ -419,7 +411,8 @@ class _Run:
             steps = min(max(int(np.ceil(min(_SPARE * factor, _BLOCK) * steps)), steps + ROUND), limit)
             values, judged = self._extended(values, judged, steps)
         still = steps == first or drift(judged, self._pool.map) <= _DRIFT_GATE
-        return replace(sampled, values=values, judged=judged, settled=still)
+        agrees = self._agrees(judged, self._proposed())
+        return replace(sampled, values=values, judged=judged, settled=still, agrees=agrees)
 
     def _proposed(self) -> Proposed | None:
         if not self._evaluated:
@@ -448,35 +441,37 @@ def sample_density(
     threads: int = 1,
     judged: Callable[[Matrix], Matrix] = lambda values: values,
     short_by: ShortBy = lambda judged, proposed: 0.0,
+    agrees: Agrees = lambda judged, proposed: True,
     progress: ShareDone | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
 
-    The proposal is refitted during the burn-in, then frozen. A run that would take long continues in mapped
-    coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
-    share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
-    coordinates in which R-hat, ESS and drift are taken; `short_by` says of these, and of what was proposed,
-    how many times as many draws another question needs, which gets up to `DECIDING` in all and
-    `DECIDING_EACH` for each of `ess`. -inf, inf and NaN of the density are impossible points, all alike.
+    The proposal is refitted during the burn-in, then frozen. A run that would take long continues with many
+    walkers, until the budget is spent; the result says whether it converged. `threads` share the ensembles;
+    the draws are the same for any number of them. `judged` turns draws (…, f) into the coordinates in which
+    R-hat, ESS and drift are taken; `short_by` says of these, and of what was proposed, how many times as many
+    draws another question needs, which gets up to `DECIDING` in all and `DECIDING_EACH` for each of `ess`;
+    `agrees` says of all of them whether another method confirms them. -inf, inf and NaN of the density are
+    impossible points, all alike.
     """
-    best, plain_part = [0.0], 0.0
+    best, few_part = [0.0], 0.0
 
     def shown(share: float) -> None:
         best.append(max(best[-1], share))
         if progress is not None:
             progress(best[-1])
 
-    def plain(share: float, suffices: bool) -> None:
-        shown(share * (_SUFFICES if suffices else _PLAIN))
+    def by_few(share: float, suffices: bool) -> None:
+        shown(share * (_SUFFICES if suffices else _FEW))
 
-    def mapped(share: float) -> None:
-        shown(plain_part + (0.99 - plain_part) * share)
+    def by_many(share: float) -> None:
+        shown(few_part + (0.99 - few_part) * share)
 
     began = time.perf_counter()
     few = max(_WALKERS[0], 2 * len(proposal.location) + 2)
     walkers = max(few, 2 * (min(int(ess / _STEPS_PLANNED), _WALKERS[1]) // 2))
     with ThreadPoolExecutor(max_workers=threads) as pool:
-        run = _Run(log_density, proposal, seed, pool, judged, short_by)
+        run = _Run(log_density, proposal, seed, pool, judged, short_by, agrees)
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
@@ -485,18 +480,17 @@ def sample_density(
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
                 values = run.advance(run.spread(values, walkers), ROUND // 2)
-            sampled = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, plain)
-            if not (sampled.enough and sampled.settled):
-                plain_part = best[-1]
-                many = max(walkers, _MAPPED_WALKERS)
+            sampled = run.grow(values[:, :, -1], ess, _FEW_STEPS, by_few)
+            if not (sampled.done or run.hopeless):
+                few_part, run.share = best[-1], MANY_SHARE
+                many = max(walkers, _MANY)
                 starts = run.spread(sampled.values, many)
-                run.refit(sampled.values, mapped=True)
-                values = run.burn_in(starts, _MAPPED_ROUNDS, lambda share: mapped(_BURN_IN * share))
-                left = BUDGET + _PER_ESS * ess - run.evaluations
+                values = run.burn_in(starts, _MANY_ROUNDS, lambda share: by_many(_BURN_IN * share))
+                left = min(BUDGET + _PER_ESS * ess - run.evaluations, _KEPT / values.shape[-1])
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
                 rest = 1.0 - _BURN_IN
                 sampled = run.grow(
-                    values[:, :, -1], ess, limit, lambda share, _: mapped(_BURN_IN + rest * share)
+                    values[:, :, -1], ess, limit, lambda share, _: by_many(_BURN_IN + rest * share)
                 )
     return replace(
         sampled,

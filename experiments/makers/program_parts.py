@@ -10,9 +10,9 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from lark import Lark, TextSlice, Token, Tree
@@ -22,6 +22,7 @@ from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.kinematics.branches import Branch
 from ...model.kinematics.robot import J3, Robot
+from ...model.parsing.lines import line_numbers
 from ...model.parsing.reading import did_you_mean
 from .plan_programs import decimal
 
@@ -43,10 +44,21 @@ def span(part: Token | Tree[Token]) -> tuple[int, int]:
 def understood(language: str, rule: str, text: str, start: int, end: int) -> Tree[Token] | None:
     """The derivation by `rule` of the text from `start` to `end`, with places in the whole text; None where
     the grammar has none."""
+    # Lark counts the lines before a slice at each call: it gets no more than the character before.
+    before = max(start - 1, 0)
     try:
-        return _parser(language, rule).parse(TextSlice(text, start, end))
+        tree = _parser(language, rule).parse(TextSlice(text[before:end], start - before, end - before))
     except UnexpectedInput:
         return None
+    placed: list[Any] = []
+    for part in tree.iter_subtrees():
+        placed += [part.meta, *(each for each in part.children if isinstance(each, Token))]
+    for part_or_token in placed:
+        if getattr(part_or_token, "start_pos", None) is not None:
+            part_or_token.start_pos += before
+        if getattr(part_or_token, "end_pos", None) is not None:
+            part_or_token.end_pos += before
+    return tree
 
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -289,8 +301,10 @@ class Source:
             key += "'"
         return key
 
-    def line(self, pos: int) -> int:
-        return self.text.count("\n", 0, pos) + 1
+    @cached_property
+    def line(self) -> Callable[[int], int]:
+        """The line of a place in the text."""
+        return line_numbers(self.text)
 
 
 @dataclass(frozen=True)

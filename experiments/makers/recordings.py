@@ -23,7 +23,7 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, ShotRules, check_ties, shot_model, target_names, unknown_targets
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
+from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml, real_path
 from ...model.parsing.validation import validate
 
 
@@ -102,7 +102,7 @@ class ImportJob:
         if not paths:
             raise BadInput("no file to import is given")
         for i, path in enumerate(paths):
-            if path.resolve() in [other.resolve() for other in paths[:i]]:
+            if real_path(path) in map(real_path, paths[:i]):
                 raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
         plan = None
         if isinstance(header_or_plan, Plan):

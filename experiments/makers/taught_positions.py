@@ -12,6 +12,7 @@ from ...model.errors import BadInput, located
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant
 from ...model.kinematics.robot import Robot
+from ...model.parsing.lines import line_numbers
 from .joint_text import require_same_plan, required_plan
 from .line_language import FOLLOW, LineLanguage, capitals, is_a_pose, tokens
 from .program_parts import (
@@ -43,12 +44,12 @@ def written_points(language: LineLanguage, text: str, path: Path) -> list[Taught
     Joints are in the unit of the language. BadInput for what looks like joints or a pose and is not
     understood.
     """
-    points, spans = [], set()
+    points, spans, line_of = [], set(), line_numbers(text)
     joints_follow: bool | None = None
     for begin, _, tree in language.statements(text):
         if tree is None:
             continue
-        line = text.count("\n", 0, begin) + 1
+        line = line_of(begin)
         if tree.data in FOLLOW:
             joints_follow = FOLLOW[tree.data]
         kinds = ("position", "entry", "at", "tool", "frame", "definition")
@@ -76,7 +77,7 @@ def written_points(language: LineLanguage, text: str, path: Path) -> list[Taught
                 found=" ".join(text[begin:end].split())[:60],
                 remedy="save the program as text again, or import the positions as csv",
                 file=path,
-                line=text.count("\n", 0, begin) + 1,
+                line=line_of(begin),
             )
     return points
 

@@ -42,7 +42,7 @@ _REASONS: dict[Condition, str] = {
 }
 
 
-def _reason(broken: Broken) -> str:
+def reason_of(broken: Broken) -> str:
     """What is said of the postures that break a condition."""
     return _REASONS[broken.condition] if broken.why is None else f"in which {broken.why}"
 
@@ -204,7 +204,7 @@ def _fit(conditions: Conditions, hit: Mask, removed: Counter[str]) -> Matrix:
     for condition, breaks in conditions.in_order():
         rows = np.flatnonzero(left)
         broken = rows[breaks(rows)] if len(rows) else rows
-        removed[_reason(condition)] += len(broken)
+        removed[reason_of(condition)] += len(broken)
         left[broken] = False
     return conditions.joints[left]
 
@@ -213,7 +213,7 @@ def _alone(conditions: Conditions) -> ConditionsAlone:
     """The effect of each condition alone on postures that are all turned onto the target."""
     rows = np.arange(len(conditions.joints))
     broken = {
-        _reason(condition): breaks(rows) if len(rows) else np.zeros(0, dtype=bool)
+        reason_of(condition): breaks(rows) if len(rows) else np.zeros(0, dtype=bool)
         for condition, breaks in conditions.in_order()
     }
     faults = np.sum(list(broken.values()), axis=0)

@@ -27,7 +27,7 @@ from ...words.observability import no_plan_sentence, power_sentences
 from .candidates import CandidatePostures, Planned, candidates, pools_in_words
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
-from .patterns import pattern
+from .patterns import USUAL, Line, pattern
 
 _USUAL, _USUAL_UNCERTAIN = 7, 20  # measurements: of a pattern or an exact arm, of an uncertain arm
 _LOOSE = 0.8  # a certified efficiency below this needs a word
@@ -66,6 +66,7 @@ class PlanRequest:
     margin_deg: float
     obstacles: Obstacles
     seed: int
+    line: Line = USUAL  # of a pattern
 
     @property
     def measurements(self) -> int:
@@ -188,7 +189,9 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     else:
         name = _target_name(header)
         target = np.array(header.targets[name].guess_mm)
-        postures = pattern(header, robot, target, request.kind, request.measurements, name=name)
+        postures = pattern(
+            header, robot, target, request.kind, request.measurements, name=name, line=request.line
+        )
         planned = (Planned(header.labels[0], target=name),) * len(postures)
     rows = np.round(postures * robot.display, _DECIMALS)
     targets, means = [each.target for each in planned], _means(header, planned)

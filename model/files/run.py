@@ -53,7 +53,7 @@ from .shot import Shot, ShotRules, check_shots, check_ties, shot_model, target_n
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
-_UNKNOWNS = 3  # of a target
+UNKNOWNS = 3  # of a target
 REFIT = " (refit)"  # what the name of a run that was made of another one ends with
 
 
@@ -294,14 +294,14 @@ class Run(ByValue):
             if shot.target is not None:
                 of_target[shot.target].append(i)
         for name, rows in of_target.items():
-            labels = [rules.label(self.shots[i].instrument) for i in rows[: _UNKNOWNS + 1]]
+            labels = [rules.label(self.shots[i].instrument) for i in rows[: UNKNOWNS + 1]]
             numbers = sum(rules.instruments[label].residual_size for label in labels)
             once = len(rows) == 1
-            if not once and (numbers > _UNKNOWNS or name in tied):
+            if not once and (numbers > UNKNOWNS or name in tied):
                 continue
             near = did_you_mean(name, [other for other in self.target_names if other != name])
             how = "only once: that determines" if once else f"with {numbers} numbers: they determine"
-            many = "two measurements" if once else f"{_UNKNOWNS + 1} numbers"
+            many = "two measurements" if once else f"{UNKNOWNS + 1} numbers"
             raise BadInput(
                 f"the target {name!r} is measured {how} its position at most",
                 found=", ".join(f"measurement {self.shots[i].shot}" for i in rows),

@@ -78,6 +78,11 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     return content
 
 
+def real_path(path: Path) -> Path:
+    """The path with all links followed; links in a circle stay, and are refused when the file is read."""
+    return Path(os.path.realpath(path))
+
+
 def require_regular(path: Path) -> None:
     """BadInput for what is no regular file. It is not opened: a device has no end, a pipe may never begin."""
     require_within(path)

@@ -258,25 +258,26 @@ def intervals_table(result: Result) -> tuple[Table, str]:
     # The fit is at the marginal mode of noise factors, where no profile starts.
     chosen = _of_people(result)
     no_profile = "not defined" if noise_factors(result.parameters) else "no end found"
+    no_draws = "not converged" if result.posterior.draws and not result.posterior.converged else "not sampled"
     columns = ["name", "curvature", "profile", "posterior"]
     rows = [
         row_of(
             label(row.name),
             ends(row.name, row.unit, row.linear, ""),
             ends(row.name, row.unit, row.profile, no_profile),
-            ends(row.name, row.unit, row.posterior, "not sampled"),
+            ends(row.name, row.unit, row.posterior, no_draws),
         )
         for row in chosen
     ]
-    text = (
-        "By the curvature at the estimate, by the profile likelihood and by the quantiles of the posterior’s"
-        " draws."
-    )
+    methods = ["the curvature at the estimate"]
+    methods += ["the profile likelihood"] if any(row.profile for row in chosen) else []
+    methods += ["the quantiles of the posterior’s draws"] if any(row.posterior for row in chosen) else []
+    text = f"By {listed([*methods[:1], *(f'by {each}' for each in methods[1:])])}."
     if differing := [label(row.name) for row in chosen if row.differ]:
         text += (
             f" They differ by a tenth of their width or more for {listed(differing)}: do not rely on one"
             " alone there, the widest is the safe one."
         )
-    else:
+    elif len(methods) > 1:
         text += " They agree."
     return table_of("95 % intervals by three methods", columns, rows), text

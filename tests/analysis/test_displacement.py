@@ -13,6 +13,7 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
+from zerobeam.model.likelihood.geometry import NOMINAL
 from zerobeam.model.likelihood.parameters import Parameters
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit import displacement_sentence
@@ -256,3 +257,15 @@ def test_the_sentence() -> None:
     assert "moved by -0.6 ± 0.2 mm along y between" in displacement_sentence(part)
     none = replace(found, size_mm=None, shift_mm=(None,) * 3, std_mm=(None,) * 3, p_value=0.0)
     assert "moved between measurements 4 and 5 (p < 1e-12)" in displacement_sentence(none)
+
+
+def test_links_are_a_rival_beside_a_tool_with_tolerances():
+    """Nominal geometry, a tool within its tolerances: its rows are none of the links'."""
+    plan = good_plan(10, geometry=None)
+    _, run = simulated(plan, TABLE_2, 3)
+    problem = Problem.from_run(run).with_geometry(NOMINAL)
+    assert len(problem.tolerated) == 4
+    fit = fit_likelihood(problem, starts=0)
+    found = displacement(fit, link_columns(problem, fit.x))
+    assert found is not None
+    assert not found.significant

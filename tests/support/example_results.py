@@ -133,9 +133,9 @@ def _misfit() -> Analysis:
 
 def _unconverged() -> Analysis:
     """As the good one, but the sampler has its slow move only, and may not go on for long enough."""
-    short = dict.fromkeys(("_PLAIN_STEPS", "_FIRST_LOOK", "_MAPPED_LOOK"), 20)
-    slow = dict.fromkeys(("SHARE", "MAPPED_SHARE"), 1.0)
-    with patch.multiple(sampler, BUDGET=0, _PER_ESS=0, _MAPPED_WALKERS=20, **short, **slow):
+    short = dict.fromkeys(("_FEW_STEPS", "_FIRST_LOOK"), 20)
+    slow = dict.fromkeys(("SHARE", "MANY_SHARE"), 1.0)
+    with patch.multiple(sampler, BUDGET=0, _PER_ESS=0, _MANY=20, **short, **slow):
         return _analysed(_demo("good"))
 
 

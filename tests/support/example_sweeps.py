@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -72,6 +73,34 @@ def map_sweep() -> GridStudy:
             else:
                 cases.append(_case(None, (i, j), words, stds, 7))
     return _answer("psd-position", "Where to place the PSD?", _positions(across, along), cases)
+
+
+@functools.cache
+def geometry_sweep() -> GridStudy:
+    """Four axes of numbers, nothing simulated, with cases beside them; more cases than a table has."""
+    lines = [
+        _axis("target.xyz_mm.z", "PSD height", "mm", (0, 400, 800)),
+        _axis("plan.distance_mm", "distance", "mm", (300, 600, 900)),
+        _axis("plan.width_mm", "width", "mm", (400, 800, 1600)),
+        _axis("plan.roll_deg", "roll", "deg", (-45, 0, 45)),
+    ]
+    cases = []
+    for at in itertools.product(range(3), repeat=4):
+        high, near, wide, roll = at
+        stds = [std * 40 / (1 + high) / (1 + wide) ** 2 * (1 + near) for std in _STDS]
+        if wide == 0 and near == 2:
+            stds[0] = math.nan
+        if roll == 0 and wide == 2:
+            cases.append(GridCase(at, "out of reach", reason=f"no such pattern: at {high}{near}"))
+        else:
+            cases.append(_case(None, at, "a Y-Pattern", stds, 7))
+    study = _answer("y-patterns", "Which Y-Pattern?", lines, cases)
+    beside = (
+        _case(None, (), "X-Pattern", (math.nan, *_STDS[1:]), 7),
+        _case(None, (), "optimal", [std / 4 for std in _STDS], 7),
+        GridCase((), "a ring", reason="only 3 of 400 candidates see the PSD"),
+    )
+    return replace(study, beside=beside)
 
 
 @functools.cache

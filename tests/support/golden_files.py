@@ -27,6 +27,8 @@ def assert_golden(name: str, text: str) -> None:
 def without_draws(text: str) -> str:
     """The text without what depends on the sampler's draws."""
     text = re.sub(r"R-hat\s+[\d.]+,\s+at\s+least\s+\d+\s+effective\s+draws", "R-hat …", text)
+    confirmed = r"\s+Importance\s+sampling\s+agrees\s+with\s+them\s+\(Pareto\s+k̂\s+[\d.−]+\)"
+    text = re.sub(confirmed, " Importance sampling agrees with them (Pareto k̂ …)", text)
     text = re.sub(r"R-hat\s+[\d.]+,\s+smallest\s+effective\s+sample\s+size\s+\d+", "R-hat …", text)
     before, heading, after = text.partition("95 % intervals by three methods\n")
     table, end, after = after.partition("Posterior:")

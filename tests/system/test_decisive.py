@@ -208,7 +208,7 @@ def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
 ) -> None:
     chosen = case(name, tmp_path, request)
     if name == "three shots":  # would be sampled at length, and to no avail
-        for attribute, value in (("BUDGET", 0), ("_PER_ESS", 0), ("_MAPPED_WALKERS", 64)):
+        for attribute, value in (("BUDGET", 0), ("_PER_ESS", 0), ("_MANY", 64)):
             monkeypatch.setattr(
                 importlib.import_module("zerobeam.analysis.posterior.sampler"), attribute, value
             )

@@ -20,7 +20,7 @@ from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, ho
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.placements import placements
-from zerobeam.analysis.posterior.intervals import profile_intervals
+from zerobeam.analysis.posterior.profiles import profile_intervals
 from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge

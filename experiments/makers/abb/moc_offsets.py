@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple
 
 from ....model.errors import BadInput, located
 from ....model.kinematics.pendant import require_link_encoder
+from ....model.parsing.lines import line_numbers
 from ....model.parsing.reading import did_you_mean, read_text, shown
 from ..calibration import JointOffset, RobotCalibration
 from ..maker import numbers_of, one_line, require_vendor
@@ -205,7 +206,7 @@ def _number(text: str, section: str, name: str, key: str) -> _Value:
     start, end = entries[name]
     # A text of the file must not be taken for a key of it.
     entry = _QUOTED.sub(_blank, text[start:end])
-    line = text.count("\n", 0, start) + 1
+    line = line_numbers(text)(start)
     values = list(re.finditer(rf"(?<![\w-])-{key}{_NUMBER}", entry))
     if len(values) != 1:
         raise BadInput(

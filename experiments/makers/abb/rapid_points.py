@@ -20,6 +20,7 @@ from ....model.kinematics.inverse import Solver
 from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
+from ....model.parsing.lines import line_numbers
 from ....model.parsing.reading import shown
 from ..joint_text import PLAN_LINE, required_plan
 from ..maker import blanked
@@ -152,11 +153,12 @@ def rapid_positions(
         return posed(_robtarget(value, name), name)
 
     bare = blanked(text, REMARK)
+    line_of = line_numbers(bare)
     points: list[TaughtPoint] = []
     for match in DECLARED.finditer(bare):
         if match["kind"].lower() not in ("jointtarget", "robtarget"):
             continue
-        line = bare.count("\n", 0, match.start("name")) + 1
+        line = line_of(match.start("name"))
         name, cartesian = match["name"], match["kind"].lower() == "robtarget"
         with located(path, line):
             values = _values(match["value"], name)

@@ -10,6 +10,7 @@ interpreted. The first line of a file may have a checksum, of which nothing is p
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -102,8 +103,9 @@ def _statements(program: LineLanguage, text: str) -> Iterator[Statement]:
             yield match.start(), match.end(), None  # points are lost
     labels: dict[str, str] = {}
     numbers = [(fields or {}).get("nNumber", ("", 0))[0] for _, fields in points]
+    several = Counter(numbers)
     for (match, fields), number in zip(points, numbers, strict=True):
-        tree = None if fields is None or numbers.count(number) > 1 else _position(fields)
+        tree = None if fields is None or several[number] > 1 else _position(fields)
         if tree is not None:
             labels[f"P{number}"] = str(tree.children[0])
         yield match.start(), match.end(), tree

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import J3
+from ....model.parsing.lines import line_numbers
 from ..joint_text import PLAN_LINE, required_plan
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
 
@@ -63,10 +64,10 @@ def import_fanuc(
 
 def fanuc_positions(text: str, path: Path) -> list[TaughtPoint]:
     """All P[n] of a listing, in its order."""
-    points = []
+    points, line_of = [], line_numbers(text)
     with located(path):
         for match in _position_blocks(text):
-            line = text.count("\n", 0, match.start("number")) + 1
+            line = line_of(match.start("number"))
             points.append(
                 TaughtPoint(match["number"], _fanuc_joints(match["block"], match["number"], line), line)
             )
@@ -126,12 +127,12 @@ def fanuc_registers(
     `all_of_them` registers without joints are left out too.
     """
     heads = list(_REGISTER.finditer(text))
-    points = []
+    points, line_of = [], line_numbers(text)
     for head, following in zip(heads, [*heads[1:], None], strict=True):
         block = text[head.end() : len(text) if following is None else following.start()]
         other = _OTHER_GROUP.search(block)
         block = _COMMENT.sub("", block if other is None else block[: other.start()])
-        register, line = int(head["number"]), text.count("\n", 0, head.start("number")) + 1
+        register, line = int(head["number"]), line_of(head.start("number"))
         if planned is not None and not first <= register < first + planned:
             continue
         with located(path):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ....model.errors import BadInput, located
+from ....model.parsing.lines import line_numbers
 from ....model.parsing.reading import shown
 from ..maker import blanked
 from ..recordings import Imported, ImportJob, TaughtPoint, import_points
@@ -49,9 +50,9 @@ def kuka_positions(text: str, path: Path) -> list[TaughtPoint]:
     bare = blanked(text, REMARK)
     if DATA_LIST.search(bare) and not _END_OF_LIST.search(bare):
         raise BadInput("the data list is incomplete: its last line, ENDDAT, is missing", file=path)
-    points = []
+    points, line_of = [], line_numbers(bare)
     for match in AGGREGATE.finditer(bare):
-        line = bare.count("\n", 0, match.start("name")) + 1
+        line = line_of(match.start("name"))
         cartesian = match["fields"].strip()[0] in "Xx"
         with located(path, line):
             points.append(TaughtPoint(match["name"], None if cartesian else _axes(match), line))

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_abc, orientation
+from ....model.parsing.lines import line_numbers
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
@@ -68,10 +69,8 @@ def named_positions(text: str, points: Sequence[TaughtPoint]) -> list[TaughtPoin
     """The positions of a program, those of a plan's program by the names in its remarks."""
     if not re.search(r"^[ \t]*END\s*\Z", text, re.MULTILINE | re.IGNORECASE):
         raise BadInput("the program has no end", allowed="END in its last line", remedy="save it again")
-    labels = [
-        (match[1].lower(), f"line {text.count(chr(10), 0, match.end()) + 1}")
-        for match in _LABELLED.finditer(text)
-    ]
+    line_of = line_numbers(text)
+    labels = [(match[1].lower(), f"line {line_of(match.end())}") for match in _LABELLED.finditer(text)]
     if not labels and "zerobeam plan" not in text:
         return list(points)
     return named_by_remarks(points, labels, [point.name for point in points], "slim")

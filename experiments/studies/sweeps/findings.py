@@ -15,7 +15,7 @@ from .grid_answer import GridAxis, GridCase, GridSettings
 _MOST_NAMED = 3  # cases that contradict their prediction
 
 
-def headline(axes: Sequence[GridAxis], cases: Sequence[GridCase]) -> str:
+def headline(axes: Sequence[GridAxis], cases: Sequence[GridCase], beside: Sequence[GridCase] = ()) -> str:
     """The best and the worst case, the cases without a number, and whether the runs agree."""
     degenerate = [case for case in cases if case.verdict == "degenerate"]
     without_plan = [case for case in cases if case.reason is not None]
@@ -23,7 +23,7 @@ def headline(axes: Sequence[GridAxis], cases: Sequence[GridCase]) -> str:
         _range(cases),
         _counted(axes, cases, degenerate, "degenerate: not all offsets are identifiable"),
         _counted(axes, cases, without_plan, "without a plan"),
-        *_agreement(cases),
+        *_agreement((*cases, *beside)),
     ]
     return " ".join(part for part in parts if part)
 

@@ -6,6 +6,8 @@ refuse to be made otherwise.
 
 from __future__ import annotations
 
+import math
+import statistics
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
@@ -81,7 +83,7 @@ class CaseParameter:
 
 @dataclass(frozen=True)
 class GridCase:
-    """One point of the grid: `at` is the index of its value on each axis.
+    """One point of the grid: `at` is the index of its value on each axis; a case beside the grid has none.
 
     `reason` says why there is no plan, else None. `worst_std` (deg) is the largest predicted standard
     uncertainty of an offset; None where an offset is not identified. `failed` counts fits, `unmet` true arms
@@ -142,6 +144,20 @@ class GridAxis:
         return numbers if len(numbers) == len(self.values) else None
 
 
+@dataclass(frozen=True)
+class OffsetOverCases:
+    """The smallest, median and largest u (deg or mm) of an offset over the cases that have a plan; None where
+    no case determines it. `without` of the `cases` do not: in the median they count as larger than any u."""
+
+    name: str
+    unit: str
+    cases: int
+    without: int
+    least: float | None
+    median: float | None
+    largest: float | None
+
+
 class GridSettings(Settings):
     """The base of all cases, and how the study was carried out and judged."""
 
@@ -152,18 +168,43 @@ class GridSettings(Settings):
     sha256: str
 
 
+def _over_cases(name: str, unit: str, stds: list[float]) -> OffsetOverCases:
+    known, middle = [std for std in stds if math.isfinite(std)], statistics.median(stds)
+    return OffsetOverCases(
+        name,
+        unit,
+        cases=len(stds),
+        without=len(stds) - len(known),
+        least=min(known, default=None),
+        median=middle if math.isfinite(middle) else None,
+        largest=max(known, default=None),
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class GridStudy(StudyAnswer):
-    """The whole answer; it agrees if no case that is not degenerate contradicts its prediction."""
+    """The whole answer; it agrees if no case that is not degenerate contradicts its prediction. `beside` are
+    single cases to compare with, which are on no axis."""
 
     settings: GridSettings
     axes: tuple[GridAxis, ...]
     cases: tuple[GridCase, ...]
+    beside: tuple[GridCase, ...] = ()
 
     @property
     def parameters(self) -> tuple[CaseParameter, ...]:
         """Those of all cases, in order."""
         return tuple(one for case in self.cases for one in case.parameters)
+
+    def over_cases(self, axis: int | None = None, value: int = 0) -> tuple[OffsetOverCases, ...]:
+        """Each offset over all cases of the grid, or over those at one `value` (index) of an `axis`."""
+        rows: dict[tuple[str, str], list[float]] = {}
+        for case in self.cases:
+            for one in case.parameters if axis is None or case.at[axis] == value else ():
+                if one.group == "offset" and one.status != "held":
+                    std = math.inf if one.std is None else one.std
+                    rows.setdefault((one.name, one.unit), []).append(std)
+        return tuple(_over_cases(*key, row) for key, row in rows.items())
 
     def has(self, fit: Fit) -> bool:
         """Whether there are errors of this fit."""

@@ -9,7 +9,7 @@ import copy
 import hashlib
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -112,6 +112,23 @@ class PlanMaking(FileModel):
         default=None,
         description="length of a pattern's line as a share of the arm's reach; default: the pattern's own",
     )
+    distance_mm: float | None = Field(
+        default=None,
+        description="of the middle of a pattern's line before the base's z axis, millimetres; default: the"
+        " pattern's own",
+    )
+    height_mm: float | None = Field(
+        default=None,
+        description="of a pattern's line over the target, millimetres; default: the pattern's own",
+    )
+    width_mm: NotNegative | None = Field(
+        default=None, description="length of a pattern's line, millimetres; instead of span"
+    )
+    roll_deg: float | None = Field(
+        default=None,
+        description="rotation of the flange about the beams of a pattern, degrees; 0: b1 along the line;"
+        " default: whatever is nearest",
+    )
     candidates: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
         default=1000, description="postures that an optimal plan is chosen from"
     )
@@ -143,6 +160,13 @@ class PlanMaking(FileModel):
                 key=("facing",),
                 found=shown(list(self.facing)),
                 allowed="any vector but zero, or null",
+            )
+        if self.span is not None and self.width_mm is not None:
+            raise refusal(
+                "span and width_mm state the same length",
+                key=("width_mm",),
+                found=f"span: {self.span:g}, width_mm: {self.width_mm:g}",
+                remedy="state one of them",
             )
         return self
 
@@ -340,6 +364,9 @@ class StudyFile(FileModel):
     axes: Annotated[tuple[Axis, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="what changes; every combination of their values is a case"
     )
+    beside: Annotated[tuple[NamedChange, ...], BeforeValidator(as_tuple)] = Field(
+        default=(), description="single cases to compare with: the base with changes of their own, no axis"
+    )
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -365,6 +392,10 @@ class StudyFile(FileModel):
                         remedy="change it along one of them",
                     )
                 taken[name] = i
+        names = [one.name for one in self.beside]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise refusal("two cases beside the grid have the same name", key=("beside", i), found=name)
         count = math.prod(len(axis.values) for axis in self.axes)
         if count > _MOST_CASES:
             raise refusal(
@@ -375,7 +406,7 @@ class StudyFile(FileModel):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One combination: `at` has the index of its value on every axis."""
+    """One combination: `at` has the index of its value on every axis; empty of a case beside the grid."""
 
     at: tuple[int, ...]
     words: str
@@ -410,6 +441,7 @@ class SettingsStudy:
 
     content: StudyFile
     cases: tuple[Case, ...]
+    beside: tuple[Case, ...]
     file: str
     sha256: str
 
@@ -445,9 +477,10 @@ def read_study(path: Path | str, runs: int | None = None) -> SettingsStudy:
         )
     content = validate(StudyFile, document.data, file=document.file, line=document.line)
     if runs is not None:
-        if any(overlap(key, "runs") for axis in content.axes for key in _changed(axis)):
+        every = (*(key for axis in content.axes for key in _changed(axis)), *_changed_beside(content))
+        if any(overlap(key, "runs") for key in every):
             raise BadInput(
-                "both an axis of the study and --runs set the number of runs",
+                "both the cases of the study and --runs set the number of runs",
                 found=f"--runs {runs}",
                 remedy="leave out --runs",
                 file=document.file,
@@ -459,12 +492,21 @@ def read_study(path: Path | str, runs: int | None = None) -> SettingsStudy:
     robots: dict[str, Robot] = {}
     grid = product(*(range(len(axis.values)) for axis in content.axes))
     cases = tuple(_case(content, at, document, robots) for at in grid)
-    return SettingsStudy(content, cases, document.file.name, document.sha256)
+    beside = tuple(
+        _changed_case(content, (), one.name, [(("beside", i), one.set_)], document, robots)
+        for i, one in enumerate(content.beside)
+    )
+    return SettingsStudy(content, cases, beside, document.file.name, document.sha256)
 
 
 def _changed(axis: Axis) -> Iterator[str]:
     for j in range(len(axis.values)):
         yield from axis.changes(j)
+
+
+def _changed_beside(content: StudyFile) -> Iterator[str]:
+    for one in content.beside:
+        yield from one.set_
 
 
 def _set_values(settings: Settings) -> SettingValues:
@@ -473,12 +515,29 @@ def _set_values(settings: Settings) -> SettingValues:
 
 
 def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: dict[str, Robot]) -> Case:
-    """The settings of one case; BadInput at the line of the value that does not suit."""
+    """A case of the grid."""
+    words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
+    changes: list[tuple[KeyPath, SettingValues]] = [
+        (("axes", i, "values", j), axis.changes(j))
+        for i, (axis, j) in enumerate(zip(content.axes, at, strict=True))
+    ]
+    return _changed_case(content, at, words, changes, document, robots)
+
+
+def _changed_case(
+    content: StudyFile,
+    at: tuple[int, ...],
+    words: str,
+    changes: Sequence[tuple[KeyPath, SettingValues]],
+    document: Document,
+    robots: dict[str, Robot],
+) -> Case:
+    """The settings of one case: the base with changes, each with its place in the file; BadInput at the line
+    of the value that does not suit."""
     values, value_places = _set_values(content.base), dict[str, KeyPath]()
     defaults = content.base.model_dump(mode="json", by_alias=True)
-    for i, (axis, j) in enumerate(zip(content.axes, at, strict=True)):
-        of_value: KeyPath = ("axes", i, "values", j)
-        for key, value in axis.changes(j).items():
+    for of_value, changed in changes:
+        for key, value in changed.items():
             with located(document.file, document.line(of_value)):
                 _put(values, defaults, key, value)
             value_places[key] = of_value
@@ -501,7 +560,6 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
         tool = header.made(label, robot.n)
         noise, geometry = NoiseModel.from_header(header, robot, tool), Geometry.from_header(header, robot)
         Parameters.build(robot, tool, noise, geometry, header, {TARGET: tool})
-    words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
     return Case(at, words, settings, header, robot)
 
 

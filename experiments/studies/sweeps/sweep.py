@@ -25,11 +25,12 @@ from ....analysis.status import known as is_known
 from ....analysis.status import verdict_of
 from ....model.arrays import Index, Matrix, Progress, normal_half_width
 from ....model.errors import BadInput
+from ....model.files.header import Header
 from ....model.likelihood.problem import Problem
-from ...plans.candidates import candidates
-from ...plans.constraints import View
+from ...plans.candidates import candidates, reason_of
+from ...plans.constraints import Conditions, View
 from ...plans.optimal import Planner
-from ...plans.patterns import pattern
+from ...plans.patterns import Line, pattern
 from ..answer import held_share
 from ..case_store import each_piece, heading_of
 from ..data_sets import DataSets, Estimates, drawn, fitted, likelihood, midpoint
@@ -64,11 +65,12 @@ def sweep(
     again: the answer is the same. The study agrees if no case's simulated runs contradict the prediction.
     """
     began = time.perf_counter()
-    prints = "\n".join(case.fingerprint for case in study.cases)
+    every = (*study.cases, *study.beside)
+    prints = "\n".join(case.fingerprint for case in every)
     heading = heading_of(study.content.study, seed, settings=hashlib.sha256(prints.encode()).hexdigest())
     work = partial(studied_case, seed=seed)
-    answers = each_piece(store, heading, GridCase, work, study.cases, progress, processes, called="case")
-    content, cases = study.content, judged(answers)
+    answers = judged(each_piece(store, heading, GridCase, work, every, progress, processes, called="case"))
+    content, cases, beside = study.content, answers[: len(study.cases)], answers[len(study.cases) :]
     axes = tuple(
         GridAxis(
             axis.key,
@@ -85,13 +87,14 @@ def sweep(
     return GridStudy(
         study=content.study,
         title=content.title,
-        headline=headline(axes, cases),
-        agrees=all(case.agrees is not False for case in cases if case.verdict != "degenerate"),
+        headline=headline(axes, cases, beside),
+        agrees=all(case.agrees is not False for case in answers if case.verdict != "degenerate"),
         settings=settings,
         seconds=time.perf_counter() - began,
-        notes=(*findings(axes, cases), *notes(settings, cases)),
+        notes=(*findings(axes, cases), *notes(settings, answers)),
         axes=axes,
         cases=cases,
+        beside=beside,
     )
 
 
@@ -146,20 +149,34 @@ def _planned(case: Case, seed: int) -> Problem:
     """The postures of the case's plan, aimed at the target; BadInput says why there is no plan."""
     settings, header, robot = case.settings, case.header, case.robot
     target, made = np.array(settings.target.xyz_mm), case.settings.plan
+    view = View(
+        facing=made.facing,
+        acceptance=float(np.radians(made.acceptance_deg)),
+        beam=made.beam_mm,
+        margin=float(np.radians(made.margin_deg)),
+    )
     if made.kind == "optimal":
-        view = View(
-            facing=made.facing,
-            acceptance=float(np.radians(made.acceptance_deg)),
-            beam=made.beam_mm,
-            margin=float(np.radians(made.margin_deg)),
-        )
         postures = candidates(header, robot, target, made.candidates, view=view, seed=seed)
         planner = Planner(header, robot, {TARGET: target}, [postures])
         chosen = planner.optimal(made.shots, made.criterion, seed=seed).postures
     else:
         chosen = _patterned(case)
     problem = Problem.build(header, robot, chosen, [TARGET] * len(chosen))
-    return aim(problem, problem.nominal(), servo_joints(problem)).problem
+    x = problem.nominal()
+    aimed = aim(problem, x, servo_joints(problem)).problem
+    if made.kind != "optimal":
+        _require_view(aimed, x, view, header)
+    return aimed
+
+
+def _require_view(problem: Problem, x: Matrix, view: View, header: Header) -> None:
+    """BadInput for a pattern that breaks a condition that an optimal plan keeps."""
+    for broken, breaks in Conditions(problem, x, view, None, header.targets).in_order():
+        count = int(breaks(np.arange(problem.shots)).sum())
+        if count:
+            raise BadInput(
+                f"postures of the pattern {reason_of(broken)}", found=f"{count} of {problem.shots}"
+            )
 
 
 _patterns: dict[str, Matrix] = {}  # of this process, by what they depend on
@@ -175,8 +192,14 @@ def _patterned(case: Case) -> Matrix:
         if len(_patterns) >= _MOST_PATTERNS:
             _patterns.clear()
         target = np.array(case.settings.target.xyz_mm)
+        line = Line(
+            distance=made.distance_mm,
+            height=made.height_mm,
+            width=made.width_mm,
+            roll=None if made.roll_deg is None else float(np.radians(made.roll_deg)),
+        )
         _patterns[key] = pattern(
-            case.header, case.robot, target, made.kind, made.shots, name=TARGET, span=made.span
+            case.header, case.robot, target, made.kind, made.shots, name=TARGET, span=made.span, line=line
         )
     return _patterns[key]
 

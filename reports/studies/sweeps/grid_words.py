@@ -23,24 +23,27 @@ STANDING: dict[Verdict | None, tuple[str, str]] = {
     "degenerate": ("unidentifiable", "degenerate"),
     None: ("held", NO_PLAN),
 }
+_MOST_MAPPED = 3  # axes of numbers
 _LONGEST_VALUE, _LONGEST_UNIT = 24, 12
 _MOST_DOTS, _MOST_PAGES = 46, 4  # rows of a figure of dots, and how many of those there are
 
 GridPoint = tuple[tuple[GridAxis, int], ...]  # some of the axes, each with the index of its value
 
 
-def form_of(study: GridStudy) -> Literal["dots", "lines", "map"]:
-    """The form of the figure: no axis of numbers, dots; one, lines; more, a map."""
+def form_of(study: GridStudy) -> Literal["dots", "lines", "map", "axes"]:
+    """The form of the figure: no axis of numbers, dots; one, lines; two or three, a map; more, a panel for
+    each axis."""
     count = sum(axis.numeric is not None for axis in study.axes)
-    return "dots" if count == 0 else "lines" if count == 1 else "map"
+    return "dots" if count == 0 else "lines" if count == 1 else "map" if count <= _MOST_MAPPED else "axes"
 
 
 def figure_names(study: GridStudy) -> list[str]:
-    """Names of the figures in their order; a map has a second one for the observed errors."""
+    """Names of the figures in their order; a map, and panels of axes, have a second one for the observed
+    errors."""
     form = form_of(study)
     if form == "dots":
         return [f"dots_{number}" for number, _ in enumerate(dot_pages(study), start=1)]
-    return [form, "ratio"] if form == "map" and study.has("likelihood") else [form]
+    return [form, "ratio"] if form in ("map", "axes") and study.has("likelihood") else [form]
 
 
 def dot_pages(study: GridStudy) -> list[list[GridCase]]:

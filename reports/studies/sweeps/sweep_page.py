@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ....analysis.status import Verdict as CaseVerdict
 from ....experiments.studies.sweeps.grid_answer import (
@@ -48,6 +48,7 @@ from ..study_blocks import (
     share_text,
     view_of,
 )
+from .axes import axes_picture
 from .dots import dots_pictures
 from .grid_words import (
     STANDING,
@@ -64,6 +65,7 @@ from .heat_map import map_picture, ratio_picture
 from .lines import lines_picture
 
 MOST_ROWS = 60
+_MOST_BEST = 20  # cases of a table that cannot have them all
 _LONGEST_TEXT = 400
 _MOST_REASONS, _MOST_NAMED = 8, 4
 
@@ -77,6 +79,8 @@ def sweep_page(study: GridStudy) -> Page:
         section_of(
             f"Cases by {over}",
             *map(FigureBlock, figure_names(study)),
+            _over_cases(study),
+            _beside(study),
             _summary(study),
             Legend(_meanings(study), _without_plan(study)),
         ),
@@ -108,7 +112,8 @@ def _summary(study: GridStudy) -> Table:
         *(["failed fits"] if failed else []),
     ]
     rows = []
-    for case in study.cases[:MOST_ROWS]:
+    shown = study.cases if len(study.cases) <= MOST_ROWS else _best(study.cases)
+    for case in shown:
         mark, words = standing(case)
         cells: list[str | Cell] = [value_text(axis, i) for axis, i in zip(study.axes, case.at, strict=True)]
         cells += [Cell(words, mark=mark)]
@@ -120,7 +125,60 @@ def _summary(study: GridStudy) -> Table:
     plans = f"plan of {counted(shots.pop(), 'measurement')}" if len(shots) == 1 else "plan"
     caption = f"Verdict of each {plans}, and predicted standard uncertainty u of its least certain offset"
     caption += "; whether simulated runs agree with the prediction" if simulated else ""
-    return table_of(_cut(caption, len(rows), len(study.cases)), columns, rows)
+    if len(shown) < len(study.cases):
+        caption += f" (the {len(shown)} best of {len(study.cases)} cases shown, all in cases.csv)"
+    return table_of(caption, columns, rows)
+
+
+def _best(cases: Sequence[GridCase]) -> list[GridCase]:
+    """Those with the smallest u of their least certain offset."""
+    return sorted(cases, key=_rank)[:_MOST_BEST]
+
+
+def _rank(case: GridCase) -> float:
+    return math.inf if case.worst_std is None else case.worst_std
+
+
+def _over_cases(study: GridStudy) -> Table | None:
+    """Each offset over the cases, where they are more than a table of them can show."""
+    if len(study.cases) <= MOST_ROWS:
+        return None
+    columns: list[Head] = ["offset", "smallest u", "median", "largest", ("not determined", "left")]
+    rows = []
+    for one in study.over_cases():
+        unit = clipped(one.unit, LONGEST_NAME)
+        figures = (one.least, one.median, one.largest)
+        cells = [NOT_DETERMINED if std is None else numbers.spread(std, unit) for std in figures]
+        rows.append(row_of(label(one.name, 12), *cells, f"in {one.without} of {one.cases}"))
+    caption = (
+        "Predicted standard uncertainty u of each offset over the cases that have a plan; not determined"
+        " counts as larger than any u"
+    )
+    return table_of(caption, columns, rows) if rows else None
+
+
+def _beside(study: GridStudy) -> Table | None:
+    """The cases beside the grid: u of each offset."""
+    if not study.beside:
+        return None
+    names = dict.fromkeys(
+        one.name
+        for case in study.beside
+        for one in case.parameters
+        if one.group == "offset" and one.status != "held"
+    )
+    columns: list[Head] = ["case", ("verdict", "left"), *(label(name, 12) for name in names)]
+    rows = []
+    for case in study.beside:
+        mark, words = standing(case)
+        stds = {one.name: _of_beside(one) for one in case.parameters}
+        cells = [stds.get(name, "") for name in names]
+        rows.append(row_of(clipped(case.words, _LONGEST_TEXT), Cell(words, mark=mark), *cells))
+    return table_of("Beside the grid: predicted standard uncertainty u of each offset", columns, rows)
+
+
+def _of_beside(one: CaseParameter) -> str:
+    return _predicted(one) if one.is_known else _unknown(one)
 
 
 def _least_certain(case: GridCase) -> str:
@@ -152,6 +210,8 @@ def _parameters(study: GridStudy) -> Table | None:
         columns.append(("midpoint RMSE", "right"))
     span = len(columns) - 1
     cases = [(i, case) for i, case in enumerate(study.cases, start=1) if case.reason is None]
+    if len(study.cases) > MOST_ROWS:
+        cases.sort(key=lambda numbered: _rank(numbered[1]))
     rows: list[Row] = []
     count = 0
     for number, case in cases:
@@ -210,7 +270,7 @@ def _held(errors: LikelihoodErrors) -> Cell:
     return Cell(text, mark="identified" if errors.agrees else "weak")
 
 
-def _cut(caption: str, count: int, total: int, file: str = "cases.csv") -> str:
+def _cut(caption: str, count: int, total: int, file: str) -> str:
     """A caption that says how many of the cases are shown."""
     return caption if count == total else f"{caption} ({count} of {total} cases shown, all in {file})"
 
@@ -251,6 +311,11 @@ def _without_plan(study: GridStudy) -> list[LegendEntry]:
     for case in study.cases:
         if case.reason is not None:
             by_reason.setdefault(sentence(case.reason).rstrip("."), []).append(case_name(study, case))
+    if len(by_reason) > _MOST_REASONS:  # what they have in common, without what each found
+        heads: dict[str, list[str]] = {}
+        for reason, names in by_reason.items():
+            heads.setdefault(reason.rpartition(": ")[0] or reason, []).extend(names)
+        by_reason = heads
     shown = []
     for reason, names in list(by_reason.items())[:_MOST_REASONS]:
         more = f"; and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
@@ -295,7 +360,9 @@ def sweep_pictures(study: GridStudy) -> list[Picture | None]:
     form = form_of(study)
     if form == "dots":
         return [*dots_pictures(study)]
-    return [lines_picture(study)] if form == "lines" else [map_picture(study), ratio_picture(study)]
+    if form == "lines":
+        return [lines_picture(study)]
+    return [map_picture(study) if form == "map" else axes_picture(study), ratio_picture(study)]
 
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
@@ -305,7 +372,7 @@ _RUN_ERRORS = ("runs", "rmse", "bias", "bias_std")
 
 def case_rows(study: GridStudy) -> Iterator[PlainRow]:
     """One row for each case; no number where it does not identify all offsets."""
-    for number, case in enumerate(study.cases, start=1):
+    for number, case in enumerate((*study.cases, *study.beside), start=1):
         yield {
             **_case_columns(study, number, case),
             **columns_of(case, "words", "verdict", "reason", "shots", "failed", "unmet"),
@@ -317,7 +384,7 @@ def case_rows(study: GridStudy) -> Iterator[PlainRow]:
 
 def parameter_rows(study: GridStudy) -> Iterator[PlainRow]:
     """One row for each case and parameter; nothing but names where the case does not identify it."""
-    for number, case in enumerate(study.cases, start=1):
+    for number, case in enumerate((*study.cases, *study.beside), start=1):
         for one in case.parameters:
             yield {
                 **_case_columns(study, number, case),
@@ -335,5 +402,9 @@ def parameter_rows(study: GridStudy) -> Iterator[PlainRow]:
 
 def _case_columns(study: GridStudy, number: int, case: GridCase) -> PlainRow:
     """Columns that say which case it is; axes are numbered, so that no key hides another column."""
-    named = enumerate(zip(study.axes, case.at, strict=True), start=1)
-    return {"case": number, **{f"axis{k}_{shown(axis.key)}": axis.values[i] for k, (axis, i) in named}}
+    at = case.at or (None,) * len(study.axes)  # beside the grid
+    named = enumerate(zip(study.axes, at, strict=True), start=1)
+    return {
+        "case": number,
+        **{f"axis{k}_{shown(axis.key)}": None if i is None else axis.values[i] for k, (axis, i) in named},
+    }

@@ -21,9 +21,9 @@ from zerobeam.analysis import analyse as module
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics import outliers
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.posterior import intervals
-from zerobeam.analysis.posterior.intervals import profile_intervals
+from zerobeam.analysis.posterior import profiles
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
+from zerobeam.analysis.posterior.profiles import profile_intervals
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.likelihood.kernel import compiled_at_once
@@ -101,7 +101,7 @@ def test_on_a_good_run_there_is_nothing_to_tell():
 def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
     """Made so: ends of the profile that are off by 0.2 of the width, then by 0.05."""
     _, run = simulated(good_plan(12), TABLE_2, seed=2)
-    real = intervals.profile_intervals
+    real = profiles.profile_intervals
     for off, names in ((0.2, ["delta2"]), (0.05, [])):
 
         def moved(problem, fit, which, half, dof, off=off):
@@ -109,7 +109,7 @@ def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
             ends[0] += off * np.diff(ends[0])
             return ends
 
-        monkeypatch.setattr(intervals, "profile_intervals", moved)
+        monkeypatch.setattr(profiles, "profile_intervals", moved)
         result = analyse(run, ess=4000).result
         assert [row.name for row in result.intervals if row.differ] == names
 
@@ -135,7 +135,7 @@ def test_with_an_estimated_noise_the_profile_is_that_of_each_offsets_own_degrees
 def test_an_end_that_was_not_found_is_said(monkeypatch):
     _, run = simulated(good_plan(12), TABLE_2, seed=2)
     monkeypatch.setattr(
-        intervals, "profile_intervals", lambda problem, fit, which, *_: np.full((len(which), 2), np.nan)
+        profiles, "profile_intervals", lambda problem, fit, which, *_: np.full((len(which), 2), np.nan)
     )
     result = analyse(run, ess=400).result
     assert [row.name for row in result.intervals] == [f"delta{i}" for i in range(2, 7)]

@@ -6,7 +6,7 @@ from cells import TABLE_2, good_plan, pattern_plan, simulated_problem
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior import posterior
-from zerobeam.analysis.posterior.posterior import Whitening, sample_posterior
+from zerobeam.analysis.posterior.posterior import sample_posterior
 from zerobeam.analysis.posterior.sampler import diagnostics
 from zerobeam.analysis.solution import judge
 from zerobeam.words.findings import posterior_message
@@ -105,10 +105,3 @@ def test_the_density_is_never_nan(monkeypatch):
     assert not np.isnan(caught[0]).any()
     assert np.isneginf(caught[0][-50:]).all()
     assert np.isfinite(caught[0][:50]).all()
-
-
-def test_whitening_is_undone_by_its_factor():
-    factor = np.array([[2.0, 0], [0.5, 0.1]])
-    whitening = Whitening(np.array([3.0, -1.0]), factor)
-    np.testing.assert_array_equal(whitening.undo(np.zeros((1, 2)))[0], whitening.centre)
-    np.testing.assert_allclose(whitening.undo(np.array([[1.0, 0.0]]))[0], [5.0, -0.5])

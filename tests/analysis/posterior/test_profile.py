@@ -6,8 +6,7 @@ from scipy import optimize
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior import profiles
-from zerobeam.analysis.posterior.intervals import profile_intervals
-from zerobeam.analysis.posterior.profiles import ProfileContour, ProfileCurve
+from zerobeam.analysis.posterior.profiles import ProfileContour, ProfileCurve, profile_intervals
 from zerobeam.analysis.solution import judge
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.errors import BadInput

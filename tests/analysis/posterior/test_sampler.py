@@ -14,7 +14,6 @@ from zerobeam.analysis.posterior.sampler import (
     drift,
     sample_density,
 )
-from zerobeam.analysis.posterior.triangular_map import TriangularMap
 
 
 def t_at_zero(size, nu=6.0, scale=1.0):
@@ -118,38 +117,6 @@ def test_tails_are_lighter_in_many_dimensions():
     assert degrees_of_freedom(12) == 24.0
 
 
-def bananas(count, rng):
-    """(count, 4): the last two on quadratics of the first two."""
-    x = rng.normal(size=(count, 4))
-    x[:, 2] = 3 * x[:, 0] ** 2 + 0.1 * x[:, 2]
-    x[:, 3] = 2 * x[:, 0] * x[:, 1] + 0.1 * x[:, 3]
-    return x
-
-
-def test_a_bend_straightens_bananas():
-    rng = np.random.default_rng(1)
-    bend = TriangularMap(bananas(8000, rng), np.diag([1, 1, 0.1, 0.1]))
-    u = bend.back(bananas(8000, rng))
-    inside = u[(np.abs(u) < 4).all(axis=1)]
-    assert len(inside) > 7800
-    np.testing.assert_allclose(np.corrcoef(np.column_stack([inside, inside**2]).T), np.eye(8), atol=0.06)
-
-
-def test_a_bend_goes_back_and_keeps_volume():
-    rng = np.random.default_rng(2)
-    bend = TriangularMap(bananas(2000, rng), np.eye(4))
-    u = 2 * rng.normal(size=(300, 4))
-    np.testing.assert_allclose(bend.back(bend.forth(u)), u, atol=1e-7)
-    step = 1e-6
-    volumes = []
-    for point in u[:20]:
-        sides = [
-            bend.forth(point + step * e[None])[0] - bend.forth(point - step * e[None])[0] for e in np.eye(4)
-        ]
-        volumes.append(abs(np.linalg.det(np.array(sides) / (2 * step))))
-    np.testing.assert_allclose(volumes, volumes[0], rtol=1e-4)
-
-
 def agrees(sampled, means, quantiles, k=4.5):
     """Expectations and quantiles within k MCSE: `means` (function, value), `quantiles` (j, p, value)."""
     chains = sampled.values.reshape(-1, *sampled.values.shape[2:])
@@ -197,28 +164,6 @@ def test_a_badly_scaled_correlated_normal():
     # Along the axes themselves, the narrow ones among them: an std from n effective draws, 1 / sqrt(2 n).
     along = ((sampled.values - mean) @ inverse.T).reshape(-1, 6)
     assert np.abs(along.std(axis=0) - 1).max() < 4.5 / np.sqrt(2 * 2000)
-
-
-@pytest.mark.parametrize("bend", [0.5, 1.5])
-@pytest.mark.at_length(r"^1")
-def test_a_banana(bend):
-    """x ~ N(0, 1), y = bend x^2 + N(0, 0.1): a sheet as thin as that is sampled in bent coordinates."""
-
-    def log_density(w):
-        return -(w[:, 0] ** 2) / 2 - (w[:, 1] - bend * w[:, 0] ** 2) ** 2 / (2 * 0.01) - w[:, 2] ** 2 / 2
-
-    proposal = IndependenceProposal(np.zeros(3), np.diag([1, 0.1, 1]), 6.0)
-    sampled = sample_density(log_density, proposal, seed=2, ess=3000)
-    passes(sampled, 3000)
-    means = [
-        (coordinate(0), 0.0),
-        (coordinate(0, 2), 1.0),
-        (coordinate(1), bend),
-        (coordinate(1, 2), 3 * bend**2 + 0.01),
-        (lambda c: c[..., 1] - bend * c[..., 0] ** 2, 0.0),
-        (lambda c: (c[..., 1] - bend * c[..., 0] ** 2) ** 2, 0.01),
-    ]
-    agrees(sampled, means, normal_quantiles(0) + normal_quantiles(2))
 
 
 def test_a_t_with_heavy_tails():
@@ -366,25 +311,59 @@ def test_more_is_drawn_where_more_is_asked():
 
 
 @pytest.mark.long
-def test_a_run_that_goes_on_in_mapped_coordinates_has_not_nearly_ended(monkeypatch):
-    """What the plain run has told leaves room for the larger part of the work, which has advances."""
-    monkeypatch.setattr(sampler, "_PLAIN_STEPS", 60)
+def test_a_run_that_goes_on_with_many_walkers_has_not_nearly_ended(monkeypatch):
+    """What the run with few has told leaves room for the larger part of the work, which has advances."""
+    monkeypatch.setattr(sampler, "_FEW_STEPS", 60)
     monkeypatch.setattr(sampler, "_WALKERS", (32, 32))  # too few for so many draws
-    shares, mapped_from = [], []
+    shares, many_from = [], []
+    real = sampler._Run.spread
 
-    class Noted(sampler.TriangularMap):
-        def __init__(self, *about):
-            mapped_from.append(len(shares))
-            super().__init__(*about)
+    def noted(run, values, walkers):
+        many_from.append(len(shares))
+        return real(run, values, walkers)
 
-    monkeypatch.setattr(sampler, "TriangularMap", Noted)
+    monkeypatch.setattr(sampler._Run, "spread", noted)
     sampled = sample_density(normal, t_at_zero(2), seed=1, ess=20_000, progress=shares.append)
     assert sampled.enough
-    first = mapped_from[0]
+    first = many_from[0]
     assert max(shares[:first]) <= 0.2
     assert len(set(shares[first:])) >= 3
     assert shares == sorted(shares)
     assert shares[-1] <= 0.99
+
+
+def test_draws_that_another_method_contradicts_are_continued_and_do_not_pass(monkeypatch):
+    monkeypatch.setattr(sampler, "BUDGET", 100_000)
+    monkeypatch.setattr(sampler, "_PER_ESS", 0)
+    asked = []
+
+    def agrees(judged, proposed):
+        asked.append((judged.shape, proposed))
+        return False
+
+    sampled = sample_density(normal, t_at_zero(2), seed=1, ess=400, agrees=agrees)
+    assert sampled.settled
+    assert not sampled.done
+    (few, _), (many, proposed) = asked
+    assert many[1] > few[1]
+    assert np.allclose(
+        proposed.log_weights[:9],
+        normal(proposed.points[:9]) - proposed.proposal.log_density(proposed.points[:9]),
+    )
+    assert sample_density(normal, t_at_zero(2), seed=1, ess=400).done
+
+
+def test_a_density_unlike_the_proposal_is_given_up_at_the_first_look():
+    """A ring a thousandth thick in twenty dimensions: no budget would do."""
+    rows = []
+
+    def log_density(w):
+        rows.append(len(w))
+        return -((np.linalg.norm(w, axis=1) - 4.5) ** 2) / 2e-6
+
+    sampled = sample_density(log_density, t_at_zero(20), seed=1, ess=1000)
+    assert not sampled.done
+    assert sum(rows) < 60_000
 
 
 @pytest.mark.long

@@ -281,6 +281,7 @@ def test_patterns_take_no_constraints(tmp_path: Path) -> None:
     )
     stated = ("--header", tmp_path / "header.yaml", "--target", "900,0,0", "-o", tmp_path / "plan.yaml")
     assert "--margin" in zerobeam("plan", "x", *stated, "--margin", "3").refused()
+    assert "it takes no --width" in zerobeam("plan", "optimal", *stated, "--width", "900").refused()
     assert zerobeam("plan", "x", *stated).status == 1  # degenerate, as X-Patterns are
     assert "constraints" not in (tmp_path / "plan.yaml").read_text(encoding="utf-8")
 

@@ -16,6 +16,7 @@ from plan_requests import plan_request
 from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.experiments.plans.obstacles import Obstacles
+from zerobeam.experiments.plans.patterns import Line
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import read_plan
 
@@ -62,6 +63,15 @@ def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
     else:
         assert answer["efficiency"] is None
         assert answer["removed"] is None
+
+
+def test_a_y_pattern_whose_line_is_stated(tmp_path: Path) -> None:
+    """The best of docs/paper.md: a pass, where the usual one is weak."""
+    line = Line(distance=300.0, height=700.0, width=1600.0, roll=0.0)
+    answer = made(tmp_path / "plan.yaml", kind="y", target=(900.0, 100.0, 800.0), line=line)
+    assert answer.checked is not None
+    assert answer.checked.verdict == "pass"
+    assert max(row.std or 9 for row in answer.checked.parameters if row.name in OFFSETS) < 0.06
 
 
 @pytest.mark.long

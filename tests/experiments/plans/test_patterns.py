@@ -1,10 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from cells import OPEN_LASER, PROBE, header, irb1600
+from cells import OPEN_LASER, PROBE, header, irb1600, plan_of
 from plain_posterior import beam
 
-from zerobeam.experiments.plans.patterns import _LINES, pattern, reach
+from zerobeam.analysis.observability.check import check
+from zerobeam.experiments.plans.patterns import _LINES, Line, pattern, reach
 from zerobeam.model.errors import BadInput
+from zerobeam.model.likelihood.problem import Problem
 
 
 def beams(which, aside, shots=7, tool=None):
@@ -77,3 +81,57 @@ def test_a_target_out_of_sight_is_bad_input(refused):
 def test_a_probe_has_no_pattern(refused):
     error = refused(pattern, header(PROBE), irb1600(), np.array([900.0, 0, 0]), "x")
     assert "made for a beam" in str(error)
+
+
+TABLE = np.array([900.0, 100.0, 800.0])
+WIDE = Line(distance=500.0, height=500.0, width=1200.0, roll=np.radians(30))
+
+
+def rolled(line, which="y", target=TABLE):
+    """Postures, where their beams start, and the rotation of each flange (columns: its axes)."""
+    own = header(target=target)
+    postures = pattern(own, irb1600(), target, which, 7, line=line)
+    problem = Problem.build(own, irb1600(), postures, ["psd"] * 7)
+    x = problem.nominal()
+    origin, direction = problem.beams(x)
+    return postures, origin, direction, problem.poses(x)
+
+
+def test_a_stated_line_and_roll_are_where_they_are_stated():
+    postures, origin, direction, poses = rolled(WIDE)
+    expected = np.stack([np.full(7, 500.0), np.linspace(-600, 600, 7), np.full(7, 1300.0)], axis=1)
+    np.testing.assert_allclose(origin, expected, atol=2e-3)
+    away = TABLE - origin
+    np.testing.assert_allclose(np.cross(away, direction), 0, atol=5e-3)
+    # The beam is the flange's x axis: b1 is its y axis (docs/conventions.md), 30 degrees off the line.
+    for at, beam_direction in zip(poses, direction, strict=True):
+        rotation = np.asarray(at)[:3, :3]
+        np.testing.assert_allclose(rotation[:, 0], beam_direction, atol=1e-9)
+        level = np.array([0.0, 1.0, 0.0]) - beam_direction[1] * beam_direction
+        level /= np.linalg.norm(level)
+        b1 = rotation[:, 1]
+        roll = np.degrees(np.arctan2(b1 @ np.cross(beam_direction, level), b1 @ level))
+        assert roll == pytest.approx(30, abs=1e-3)
+    assert (postures >= irb1600().lower).all()
+    assert (postures <= irb1600().upper).all()
+
+
+def test_another_roll_is_other_postures_of_the_same_beams():
+    one, other = rolled(WIDE), rolled(replace(WIDE, roll=np.radians(-30)))
+    np.testing.assert_allclose(one[1], other[1], atol=4e-3)
+    assert np.degrees(np.abs(one[0] - other[0])).max() > 10
+
+
+def test_a_line_without_width_is_one_posture():
+    """All of them the same: joint 1 is at rest, and no offset is identifiable."""
+    postures, *_ = rolled(replace(WIDE, width=0.0))
+    assert np.ptp(postures, axis=0).max() < 1e-6
+    own = header(target=TABLE)
+    assert check(plan_of(own, postures)).verdict == "degenerate"
+
+
+def test_a_beam_along_the_line_has_no_roll(refused):
+    target = np.array([1300.0, 0.0, 800.0])
+    line = Line(distance=700.0, height=0.0, width=300.0, roll=0.0)
+    error = refused(pattern, header(target=target), irb1600(), target, "x", line=line)
+    assert "no roll about it" in str(error)

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from example_sweeps import (
+    geometry_sweep,
     long_sweep,
     map_sweep,
     pattern_map_sweep,
@@ -35,6 +36,7 @@ from zerobeam.reports.studies.sweeps.marks import gap
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.blocks import Row
 from zerobeam.reports.style.canvas import Picture, log_ticks
+from zerobeam.words import numbers
 
 Json = dict[str, Any]
 
@@ -226,8 +228,8 @@ def test_without_simulated_runs_nothing_is_said_of_them() -> None:
 def test_long_grids_are_cut_and_say_so() -> None:
     view = study_page(long_sweep(200))
     (summary,), (offsets,) = tables_of(view, SUMMARY), tables_of(view, OFFSETS)
-    assert len(summary.rows) == 60
-    assert summary.caption.endswith("(60 of 200 cases shown, all in cases.csv)")
+    assert len(summary.rows) == 20
+    assert summary.caption.endswith("(the 20 best of 200 cases shown, all in cases.csv)")
     shown = sum(texts(row)[0].startswith("case ") for row in offsets.rows)
     assert len(offsets.rows) <= 60
     assert offsets.caption.endswith(f"({shown} of 200 cases shown, all in offsets.csv)")
@@ -235,6 +237,53 @@ def test_long_grids_are_cut_and_say_so() -> None:
     (whole,) = tables_of(study_page(long_sweep(60)), SUMMARY)
     assert len(whole.rows) == 60
     assert "shown" not in whole.caption
+
+
+def test_more_axes_than_a_map_has_are_a_panel_each_and_cases_stand_beside() -> None:
+    study = geometry_sweep()
+    assert figure_names(study) == ["axes"]
+    (picture,) = SWEEP.pictures(study).values()
+    text = words(picture.svg)
+    for axis in study.axes:
+        assert axis.label in text
+    # Nine cases do not determine δ2; in all others δ6 is the least certain: the figure is of it.
+    assert "J6 (δ6)" in picture.title
+    assert "not determined" not in text
+    medians = [row.median for row in study.over_cases(0, 2) if row.name == "delta6"]
+    assert f"{numbers.spread(medians[0], 'deg')} at 800" in picture.alt.replace("\u00a0", " ")
+    view = study_page(study)
+    (over,) = tables_of(view, "Predicted standard uncertainty u of each offset over the cases")
+    rows = {texts(row)[0]: texts(row) for row in over.rows}
+    assert rows["J2 (δ2)"][-1] == "in 9 of 72"
+    (beside,) = tables_of(view, "Beside the grid")
+    assert [texts(row)[:3] for row in beside.rows] == [
+        ["X-Pattern", "degenerate", NOT_DETERMINED],
+        ["optimal", "pass", "0.0077°"],
+        ["a ring", "no plan", ""],
+    ]
+    (summary,) = tables_of(view, SUMMARY)
+    best = [std for std in (case.worst_std for case in study.cases) if std is not None]
+    assert is_rounded(texts(summary.rows[0])[-1].split()[-1].rstrip("°"), min(best))
+    listed = list(SWEEP.tables["cases.csv"](study))
+    assert [row["words"] for row in listed[-3:]] == ["X-Pattern", "optimal", "a ring"]
+    assert {row["axis1_target.xyz_mm.z"] for row in listed[-3:]} == {None}
+
+
+def test_an_offset_that_is_not_determined_is_counted_above_the_figure() -> None:
+    study = geometry_sweep()
+    cases = tuple(
+        replace(case, parameters=case.parameters[:1], worst_std=case.parameters[0].std)
+        if case.parameters
+        else case
+        for case in study.cases
+    )
+    (picture,) = SWEEP.pictures(replace(study, cases=cases)).values()
+    assert "J2 (δ2)" in picture.title
+    assert "not determined (cases)" in words(picture.svg)
+    # At the farthest distance 9 of 24 cases do not determine it: they are part of the median.
+    stds = sorted(case.parameters[0].std or 99 for case in cases if case.parameters and case.at[1] == 2)
+    middle = (stds[len(stds) // 2 - 1] + stds[len(stds) // 2]) / 2
+    assert f"{numbers.spread(middle, 'deg')} at 900" in picture.alt.replace("\u00a0", " ")
 
 
 def test_cases_of_one_value_of_the_first_axis_stay_in_one_figure_of_dots() -> None:

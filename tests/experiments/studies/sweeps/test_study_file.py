@@ -104,6 +104,37 @@ def test_tolerances_of_the_geometry_may_be_stated_and_varied(tmp_path: Path) -> 
     assert "geometry" not in plain.settings.as_in_file()
 
 
+BESIDE = "beside:\n  - {name: optimal, set: {plan.kind: optimal}}\n  - {name: base, set: {}}\n"
+
+
+def test_cases_beside_the_grid_are_the_base_with_their_own_changes(tmp_path: Path) -> None:
+    study = read(tmp_path, SHOTS + BESIDE)
+    assert [case.at for case in study.cases] == [(0,), (1,)]
+    assert [(case.at, case.words, case.settings.plan.kind) for case in study.beside] == [
+        ((), "optimal", "optimal"),
+        ((), "base", "y"),
+    ]
+    assert read(tmp_path, SHOTS).beside == ()
+
+
+def test_what_cannot_be_beside_is_refused_where_it_stands(tmp_path: Path) -> None:
+    error = refused(tmp_path, SHOTS + BESIDE.replace("name: base", "name: optimal"))
+    assert "two cases beside the grid have the same name" in str(error)
+    assert error.line == 15
+    error = refused(tmp_path, SHOTS + BESIDE.replace("set: {}", "set: {plan.shot: 3}"))
+    assert "no setting of this name" in error.what
+    assert error.line == 15
+    error = refused(tmp_path, SHOTS + BESIDE.replace("set: {}", "set: {runs: 3}"), runs=5)
+    assert "--runs" in error.what
+
+
+def test_a_pattern_has_one_width(tmp_path: Path) -> None:
+    both = BASE.replace("{kind: y}", "{kind: y, span: 0.4, width_mm: 900}")
+    error = refused(tmp_path, SHOTS, both)
+    assert "span and width_mm state the same length" in str(error)
+    assert error.line == 9
+
+
 def test_runs_asked_for_take_the_place_of_the_files(tmp_path: Path) -> None:
     assert {case.settings.runs for case in read(tmp_path, SHOTS, runs=3).cases} == {3}
     error = refused(tmp_path, "  - {key: runs, values: [2, 3]}\n", runs=3)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import plan_of
+from example_sweeps import shots_sweep
 from pydantic import TypeAdapter
 from scipy import stats
 
@@ -233,6 +234,74 @@ def test_a_case_that_has_no_plan_says_why(tmp_path: Path) -> None:
     assert swept_answer["agrees"] is True
 
 
+GEOMETRY = """\
+schema: zerobeam/study-file/1
+study: own
+title: Which Y-Pattern?
+base:
+  robot: irb1600
+  tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}
+  noise: {joint_deg: 0.01, spot_mm: 0.05}
+  geometry: exact
+  target: {xyz_mm: [900, 100, 800], sigma_mm: 300}
+  plan: {kind: y, distance_mm: 500, height_mm: 500, candidates: 300}
+axes:
+  - {key: plan.width_mm, unit: mm, values: [0, 400, 1200]}
+  - {key: plan.roll_deg, unit: deg, values: [45]}
+beside:
+  - {name: X-Pattern, set: {plan.kind: x, plan.width_mm: 400}}
+  - {name: optimal, set: {plan.kind: optimal}}
+  - {name: near a limit, set: {plan.width_mm: 1200, plan.roll_deg: 0, plan.margin_deg: 60}}
+"""
+
+
+def test_y_patterns_by_where_their_line_lies(tmp_path: Path) -> None:
+    """A wide one is better; without width, and of an X-Pattern, δ2 has no number; an optimal plan is best."""
+    answer = sweep(study_of_text(tmp_path, GEOMETRY, 0), 0, silent, processes=1)
+
+    def stds(case: GridCase) -> dict[str, float | None]:
+        return {one.name: one.std for one in case.parameters}
+
+    none, narrow, wide = map(stds, answer.cases)
+    assert set(none.values()) == {None}
+    assert wide["delta2"] is not None
+    assert wide["delta2"] < 0.13
+    assert narrow["delta2"] is None or narrow["delta2"] > 3 * wide["delta2"]
+    x_pattern, optimal, _ = map(stds, answer.beside)
+    assert x_pattern["delta2"] is None
+    assert x_pattern["delta3"] is not None
+    assert max(std or 9 for std in optimal.values()) < 0.03
+    assert [case.words for case in answer.beside] == ["X-Pattern", "optimal", "near a limit"]
+    reason = answer.beside[2].reason
+    assert reason is not None
+    assert reason.startswith("postures of the pattern come too near to a joint limit: ")
+    (row,) = [row for row in answer.over_cases() if row.name == "delta2"]
+    assert (row.cases, row.least, row.without) == (3, wide["delta2"], 2 if narrow["delta2"] is None else 1)
+    json.dumps(to_json(answer), allow_nan=False)
+
+
+def test_what_no_case_determines_is_larger_than_any_number() -> None:
+    def over(*stds: float | None) -> Any:
+        cases = tuple(
+            GridCase(
+                (i,),
+                "it",
+                verdict="weak" if std else "degenerate",
+                parameters=(
+                    CaseParameter("delta2", "offset", "deg", "weak" if std else "unidentifiable", std),
+                ),
+            )
+            for i, std in enumerate(stds)
+        )
+        (row,) = replace(shots_sweep(), cases=cases).over_cases()
+        return row.least, row.median, row.largest, row.without, row.cases
+
+    assert over(0.3, 0.1, None) == (0.1, 0.3, 0.3, 1, 3)
+    assert over(0.3, None) == (0.3, None, 0.3, 1, 2)
+    assert over(0.3, None, None) == (0.3, None, 0.3, 2, 3)
+    assert over(None) == (None, None, None, 1, 1)
+
+
 def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: Json) -> None:
     text = STUDY.replace("[0.002, 0.01]", "[0.05, 0.002]").replace(
         "      - {name: X-Pattern, set: {plan.kind: x}}\n", ""
@@ -268,7 +337,7 @@ def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
     for case in cases:
         postures = module._patterned(case)
         plan, target = case.settings.plan, np.array(case.settings.target.xyz_mm)
-        searched_again = real(case.header, case.robot, target, plan.kind, plan.shots, span=plan.span)
+        searched_again = real(case.header, case.robot, target, plan.kind, plan.shots)
         np.testing.assert_array_equal(postures, searched_again)
     assert len(cases) > len(searched) == len({case.settings.plan.kind for case in cases})
     target_elsewhere = cases[0].settings.target.model_copy(update={"xyz_mm": (880.0, 50.0, 0.0)})
