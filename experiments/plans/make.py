@@ -126,6 +126,12 @@ class MadePlan:
             lines.append(
                 "The bound did not converge within its number of steps: it holds, and the plan may be better."
             )
+        worst = self.checked.worst
+        if fewest is not None and worst is not None and worst > fewest.tolerance:
+            lines.append(
+                f"The tolerance {numbers.exact(fewest.tolerance)} is reached with everything where it is"
+                f" guessed; at a typical place the largest standard uncertainty is {numbers.spread(worst)}."
+            )
         never = no_plan_sentence(made.hopeless)
         untested = None if self.untested is None else lacking_test_sentence(self.untested)
         return [*lines, *power_sentences(made.power), *(each for each in (never, untested) if each)]
