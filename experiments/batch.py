@@ -103,8 +103,8 @@ class BatchRow:
     @property
     def worst(self) -> BatchOffset | None:
         """The offset with the largest u, of those that are measured in degrees if any is; None where one of
-        them is not determined, or all are held."""
-        free = [row for row in self.offsets if row.status != "held"]
+        them is not determined, or all are held or assumed."""
+        free = [row for row in self.offsets if row.status not in ("held", "assumed")]
         if not free or not all(known(row.status) for row in free):
             return None
         angles = [row for row in free if row.unit == "deg"]

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..analysis.observability.causes import (
+    AsGoodAs,
     BaseFrame,
     Cause,
     CommonMotion,
@@ -35,10 +36,11 @@ from ..analysis.observability.causes import (
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
+from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
-from .wording import Namer, counted, label, listed, shown
+from .wording import Namer, be, clipped, counted, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -97,6 +99,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "the model does not describe the measurements"
         case NotResolvable():
             return "not resolvable at this noise level"
+        case AsGoodAs():
+            return _as_good_as(cause)
         case ToleranceOnly():
             return "prior only: the measurements say no more of it than its tolerance"
         case WithinTolerances(share, largest):
@@ -220,6 +224,8 @@ def _untried(cause: Cause, name: Namer) -> str:
             return "look for a wrong measurement, or state a better guess of target and tool"
         case NotTheModel():
             return "find what is wrong first: joint columns, signs, zeros, units, targets, geometry"
+        case AsGoodAs(of):
+            return stating(of)
         case TargetUnseen(target, _):
             return f"add measurements of {name(target)} from other directions"
         case NoiseSplit():
@@ -237,6 +243,45 @@ def _untried(cause: Cause, name: Namer) -> str:
             return "add measurements in postures that differ in every joint, until one optimum is left"
         case _:
             return _PLAN_ANEW
+
+
+def named_part(kind: str, of: str, part: str) -> str:
+    """A part of the instrument with the label `of`, such as "the laser's mounting"."""
+    if part not in ("mounting", "tip", "frame", "mount"):
+        return f"the reflector {clipped(part)}"
+    return f"the {kind}'s {part}" if of == "tool" else f"the {part} of {clipped(of)}"
+
+
+def part_of(one: Assumption) -> str:
+    """What of an instrument is assumed or stated, such as "the laser's mounting"."""
+    return named_part(one.kind, one.label, one.part)
+
+
+def size_of(one: Assumption) -> str:
+    """How far it may be from what is stated."""
+    return "exact" if one.std is None else numbers.exact(float(f"{one.std:.3g}"), numbers.unit_of(one.unit))
+
+
+def _as_good_as(cause: AsGoodAs) -> str:
+    parts = list(dict.fromkeys(map(part_of, cause.of)))
+    sizes = list(dict.fromkeys(size_of(one) for one in cause.of if one.std is not None))
+    if cause.stated:
+        stated = [
+            f"the stated {one.part} of {f'the {one.kind}' if one.label == 'tool' else clipped(one.label)}"
+            for one in cause.of
+        ]
+        return f"by {listed(list(dict.fromkeys(stated)))}: {listed(sizes)}"
+    if not sizes:
+        return f"as good as {listed(parts)}: that it is exactly as stated is assumed, not measured"
+    return f"as good as {listed(parts)}: {listed(sizes)} {be(sizes)} assumed, not stated or measured"
+
+
+def stating(of: Sequence[Assumption]) -> str:
+    """What to do about what an offset rests on, as an imperative."""
+    parts, keys = (list(dict.fromkeys(each)) for each in (map(part_of, of), (one.key for one in of)))
+    if all(one.part == "frame" for one in of):
+        return f"measure {listed(parts)}, or state it as free and hold the first offset"
+    return f"measure {listed(parts)} and state {listed(keys)}"
 
 
 def _counts(cause: TooFewMeasurements) -> str:

@@ -5,22 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..analysis.answer.message import Action, Message, WorstOffset
-from ..analysis.observability.causes import Tried, worst_direction
+from ..analysis.observability.causes import AsGoodAs, Tried, worst_direction
 from ..analysis.observability.check import Check, CheckedParameter
 from ..analysis.status import Status
 from . import numbers
 from .geometry import by_tolerances
-from .observability import condition, direction_remedy, over_target_sentence, power_sentences, reason
-from .verdict import VERDICT_WORDS, check_notes, violation_words
+from .observability import (
+    condition,
+    direction_remedy,
+    over_target_sentence,
+    power_sentences,
+    reason,
+    stating,
+)
+from .verdict import VERDICT_WORDS, check_notes, resting, violation_words
 from .wording import be, capital, counted, ended, listed, person, sentence
 
 COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
 _MOST_CAUTIONS = 6
+_DETERMINED: tuple[Status, ...] = ("identified", "weak", "unidentifiable")  # or not, but by measurements
 
 
 def plan_message(check: Check) -> Message:
     """The message of a plan; broken constraints come before all else."""
-    worst = max(_offsets(check), key=lambda row: (row.std is None, row.std or 0.0), default=None)
+    worst = max(
+        _offsets(check, *_DETERMINED), key=lambda row: (row.std is None, row.std or 0.0), default=None
+    )
     cause = _cause(check)
     return Message(
         verdict=f"{VERDICT_WORDS[check.verdict]}. {_determined(check)}",
@@ -63,6 +73,7 @@ def _determined(check: Check) -> str:
     for status, text in texts.items():
         if names := [person(row.name) for row in _offsets(check, status)]:
             sentences.append(f"{listed(names)} {be(names)} {text}.")
+    sentences += resting(_offsets(check), person)
     return " ".join(sentences) or "No offset is estimated: all are held."
 
 
@@ -102,6 +113,9 @@ def _action(check: Check) -> str:
         return f"Change or remove {noun} {listed([str(i) for i in broken])}{loosen}"
     row = _limiting(check)
     if row is None:
+        assumed = [row.cause.of for row in _offsets(check, "assumed") if isinstance(row.cause, AsGoodAs)]
+        if assumed and not _offsets(check, "identified"):
+            return capital(stating(assumed[0]))
         measure = "Nothing needs to change. Measure by this plan"
         return measure if _offsets(check) else "Estimate an offset: leave it out of `held`"
     return capital(direction_remedy(worst_direction(check.identifiability.null_space, row.name), person))

@@ -22,6 +22,7 @@ from ..analysis.misfit import (
     NominalContradicted,
     PlacementsDisagree,
 )
+from ..analysis.observability.basis import Basis
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check
@@ -108,11 +109,17 @@ def document_of(result: Result) -> document.ResultDocument:
         ),
         enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
         enter_geometry=with_links and document.EnterDocument.filled(with_links, for_=with_links.of),
+        taken_as_known=tuple(map(_basis, result.taken_as_known)),
         notes=notes(result),
         conformity=entered and result.conformity,
         power=_powers(result.power),
         next_steps=steps,
     )
+
+
+def _basis(basis: Basis) -> document.BasisDocument:
+    sizes = tuple(document.SizeDocument.filled(size) for size in basis.sizes)
+    return document.BasisDocument.filled(basis, sizes=sizes)
 
 
 def _hold_out(

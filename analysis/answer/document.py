@@ -30,7 +30,7 @@ from ..observability.power import WrongModel
 from ..posterior.posterior import Agreement, PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
-from ..status import Status, UnsoundResult, Verdict, known
+from ..status import Status, UnsoundResult, Verdict, has_numbers
 from .document_part import DocumentPart, Interval, Number
 from .message import Message
 from .misfit_document import MisfitDocument, SentenceDocument
@@ -89,7 +89,7 @@ class ParameterDocument(DocumentPart):
             raise ValueError(f"{self.name} is unidentifiable, yet it has a number")
         if self.std is not None and self.std <= 0:
             raise ValueError(f"the std of {self.name} is not a number above 0")
-        if known(self.status) and None in (self.estimate, self.std, self.interval95):
+        if has_numbers(self.status) and None in (self.estimate, self.std, self.interval95):
             raise ValueError(f"{self.name} is {self.status}, yet it lacks a number")
         return self
 
@@ -174,6 +174,13 @@ class FitDocument(DocumentPart):
     dof: int | None = Field(description="degrees of freedom")
     p_value: Number = Field(
         description="of χ²; null where the noise is estimated or no degree of freedom is left"
+    )
+    p_small: Number = Field(
+        None,
+        description=(
+            "p-value of residuals as small, the noise as stated, of an arm without any deviation; null where "
+            "the noise is estimated, and without an answer"
+        ),
     )
     noise_scale: Number = Field(
         description="the noise as a multiple of the stated one, where it is estimated"
@@ -640,6 +647,30 @@ class PowerDocument(DocumentPart):
     dangerous: bool = Field(description="whether `risk` is above 0.01")
 
 
+class SizeDocument(DocumentPart):
+    """How far something may be off: a standard deviation."""
+
+    std: float | tuple[float, ...] = Field(description="standard deviation; of links a list, one for each")
+    unit: str = Field(description="`deg` or `mm`")
+
+
+class BasisDocument(DocumentPart):
+    """What is taken as known besides the measurements."""
+
+    of: str = Field(description="label of the instrument, `tool`, or `arm`")
+    kind: str = Field(description="of the instrument, or `arm`")
+    part: str = Field(description="`mounting`, `tip`, `frame`, `mount`, `links`, or the name of a reflector")
+    stated: bool = Field(description="whether the header says how well it is known; else that is assumed")
+    keys: tuple[str, ...] = Field(description="the keys of the header that say so")
+    sizes: tuple[SizeDocument, ...] = Field(
+        description="how well it is known, a list of `std` and `unit`; empty: it is taken as exact"
+    )
+    offset: str | None = Field(description="the offset to which it does most, else null")
+    unit: str | None = Field(description="of `u`")
+    u: Number = Field(description="standard uncertainty of that offset")
+    u_if_exact: Number = Field(description="the same, were it known exactly")
+
+
 class ResultDocument(DocumentPart):
     """The content of a result.json, in the order of its keys."""
 
@@ -658,8 +689,8 @@ class ResultDocument(DocumentPart):
             "where it is not determined, `unit`, `text`; null for a misfit), `cause` (of a misfit its "
             "best explanation, of a degenerate run the mechanism, of a weak one the limit, of a pass the "
             "evidence against it; else null), `action` (`text`, and `command`, the command to type, or "
-            "null), `cautions` (the gravest first). Of a misfit it has nothing that follows from the "
-            "wrong model"
+            "null), `cautions` (the gravest first), `basis` (what was stated, and what was assumed with what "
+            "it does to U). Of a misfit it has nothing that follows from the wrong model"
         )
     )
     coverage_factor: float = Field(
@@ -769,6 +800,13 @@ class ResultDocument(DocumentPart):
             "subject to the absence of each that is `dangerous`, and `message.verdict` says so; empty "
             "where nothing is tested, and of a misfit"
         )
+    )
+    taken_as_known: tuple[BasisDocument, ...] = Field(
+        default=(),
+        description=(
+            "what the answer takes as known of tool, instruments and links besides the measurements, whether "
+            "the header states it or it is assumed"
+        ),
     )
     notes: tuple[str, ...] = Field(description="findings in sentences, the gravest first")
     next_steps: NextSteps = Field(

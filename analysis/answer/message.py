@@ -27,10 +27,12 @@ class Action:
 @dataclass(frozen=True)
 class Message:
     """What is known (`verdict`), how well (`worst`, None for a misfit), what is wrong or limits it (`cause`,
-    None where nothing is), what to do, and what a reader must not miss, the gravest first."""
+    None where nothing is), what to do, and what a reader must not miss, the gravest first. `basis`: what was
+    stated, and what was assumed with what it does to U."""
 
     verdict: str
     worst: WorstOffset | None
     cause: str | None
     action: Action
     cautions: tuple[str, ...]
+    basis: tuple[str, ...] = ()

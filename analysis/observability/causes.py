@@ -4,10 +4,12 @@ a status is due to. Their sentences and remedies are made in `words`."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
+from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ..status import Status
 
@@ -57,6 +59,18 @@ class WithinTolerances:
 
     share: float
     largest: tuple[NamedTolerance, ...] = ()
+
+
+@dataclass(frozen=True)
+class AsGoodAs:
+    """The data determine an offset only with what is known `of` an instrument besides: its mounting, its tip,
+    its frame. That is `stated`, or assumed."""
+
+    of: tuple[Assumption, ...]
+
+    @property
+    def stated(self) -> bool:
+        return all(one.stated for one in self.of)
 
 
 @dataclass(frozen=True)
@@ -188,6 +202,7 @@ Cause = (
     | Unconverged
     | NotTheModel
     | NotResolvable
+    | AsGoodAs
     | ToleranceOnly
     | WithinTolerances
     | TargetUnseen
@@ -282,9 +297,14 @@ def _share(direction: NullDirection, name: str) -> float:
 
 
 def cause_for(
-    null_space: Sequence[NullDirection], item: Parameter, status: Status, tolerance_share: float | None = None
+    null_space: Sequence[NullDirection],
+    item: Parameter,
+    status: Status,
+    tolerance_share: float | None = None,
+    rests_on: Mapping[str, tuple[Assumption, ...]] = MappingProxyType({}),
 ) -> Cause | None:
-    """Why a parameter has no number, or a poor one; None for an identified one.
+    """Why a parameter has no number, or a poor one, or what its number `rests_on`; None for one that the
+    measurements identify alone.
 
     `tolerance_share` (0 to 1) is the part of its variance that the tolerances set.
     """
@@ -294,8 +314,8 @@ def cause_for(
         return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()
-    if status == "identified":
-        return None
+    if status in ("identified", "assumed"):
+        return AsGoodAs(rests_on[item.name]) if item.name in rests_on else None
     cause = worst_direction(null_space, item.name).cause
     if isinstance(cause, NotResolvable) and tolerance_share is not None and tolerance_share >= MOST:
         return WithinTolerances(tolerance_share)

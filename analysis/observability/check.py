@@ -16,7 +16,7 @@ from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
 from ..covariance import Rows, frame, row_text
 from ..estimation.threads import one_blas_thread
-from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
+from ..status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, versions
 from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause, Tried, cause_for
@@ -87,7 +87,8 @@ class CheckedParameter:
     """One unknown before the shots: the parameter `name` of a `group` (offset, geometry, target, tool, …),
     its numbers in its `unit` (deg, mm, or 1 of a noise factor).
 
-    `status` is "identified", "weak", "unidentifiable" or "held", and `cause` says why it has no number.
+    `status` is "identified", "weak", "assumed", "unidentifiable" or "held", and `cause` says why it has
+    no number, or what its number rests on.
     `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge or a held one; `std`
     what the calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance.
     `tolerance_share` (0 to 1) is the part of the variance that tolerances set."""
@@ -297,7 +298,7 @@ class Check:
         rows = []
         for i, item in enumerate(parameters.items):
             status, data_std = identified.status[i], float(identified.data_std[i])
-            by_tolerances = float(share[i]) if known(status) and len(problem.tolerated) else None
+            by_tolerances = float(share[i]) if has_numbers(status) and len(problem.tolerated) else None
             rows.append(
                 CheckedParameter(
                     name=item.name,
@@ -306,9 +307,9 @@ class Check:
                     status=status,
                     held=item.held,
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
-                    std=float(std[i]) * item.display if known(status) else None,
+                    std=float(std[i]) * item.display if has_numbers(status) else None,
                     prior_std=item.prior_std * item.display,
-                    cause=cause_for(facts.null_space, item, status, by_tolerances),
+                    cause=cause_for(facts.null_space, item, status, by_tolerances, identified.rests_on),
                     tolerance_share=by_tolerances,
                     tolerated=item.tolerated,
                 )
@@ -373,7 +374,10 @@ def without_posture(
         posture,
         verdict_of(identified.status[offsets]),
         {item.name: status for item, status, _ in judged},
-        {item.name: float(value) * item.display if known(status) else None for item, status, value in judged},
+        {
+            item.name: float(value) * item.display if has_numbers(status) else None
+            for item, status, value in judged
+        },
     )
 
 

@@ -14,8 +14,8 @@ null (or as nearly null) too, with all other parameters known."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Literal
@@ -23,10 +23,10 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.instruments.kind import Instrument
+from ...model.instruments.kind import Assumption, Instrument
 from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
-from ..status import Status
+from ..status import Status, known
 from .causes import (
     MOST,
     BaseFrame,
@@ -46,7 +46,7 @@ from .causes import (
     Unexplained,
     WithinTolerances,
 )
-from .gauges import PART, ROUNDING, Gauge, complement, gauge_of, information_root, information_roots
+from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_root, information_roots
 from .marginal import Marginal
 
 _NEARLY_CONSTANT_DEG = 10.0
@@ -59,6 +59,7 @@ _NEW = 1e-4  # a null direction is not named yet if this part of it is outside t
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
+_RESTS = 2.0  # times the std without what is known of tool and frames: then three quarters are known by it
 _PART_OF_IT = 0.1  # of the largest term of a direction: an offset that has as much is named
 _SHIFTED: tuple[Group, ...] = ("target", "frame", "tool")
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
@@ -207,11 +208,13 @@ class Identifiability:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """Per parameter (p,): `status`, and `data_std` in internal units (inf for a gauge, nan if held)."""
+    """Per parameter (p,): `status`, and `data_std` in internal units (inf for a gauge, nan if held);
+    `rests_on` what an offset, by its name, is known by besides the measurements."""
 
     status: tuple[Status, ...]
     data_std: Matrix
     facts: Identifiability
+    rests_on: Mapping[str, tuple[Assumption, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
@@ -226,8 +229,28 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     `weight` is 1 / noise scale^2, of measurements only.
     """
     parameters = problem.parameters
-    gauge = gauge_of(problem, x, weight)
+    judged, data_std = _judged(problem, x, weight)
     tolerated = parameters.tolerated[parameters.free]
+    singular = judged.spectrum.of_all
+    facts = Identifiability(
+        rank=_rank(tolerated, singular),
+        size=len(tolerated),
+        condition=None if judged.gauge.basis.shape[1] else float(singular.max() / singular.min()),
+        observability=observability(singular, problem.shots),
+        null_space=(*_exact_directions(judged), *_noise_directions(judged)),
+    )
+    rests_on = _taken_as_known(problem, x, weight, judged.status, data_std)
+    status = tuple(
+        "assumed" if any(not one.stated for one in rests_on.get(item.name, ())) else each
+        for item, each in zip(parameters.items, judged.status, strict=True)
+    )
+    return Identified(status, data_std, facts, rests_on)
+
+
+def _judged(problem: Problem, x: Matrix, weight: float) -> tuple[_Judged, Matrix]:
+    """The statuses by what the problem takes as known, and `data_std` (p,) of `Identified`."""
+    gauge = gauge_of(problem, x, weight)
+    tolerated = problem.parameters.tolerated[problem.parameters.free]
     marginal = Marginal.of(gauge.jacobian, tolerated)
     spectrum = _Spectrum.of(marginal.root, gauge.basis)
     scaled_std = _stds(marginal, spectrum, tolerated)
@@ -237,17 +260,58 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         scaled_std = np.maximum(scaled_std, _stds(there, _Spectrum.of(there.root, basis), tolerated))
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge.spanned)
-    status, data_std = _statuses(parameters, scaled_std)
-    judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
-    singular = spectrum.of_all
-    facts = Identifiability(
-        rank=_rank(tolerated, singular),
-        size=len(tolerated),
-        condition=None if gauge.basis.shape[1] else float(singular.max() / singular.min()),
-        observability=observability(singular, problem.shots),
-        null_space=(*_exact_directions(judged), *_noise_directions(judged)),
-    )
-    return Identified(status, data_std, facts)
+    status, data_std = _statuses(problem.parameters, scaled_std)
+    return _Judged(problem, x, weight, gauge, marginal, spectrum, status), data_std
+
+
+def _taken_as_known(
+    problem: Problem, x: Matrix, weight: float, status: Sequence[Status], data_std: Matrix
+) -> dict[str, tuple[Assumption, ...]]:
+    """By the name of each offset that would be unidentifiable were nothing known of tool and frames: what it
+    rests on. What is assumed, where that alone makes it identifiable; else what the header states. `data_std`
+    (p,) is with all that is known.
+    """
+    items = problem.parameters.items
+    offsets = [i for i, item in enumerate(items) if item.group == "offset" and known(status[i])]
+    every = problem.tool.taken_as_known
+    if not offsets or not every:
+        return {}
+    stated, assumed = ([one for one in every if one.stated == as_stated] for as_stated in (True, False))
+    resting = _lost(problem, x, weight, offsets, data_std, keep_stated=False)
+    without = resting if not stated else []
+    if resting and stated and assumed:
+        without = _lost(problem, x, weight, resting, data_std, keep_stated=True)
+    return {items[i].name: _of_unit(problem, assumed if i in without else stated) for i in resting}
+
+
+def _lost(
+    problem: Problem,
+    x: Matrix,
+    weight: float,
+    offsets: Sequence[int],
+    data_std: Matrix,
+    *,
+    keep_stated: bool,
+) -> list[int]:
+    """The places among `offsets` of those that are unidentifiable at x where tool and frames may be anything,
+    but for what the header states if that is kept, and that this is the reason of."""
+    freed, there = problem.freed(x, keep_stated=keep_stated)
+    tolerated = freed.parameters.tolerated[freed.parameters.free]
+    gauge = gauge_at(freed, there, weight)
+    marginal = Marginal.of(gauge.jacobian, tolerated)
+    spectrum = _Spectrum.of(marginal.root, gauge.basis)
+    scaled_std = _stds(marginal, spectrum, tolerated)
+    scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
+    status, std = _statuses(freed.parameters, scaled_std)
+    return [i for i in offsets if status[i] == "unidentifiable" and std[i] > _RESTS * data_std[i]]
+
+
+def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, ...]:
+    """Of each instrument what a rotation of the last joint is equivalent to, if there is such; all of what a
+    frame is."""
+    unit = {each.label: each.words.unit for each in problem.tool.each}
+    told = [one for one in some if one.part == "frame" or one.unit == unit[one.label]]
+    return tuple(told or some)
 
 
 def rank(problem: Problem, x: Matrix) -> int:

@@ -18,8 +18,8 @@ from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import threads
-from ..solution import Solution
-from ..status import Status, UnsoundResult, known, require_no_more_than
+from ..solution import Solution, undecided_names
+from ..status import Status, UnsoundResult, has_numbers, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, Weights, weighted_ends
 from .profiles import profile_ends
@@ -116,7 +116,7 @@ class PosteriorSummary:
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
     agreement: Agreement | None = None
-    useless: Literal["nothing known", "misfit"] | None = None
+    useless: Literal["nothing known", "little known", "misfit"] | None = None
     omitted: Omitted | None = None
 
     def __post_init__(self) -> None:
@@ -127,6 +127,9 @@ class PosteriorSummary:
 UNSAMPLED = PosteriorSummary(False, False, 0, 0, 0, None, None, None, 0.0, None)
 # All of a posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
 NOTHING_KNOWN = replace(UNSAMPLED, useless="nothing known")
+# The draws would be spread along what the data leave open, turns of a whole revolution among it: a million of
+# them say nothing of the few parameters that the curvature and the profiles do not.
+LITTLE_KNOWN = replace(UNSAMPLED, useless="little known")
 OF_A_MISFIT = replace(UNSAMPLED, useless="misfit")
 
 
@@ -201,6 +204,19 @@ class Draws:
         return f"<Draws: {count} of {len(self.names)} parameters, {how}>"
 
 
+def not_worth_sampling(solution: Solution) -> PosteriorSummary | None:
+    """The summary of a posterior that nobody needs draws of: of a misfit, or where the data determine nothing
+    or less than half of the offsets. None of any other; several optima are what draws are for."""
+    if solution.misfit is not None:
+        return OF_A_MISFIT
+    if not solution.known:
+        return NOTHING_KNOWN
+    undecided = undecided_names(solution.null_space)
+    free = [row for row in solution.offsets if not row.held]
+    offsets = [has_numbers(row.status) or row.name in undecided for row in free]
+    return LITTLE_KNOWN if 2 * sum(offsets) < len(offsets) else None
+
+
 def sample_posterior(
     solution: Solution,
     *,
@@ -256,7 +272,7 @@ class _Target:
         self._whitening = Whitening(Density(solution.problem), solution.fit.x, solution.fit.covariance)
         self.log_density = self._whitening.log_density
         free = _free(solution.problem, solution.status)
-        self._known = [(j, item) for j, (item, state) in enumerate(free) if known(state)]
+        self._known = [(j, item) for j, (item, state) in enumerate(free) if has_numbers(state)]
 
     def shown(self, u: Matrix) -> Matrix:
         """Draws (…, f) in the units that people read."""
@@ -367,14 +383,14 @@ def _summarised(
         agreement=agreement if mixed else None,
     )
     thin = max(1, steps // _KEPT_PER_WALKER)
-    determined = [j for j, (_, state) in enumerate(free) if known(state)]
+    determined = [j for j, (_, state) in enumerate(free) if has_numbers(state)]
     kept = [free[j] for j in determined]
     draws = Draws(
         tuple(item.name for item, _ in kept),
         tuple(item.unit for item, _ in kept),
         tuple(state for _, state in kept),
         shown[:, :, ::thin][..., determined],
-        tuple(_prior_only(item) for item, state in free if not known(state)),
+        tuple(_prior_only(item) for item, state in free if not has_numbers(state)),
         converged,
     )
     return summary, draws

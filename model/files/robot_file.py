@@ -341,8 +341,9 @@ def _named_file(path: Path, file: Path | None, line: int | None) -> Path:
 def read_robot(path: Path) -> Robot:
     """Robot of a robot file (`zerobeam/robot/1`); a DoubtfulRobot warning of each number that looks wrong."""
     rows = read_rows(path)
-    warn_of(rows.name, doubts(rows))
-    return rows.robot()
+    doubtful = doubts(rows)
+    warn_of(rows.name, doubtful)
+    return replace(rows.robot(), doubts=tuple(f"robot {rows.name}: {doubt}" for doubt in doubtful))
 
 
 def doubts(rows: RobotFile) -> tuple[str, ...]:

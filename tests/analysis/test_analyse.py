@@ -32,7 +32,8 @@ def good():
 def test_a_good_run_passes(good):
     *_, result, draws = good
     assert result.verdict == "pass"
-    assert headline(result).startswith("delta2, delta3, delta4, delta5 and delta6 are identified, U ")
+    assert headline(result).startswith("delta2, delta3, delta4 and delta5 are identified, U ")
+    assert "delta6 is as good as the laser's mounting: that it is exactly as stated" in headline(result)
     assert result.findings == ()
     assert result.likelihood.converged
     assert result.likelihood.other_basins == 0

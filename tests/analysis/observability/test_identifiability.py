@@ -69,7 +69,7 @@ def test_a_good_plan_passes():
     assert np.isnan(rows["delta1"][1])
     for name, (status, data_std) in rows.items():
         if name != "delta1":
-            assert status == "identified"
+            assert status == ("assumed" if name == "delta6" else "identified")
             assert data_std < (0.1 if name.startswith("delta") else 1.0)
     facts = identified.facts
     assert (facts.rank, facts.size, facts.null_space) == (8, 8, ())
@@ -246,7 +246,7 @@ def test_two_joints_constant():
     problem, identified = judged(plan_of(plan.header, postures))
     rows = by_name(problem, identified)
     assert rows["delta2"] == rows["delta3"] == ("unidentifiable", np.inf)
-    assert {rows[f"delta{i}"][0] for i in (4, 5, 6)} == {"identified"}
+    assert [rows[f"delta{i}"][0] for i in (4, 5, 6)] == ["identified", "identified", "assumed"]
     assert "joint 1 does not change" in reason(direction_of(identified, "delta2", "exact").cause)
     assert "joints 1 and 2 do not change" in reason(direction_of(identified, "delta3", "exact").cause)
 
@@ -356,7 +356,7 @@ def test_a_target_seen_once():
     rows = by_name(problem, identified)
     assert rows["b.z"] == ("unidentifiable", np.inf)
     assert {rows[f"a.{axis}"][0] for axis in "xyz"} == {"identified"}
-    assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
+    assert [rows[f"delta{i}"][0] for i in range(2, 7)] == ["identified"] * 4 + ["assumed"]
     assert verdict(problem, identified) == "pass"  # the verdict is over the offsets
     assert "target b has one measurement only" in reason(direction_of(identified, "b.z", "exact").cause)
 
@@ -488,7 +488,7 @@ def test_pass_weak_degenerate():
     plan = good_plan()
     problem, identified = judged(plan)
     assert verdict(problem, identified) == "pass"
-    assert sentence_of(problem, identified) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+    assert sentence_of(problem, identified) == "delta2, delta3, delta4 and delta5 are identified."
 
     problem, identified = judged(plan_of(header(tolerance={"offset_deg": 0.02}), plan.postures))
     assert verdict(problem, identified) == "weak"
@@ -615,7 +615,7 @@ def test_the_ranges_of_the_joints_before_are_each_its_own() -> None:
     """Joint 1 hardly moves, joint 2 does: what is said of joint 3 names both."""
     run = read_run(demo_runs()[1].path)
     solution = solve(Problem.from_run(run))
-    cause = solution["delta3"].cause
+    cause = worst_direction(solution.null_space, "delta3").cause
     assert isinstance(cause, CommonMotion)
     spread = np.ptp(np.degrees(solution.problem.joints[:, :2]), axis=0)
     assert spread[0] < 1 < spread[1]

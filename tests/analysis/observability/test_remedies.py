@@ -131,10 +131,11 @@ def test_a_plan_with_its_remedy_gives_what_was_promised(case: str) -> None:
         for row in tried.predicted:
             now, then = before.parameters.named(row.name), after.parameters.named(row.name)
             assert now.std == (None if row.before is None else pytest.approx(row.before, rel=1e-6))
-            assert now.status in ("weak", "unidentifiable")
+            assert now.status in ("weak", "unidentifiable", "assumed")
             assert then.std == pytest.approx(row.after, rel=WITHIN)
             assert row.before is None or row.after <= 0.8 * row.before
-            assert (then.status == "identified") == (row.after <= row.tolerance)
+            if then.status != "assumed":
+                assert (then.status == "identified") == (row.after <= row.tolerance)
 
 
 @pytest.mark.at_length(LONG.replace("x$|", ""))
