@@ -184,10 +184,10 @@ class Conditions:
         )
         for there, end in self._to(rows):
             some = rows[there]
-            found = self._clearance.in_the_way(
+            of_some = self._clearance.in_the_way(
                 self.joints[some], self._origin[some], end, beam=self._problem.tool.beam
             )
-            for whole, part in zip(result, found, strict=True):
+            for whole, part in zip(result, of_some, strict=True):
                 whole[there] = part
         return result
 
@@ -359,8 +359,8 @@ def _violation(
         case "unfit" | "behind":
             yield Violation(posture, "instrument", condition, why=broken.why)
         case "arm":
-            found = conditions.in_the_way(row)
-            apart, radius, link = float(found.apart[0]), float(found.radius[0]), int(found.link[0])
+            way = conditions.in_the_way(row)
+            apart, radius, link = float(way.apart[0]), float(way.radius[0]), int(way.link[0])
             yield Violation(
                 posture, "instrument", condition, apart, radius, unit="mm", joint=link, assumed=assumed
             )

@@ -72,9 +72,9 @@ class Clearance:
         self._problem, self._obstacles = problem, obstacles
         # The base's column ends where joint 2 begins; it is not part of the stretched arm.
         nominal = _lengths(self._standing(np.zeros((1, problem.robot.n))))[0]
-        stated = obstacles.thickness_mm or problem.robot.conventions.body_radius
-        self.assumed = stated is None
-        self._radius = stated or _DEFAULT_THICKNESS * float(nominal[_COLUMN:].sum())
+        radius = obstacles.thickness_mm or problem.robot.conventions.body_radius
+        self.assumed = radius is None
+        self._radius = radius or _DEFAULT_THICKNESS * float(nominal[_COLUMN:].sum())
         self._floor = floor_of(obstacles, problem.robot)
 
     def hits_itself(self, joints: Matrix) -> Mask:
@@ -180,10 +180,10 @@ class Clearance:
                 start = segment_distance(first, second, origins, origins)
                 lines.append((origins, np.minimum(least, (_MOUNT if carries else _NEXT) * start)))
             for begin, allowed in lines:
-                found = segment_distance(first, second, begin, ends)
-                nearer = found - allowed < spare
-                spare = np.where(nearer, found - allowed, spare)
-                apart, radius = np.where(nearer, found, apart), np.where(nearer, allowed, radius)
+                distance = segment_distance(first, second, begin, ends)
+                nearer = distance - allowed < spare
+                spare = np.where(nearer, distance - allowed, spare)
+                apart, radius = np.where(nearer, distance, apart), np.where(nearer, allowed, radius)
                 link[nearer] = min(max(i - 1, 0), n)
         return InTheWay(spare < 0, apart, radius, link)
 
