@@ -879,8 +879,8 @@ class CheckDocument(DocumentPart):
             "`obstacles`, `instrument`: it cannot measure there), `condition` (`facing`, `beam_mm`, "
             "`limits`: too near to a joint limit, `itself`: the arm touches itself, `cell`: the floor or "
             "a box, `beam`: a box is in its way, `sight`: a box is in the line of sight, `arm`: a link of "
-            "the arm is in the way of either: `at` from its axis, `lowest` its radius, which is `assumed` where "
-            "nothing states it, `unfit`: `why`, a clause, is null else), the value `at`, `lowest` and "
+            "the arm is in the way of either: `at` from its axis, `lowest` its radius, which is `assumed` "
+            "where nothing states it, `unfit`: `why`, a clause, is null else), the value `at`, `lowest` and "
             "`highest` allowed, in `unit` (null for what is touched), `joint` (from 1; of `arm` the link "
             "that it moves, 0 the base), `via` (from 0: an intermediate posture "
             "before the posture), `planned` (broken by the posture as written, not with the wrist rotated "
@@ -900,8 +900,8 @@ class CheckDocument(DocumentPart):
             "each offset, the largest over the positions), `mounts`: also with reflectors, mounts and tips "
             "at random places on the flange, by their sigma, of 50 mm and 30° where they are only guessed; "
             "null where no target has both `guess_mm` and `sigma_mm` and no such place is open. With "
-            "`mounts` every predicted `std` is that at a typical place: the one whose std are nearest to the root "
-            "mean squares over 256"
+            "`mounts` every predicted `std` is that at a typical place: the one whose std are nearest to "
+            "the root mean squares over 256"
         )
     )
     advice: Advice | None = Field(
