@@ -18,31 +18,32 @@ from .answer.findings import findings
 from .answer.result import AngleResult, DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget, more_draws
-from .diagnostics.diagnosis import diagnose
+from .diagnostics.diagnosis import Explanation, diagnose
 from .diagnostics.enter import entered
 from .diagnostics.hold_out import HoldOut, hold_out, placement_result
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from .diagnostics.scene import scene
+from .estimation.effective_dof import as_small
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .estimation.threads import one_blas_thread
 from .ladder import solve_run
+from .observability.basis import bases
 from .posterior.intervals import Intervals, intervals
 from .posterior.posterior import (
-    NOTHING_KNOWN,
-    OF_A_MISFIT,
     UNSAMPLED,
     Draws,
     Omitted,
     PosteriorSummary,
+    not_worth_sampling,
     sample_posterior,
 )
 from .repeatability.prior_free import offsets_without_prior
 from .solution import ParameterTable, Solution, require_noise_data, undecided_names
-from .status import known, versions
+from .status import has_numbers, versions
 
 Sampling = Literal["always", "where needed", "never"]
 
@@ -167,10 +168,9 @@ def _analyse(
     problem = solution.problem
     report("identifiability", 1.0)
     posterior, draws, between = UNSAMPLED, None, None
-    if solution.misfit is not None:
-        posterior = OF_A_MISFIT
-    elif solution.converged and not solution.known:
-        posterior = NOTHING_KNOWN
+    useless = not_worth_sampling(solution) if solution.converged else None
+    if useless is not None:
+        posterior = useless
     elif solution.converged:
         if sampling != "always":
             posterior, between = _omitted(solution)
@@ -193,13 +193,14 @@ def _analyse(
     if isinstance(held_out, Run):
         held_out_fit = predict_run(solution, held_out)
     to_enter, with_links, conformity = entered(solution, run.header.required)
+    geometry = solution.geometry(run.header)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
-        identifiability=solution.identified.facts,
+        identifiability=solution.facts,
         likelihood=_likelihood(solution),
         midpoint=_midpoint(midpoint),
-        geometry=solution.geometry(run.header),
+        geometry=geometry,
         posterior=posterior,
         shots=shots,
         distances=_distances(solution),
@@ -214,13 +215,16 @@ def _analyse(
         misfit=solution.misfit,
         findings=findings(solution, posterior, shots, robust, held_out_fit, run.warnings),
         inputs=_inputs(run, problem, seed),
-        diagnosis=diagnose(solution),
+        diagnosis=_with_sources(diagnose(solution), run),
         entered=to_enter,
         entered_geometry=with_links,
         conformity=conformity,
         power=solution.power,
         coverage_factor=solution.coverage_factor,
         without_prior=offsets_without_prior(solution),
+        taken_as_known=bases(
+            solution.problem, solution.fit.covariance, solution.status, run.header, geometry
+        ),
     )
     report("diagnostics", 1.0)
     return solution, result, draws
@@ -241,7 +245,7 @@ def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:
     items, estimates = solution.problem.parameters.items, dict(zip(fit.names, fit.x, strict=True))
     return ParameterTable(
         replace(row, midpoint=item.shown(float(estimates[row.name])))
-        if known(row.status) and row.group != "noise" and row.name in estimates
+        if has_numbers(row.status) and row.group != "noise" and row.name in estimates
         else row
         for row, item in zip(solution.parameters, items, strict=True)
     )
@@ -263,6 +267,7 @@ def _likelihood(solution: Solution) -> LikelihoodSummary:
         chi2=chi2,
         dof=dof,
         p_value=p_value,
+        p_small=as_small(fit) if fit.converged else None,
         noise_scale=solution.noise_scale if problem.noise.estimated else None,
         noise_known=problem.noise.known,
         other_basins=fit.other_basins,
@@ -316,10 +321,18 @@ def _fitted(solution: Solution, tie: Tie, value: float) -> tuple[float | None, f
     along[parameters.block("target", tie.first)] = by_first[0] * tie.sigma
     along[parameters.block("target", tie.second)] = by_second[0] * tie.sigma
     ends = {parameters.names[i] for i in np.flatnonzero(along)}
-    if not solution.converged or ends & set(undecided_names(solution.null_space)):
+    if not solution.converged or ends & set(undecided_names(solution.identified.facts.null_space)):
         return None, None
     by_free = (along * parameters.prior_std)[parameters.free]
     return value + float(residual[0]) * tie.sigma, float(np.sqrt(by_free @ fit.covariance @ by_free))
+
+
+def _with_sources(explanations: tuple[Explanation, ...], run: Run) -> tuple[Explanation, ...]:
+    """The explanations, with where the measurements are that they name."""
+    return tuple(
+        replace(one, sources=tuple((n, run.sources[n]) for n in one.measurements if n in run.sources))
+        for one in explanations
+    )
 
 
 def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:

@@ -13,7 +13,7 @@ statuses do not see:
     moved target         a target that was displaced between two measurements
     steps                measurements of one recording that are off together, as if the target had slipped
     change               a zero that jumped or drifted during the run, or a target that drifted; where no
-                         other criterion says that something is wrong, or what
+                         other criterion says that something is wrong, or only that a target moved
 
 Nominal geometry, placements and steps need no stated noise: their yardstick is the scatter that is left with
 links, and within the placements and recordings. So a misfit cannot vanish into a noise that is estimated from
@@ -34,12 +34,13 @@ from ..model.likelihood.problem import Problem
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
-from .observability.changes import RunChange, run_change
+from .observability.changes import RunChange, run_change, run_change_with_links
 from .observability.geometry import link_columns
 from .observability.identifiability import Identified
 from .placements import placements
+from .recordings.resting import resting_columns
 from .recordings.steps import RecordingStep
-from .status import LACK_OF_FIT, UnsoundResult, known
+from .status import LACK_OF_FIT, UnsoundResult, has_numbers
 from .tight_priors import TightPrior, tight_priors
 
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
@@ -193,9 +194,19 @@ def misfit_of(
         criteria += (*_contradicted_links(fit), *tight_priors(fit))
     elif all(isinstance(criterion, _CONFUSED_WITH_LINKS) for criterion in criteria):
         criteria = (*(one for one in _contradicted_links(fit) if one.after < REDUCED * one.before), *criteria)
-    if not criteria and (changed := run_change(fit.problem, fit.x)) is not None:
-        criteria = (changed,)
+    if all(isinstance(criterion, Displacement) for criterion in criteria):  # or it was a zero that changed
+        criteria += tuple(_changed(fit))
     return Misfit(criteria) if criteria else None
+
+
+def _changed(fit: LikelihoodFit) -> Iterator[Criterion]:
+    """What changed during the run. Of an exact arm links within typical tolerances are the first suspect."""
+    changed = run_change(fit.problem, fit.x, resting_columns(fit))
+    if changed is None or fit.problem.geometry:
+        yield from () if changed is None else (changed,)
+        return
+    changed = run_change_with_links(fit.problem, fit.x)
+    yield from _links_test(fit) if changed is None else (changed,)
 
 
 def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
@@ -223,7 +234,7 @@ def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[I
         block = problem.parameters.block("noise")
         for i in range(block.start, block.stop):
             item = problem.parameters.items[i]
-            if known(identified.status[i]):
+            if has_numbers(identified.status[i]):
                 of: Literal["joint", "spot"] = "joint" if item.axis == "joint" else "spot"
                 dof = float(1 / (2 * identified.data_std[i] ** 2))
                 yield from _beyond(of, float(np.exp(fit.x[i])), dof, problem.noise.plausible)
@@ -241,7 +252,7 @@ def _beyond(
 def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[BeyondPrior]:
     parameters, free = fit.problem.parameters, np.flatnonzero(fit.problem.parameters.free)
     off = [
-        OffPrior(parameters.names[i], float(z) if known(identified.status[i]) else None)
+        OffPrior(parameters.names[i], float(z) if has_numbers(identified.status[i]) else None)
         for i, z in zip(free, fit.z, strict=True)
         if abs(z) > BEYOND_PRIOR and parameters.items[i].group != "noise"
     ]
@@ -295,13 +306,18 @@ class _Left:
 
 
 def _contradicted_links(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
+    """What all links of an exact arm significantly explain."""
+    return (test for test in _links_test(fit) if test.significant)
+
+
+def _links_test(fit: LikelihoodFit) -> Iterator[NominalContradicted]:
     """The F-test of all links against nominal geometry, at the linearised fit."""
     links = link_columns(fit.problem, fit.x)
     if links is None:
         return
     left = _Left.of(fit)
     explained = left.explained(left.beside(links))
-    if explained is not None and explained.significant:
+    if explained is not None:
         yield NominalContradicted(**vars(explained))
 
 

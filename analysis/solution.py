@@ -36,15 +36,17 @@ from .estimation.tolerance_factors import Factors
 from .misfit import Criterion, Misfit, misfit_of
 from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
 from .observability.geometry import GeometryResult, Rung, geometry_result, link_columns, tolerance_share
-from .observability.identifiability import Identified, identify, no_better_than
+from .observability.identifiability import Identifiability, Identified, identify, no_better_than
 from .observability.power import DetectionPower, powers
+from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
+from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
 from .status import (
     Status,
     UnsoundResult,
     Verdict,
-    known,
+    has_numbers,
     require_no_more_than,
     verdict_of,
     with_misfit,
@@ -64,14 +66,14 @@ class ParameterResult:
     """One row of the answer: the parameter `name` of a `group` (offset, geometry, target, tool, …), its
     numbers in its `unit` (deg, mm, or 1 of a noise factor).
 
-    `status` is "identified", "weak", "unidentifiable", "held", or "unvalidated" after a misfit. `estimate`,
-    `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for a "held" one
-    `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that of the prior,
-    `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
-    eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
-    part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
-    `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the effective
-    degrees of freedom of `std`, infinite of known noise.
+    `status` is "identified", "weak", "assumed", "unidentifiable", "held", or "unvalidated" after a misfit.
+    `estimate`, `std`, `interval95` are None where it is "unidentifiable" (the data do not determine it); for
+    a "held" one `estimate` is the value it is held at, `std` None and `cause` says why. `prior_std` is that
+    of the prior, `data_std` without prior, None for an exact gauge (infinite) and for held ones. `midpoint`
+    is the paper's eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share`
+    (0 to 1) is the part of the variance that the tolerances of the geometry set, None where the geometry is
+    nominal. `tolerated`: the prior is such a tolerance, of the arm or of a calibrated tool. `dof` are the
+    effective degrees of freedom of `std`, infinite of known noise.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
@@ -108,7 +110,7 @@ class ParameterResult:
         require_no_more_than(
             self.name, self.status, **claims, midpoint=self.midpoint, tolerance_share=self.tolerance_share
         )
-        if known(self.status):
+        if has_numbers(self.status):
             if self.estimate is None or self.std is None or self.interval95 is None:
                 raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
             if not self.std > 0 or not self.interval95[0] < self.interval95[1]:
@@ -249,7 +251,7 @@ class Solution:
         moved = displacement(self.fit) if self.converged else None
         if moved is None or not moved.significant:
             return None
-        rival = self.link_columns
+        rival = self._rivals
         moved = moved if rival is None else displacement(self.fit, rival)
         return moved if moved is not None and moved.significant else None
 
@@ -266,7 +268,15 @@ class Solution:
     @cached_property
     def recording_steps(self) -> RecordingSteps:
         """The significant steps inside the recordings; none without an answer."""
-        return steps(self.fit, self.link_columns)
+        return steps(self.fit, self._rivals)
+
+    @property
+    def _rivals(self) -> Matrix | None:
+        """(M, g) what may look like a target or instrument that was moved: links within their tolerances, and
+        the common errors of joints that rested."""
+        columns = [self.link_columns, resting_columns(self.fit)]
+        rivals = [each for each in columns if each is not None]
+        return np.hstack(rivals) if rivals else None
 
     @cached_property
     def power(self) -> tuple[DetectionPower, ...]:
@@ -275,15 +285,35 @@ class Solution:
             return ()
         return powers(self.problem, self.fit.x, self.identified.facts.rank)
 
-    @property
+    @cached_property
     def null_space(self) -> tuple[NullDirection, ...]:
-        """The null-space directions, each with its cause."""
-        return self.identified.facts.null_space
+        """The null-space directions, each with its cause and the remedy that was tried; without remedies
+        where the model does not describe the measurements."""
+        directions = self.identified.facts.null_space
+        if not directions or not self.converged or self.misfit is not None:
+            return directions
+        problem, fit = self.problem, self.fit
+        search = RemedySearch(
+            problem,
+            fit.x,
+            self.status,
+            fit.std,
+            problem.shot_numbers,
+            weight=fit.weight,
+            measured=True,
+        )
+        return search.with_remedies(directions)
+
+    @property
+    def facts(self) -> Identifiability:
+        """What is identifiable, its null-space directions with their remedies."""
+        return replace(self.identified.facts, null_space=self.null_space)
 
     @cached_property
     def known(self) -> tuple[int, ...]:
-        """Places among the parameters of those that the data determine."""
-        return tuple(i for i, status in enumerate(self.status) if known(status))
+        """Places among the parameters of those that have numbers: the data determine them, if need be with
+        what is assumed."""
+        return tuple(i for i, status in enumerate(self.status) if has_numbers(status))
 
     @property
     def verdict(self) -> Verdict:
@@ -359,7 +389,7 @@ class Solution:
     def std(self) -> Matrix:
         """(p,) internal units; nan where held or not determined."""
         std = self.problem.parameters.unscaled(self.fit.std)
-        return np.where([known(status) for status in self.status], std, np.nan)
+        return np.where([has_numbers(status) for status in self.status], std, np.nan)
 
     @cached_property
     def parameters(self) -> ParameterTable:
@@ -410,9 +440,10 @@ class Solution:
     @property
     def worst(self) -> float | None:
         """The largest standard uncertainty of an offset, degrees (mm); None while one has none, and without
-        offsets."""
-        stds = [std for std in self.offset_std.values() if std is not None]
-        return max(stds) if stds and len(stds) == len(self.offset_std) else None
+        offsets. Not of one that is as good as what is assumed, whatever is measured."""
+        judged = [row.std for row in self.offsets if not row.held and row.status != "assumed"]
+        stds = [std for std in judged if std is not None]
+        return max(stds) if stds and len(stds) == len(judged) else None
 
     def __getitem__(self, name: str) -> ParameterResult:
         return self.parameters.named(name)
@@ -450,10 +481,12 @@ class Solution:
 
     def _row(self, i: int, item: Parameter) -> ParameterResult:
         status, value = self.status[i], float(self.fit.x[i])
-        determined = known(status)
+        determined = has_numbers(status)
         data_std = item.shown_std(value, float(self.identified.data_std[i]))
         by_tolerances = float(self._tolerance_share[i]) if determined and self._tolerated else None
-        cause = cause_for(self.null_space, item, status, by_tolerances)
+        cause = cause_for(
+            self.identified.facts.null_space, item, status, by_tolerances, self.identified.rests_on
+        )
         return ParameterResult(
             name=item.name,
             unit=item.unit,
@@ -556,7 +589,7 @@ def undecided(fit: LikelihoodFit, identified: Identified, quantiles: Matrix) -> 
     """
     parameters = fit.problem.parameters
     status, data_std = list(identified.status), identified.data_std.copy()
-    settled = np.array([known(identified.status[i]) for i in np.flatnonzero(parameters.free)])
+    settled = np.array([has_numbers(identified.status[i]) for i in np.flatnonzero(parameters.free)])
     directions = []
     rivals = [other for other in fit.others if other.below < EQUALLY_GOOD]
     for other in rivals:

@@ -1,8 +1,10 @@
 """What may be said of a parameter, and of all offsets together: the words that every answer uses.
 
 `identified` and `weak` are determined by the data (within the tolerance, or beyond it), `unidentifiable` is
-not, `held` is not estimated. `unvalidated` is what would be identified or weak if the model described the
-measurements: its numbers are not to be relied on. This is a leaf: whatever holds an answer imports it.
+not, `held` is not estimated. `assumed` is what the data determine only with what nobody stated or measured,
+as the mounting of the tool: it has numbers, and is no part of a pass. `unvalidated` is what would be
+identified, weak or assumed if the model described the measurements: its numbers are not to be relied on. This
+is a leaf: whatever holds an answer imports it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from ..model.errors import ZerobeamError
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
 UNVALIDATED = "unvalidated: the model does not describe the measurements"
 
-Status = Literal["identified", "weak", "unidentifiable", "held", "unvalidated"]
+Status = Literal["identified", "weak", "assumed", "unidentifiable", "held", "unvalidated"]
 Verdict = Literal["pass", "weak", "degenerate", "misfit"]
 
 _VERDICT_OF: dict[Status, Verdict] = {
@@ -26,6 +28,14 @@ _VERDICT_OF: dict[Status, Verdict] = {
     "weak": "weak",
     "unvalidated": "misfit",
 }
+_BY_GRAVITY: tuple[Status, ...] = (
+    "identified",
+    "weak",
+    "assumed",
+    "held",
+    "unidentifiable",
+    "unvalidated",
+)
 _GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2, "misfit": 3}
 
 
@@ -36,9 +46,14 @@ class UnsoundResult(ZerobeamError):
 
 
 def known(status: Status) -> bool:
-    """Whether the data determine it, if the model describes them: only then has it an estimate, a standard
-    uncertainty, an interval."""
+    """Whether the data determine it, if the model describes them."""
     return status in ("identified", "weak", "unvalidated")
+
+
+def has_numbers(status: Status) -> bool:
+    """Whether it has an estimate, a standard uncertainty, an interval: the data determine it, if need be with
+    what is assumed."""
+    return known(status) or status == "assumed"
 
 
 def called(*status: Status) -> str:
@@ -48,7 +63,7 @@ def called(*status: Status) -> str:
     >>> called("identified", "weak"), called("identified", "unvalidated")
     ('weak', 'unvalidated: the model does not describe the measurements')
     """
-    gravest = max(status, key=("identified", "weak", "held", "unidentifiable", "unvalidated").index)
+    gravest = max(status, key=_BY_GRAVITY.index)
     return UNVALIDATED if gravest == "unvalidated" else gravest
 
 
@@ -64,13 +79,17 @@ def caveat(statuses: Iterable[Status]) -> str:
 
 def with_misfit(status: Status) -> Status:
     """The status where the model does not describe the data."""
-    return "unvalidated" if known(status) else status
+    return "unvalidated" if has_numbers(status) else status
 
 
 def verdict_of(offsets: Iterable[Status]) -> Verdict:
-    """The verdict over the statuses of all offsets: that of the gravest."""
+    """The verdict over the statuses of all offsets: that of the gravest. What is assumed or held is no part
+    of a pass; where nothing but that is estimated, there is none."""
+    every = tuple(offsets)
+    if "assumed" in every and not any(known(status) or status == "unidentifiable" for status in every):
+        return "weak"
     return max(
-        (_VERDICT_OF.get(status, "pass") for status in offsets), key=_GRAVITY.__getitem__, default="pass"
+        (_VERDICT_OF.get(status, "pass") for status in every), key=_GRAVITY.__getitem__, default="pass"
     )
 
 
@@ -94,7 +113,7 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
     zerobeam.analysis.status.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
     """
     claimed = [name for name, value in claims.items() if value is not None]
-    if claimed and not known(status):
+    if claimed and not has_numbers(status):
         raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(claimed)}")
 
 

@@ -33,8 +33,8 @@ from tracker_peers import simulated
 from tracker_table import NOISE, header, problem_of
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.posterior.place import Place
 from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
+from zerobeam.analysis.posterior.whitening import Whitening
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
@@ -74,7 +74,7 @@ class Case:
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)
         self.size = self.density.size
-        self._place = Place(self.density, self.fit.x, self.fit.covariance)
+        self._whitening = Whitening(self.density, self.fit.x, self.fit.covariance)
 
     @property
     def arm_of_peer(self) -> dict[str, Matrix]:
@@ -88,7 +88,7 @@ class Case:
 
     def parameters(self, w: Matrix) -> Matrix:
         """x (W, p) of whitened coordinates (W, f)."""
-        return self._place.parameters(w)
+        return self._whitening.parameters(w)
 
     def log_density(self, w: Matrix) -> Matrix:
         return self.density.log_posterior(self.parameters(w))

@@ -36,6 +36,14 @@ AllowDisplaced = Annotated[
     bool,
     typer.Option("--allow-displaced", help="Export although a target seems to have moved; the file says so."),
 ]
+AllowAssumed = Annotated[
+    bool,
+    typer.Option(
+        "--allow-assumed",
+        help="Export offsets that are only as good as what is assumed of tool and instruments too; the file"
+        " marks them.",
+    ),
+]
 Unvalidated = Annotated[
     bool,
     typer.Option(
@@ -128,6 +136,7 @@ def _export(
     as_data: bool = False,
     allow_weak: AllowWeak = False,
     allow_displaced: AllowDisplaced = False,
+    allow_assumed: AllowAssumed = False,
     unvalidated: Unvalidated = False,
     without: Without = None,
     force: Force = False,
@@ -154,6 +163,7 @@ def _export(
         recorded,
         allow_weak=allow_weak,
         allow_displaced=allow_displaced,
+        allow_assumed=allow_assumed,
         unvalidated=unvalidated,
         as_data=as_data,
         without=without or (),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ from .options import Json, Picture, PlanFile, RunFile, Scheduler, Seed, Workers,
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis, Sampling
+    from ..analysis.answer.result import Result
     from ..analysis.estimation.robust import Loss
     from ..model.files.run import Run
 
@@ -39,6 +41,15 @@ Robust = Annotated[
     LossName | None,
     typer.Option(
         help="Fit once more with this robust loss: large residuals weigh less, outliers are named.",
+        show_default=False,
+    ),
+]
+Drop = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Leave out these measurements: by number, or FILE:LINE of the imported file or the run;"
+        " repeatable, with commas.",
+        metavar="NUMBER|FILE:LINE",
         show_default=False,
     ),
 ]
@@ -112,11 +123,20 @@ def analyse(
     ess: Ess = 1000.0,
     robust: Robust = None,
     hold_out: HoldOut = None,
+    drop: Drop = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --drop: write the run without them to this new file (.jsonl).", show_default=False
+        ),
+    ] = None,
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
-    from ..model.files.run import read_run
-
-    recorded = read_run(run)
+    recorded = _recorded(run, drop)
+    if save is not None:
+        if not drop:
+            raise BadInput("--save without --drop: the run is in its file already", remedy="state --drop")
+        recorded = _saved(recorded, save)
     with progress("analyse", _ANALYSE) as tell:
         analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
     if as_json:
@@ -126,7 +146,7 @@ def analyse(
     else:
         from ..reports.terminal.answers import print_result
 
-        print_result(out, analysis.result)
+        print_result(out, _where_the_person_stands(analysis.result, save or run))
     raise typer.Exit(_status(analysis))
 
 
@@ -138,14 +158,14 @@ def report(
     ess: Ess = 1000.0,
     robust: Robust = None,
     hold_out: HoldOut = None,
+    drop: Drop = None,
 ) -> None:
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
-    from ..model.files.run import read_run
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_result
     from ..words.result_json import to_json
 
-    recorded = read_run(run)
+    recorded = _recorded(run, drop)
     check_target(folder)
     with progress("report", _REPORT) as tell:
         analysis = _analysed(recorded, seed, ess, tell, robust, hold_out)
@@ -155,7 +175,7 @@ def report(
     if as_json:
         print_json(to_json(analysis.result))
     else:
-        print_result(out, analysis.result)
+        print_result(out, _where_the_person_stands(analysis.result, run))
         say(f"Report: {paths.html}")
     raise typer.Exit(_status(analysis))
 
@@ -218,6 +238,36 @@ def schema(
     if name not in SCHEMA_NAMES:
         raise BadInput("there is no schema of that name", found=name, allowed=", ".join(SCHEMA_NAMES))
     print_json(json_schema(name))
+
+
+def _recorded(path: Path, drop: list[str] | None) -> Run:
+    """The run of a file, without the measurements that are named."""
+    from ..model.files.run import read_run
+
+    run = read_run(path)
+    return run.without(run.numbers_of(drop)) if drop else run
+
+
+def _saved(run: Run, file: Path) -> Run:
+    """The run written to a new file, and read from it: the header names files relative to it."""
+    from ..model.files.robot_file import rebased
+    from ..model.files.run import read_run, write_run
+    from ..model.files.whole_file import refuse_existing
+
+    refuse_existing(file, force=False)
+    moved = rebased(run.header.robot, run.path.parent, file.parent)
+    write_run(file, run.header.model_copy(update={"robot": moved}), run.shots)
+    return read_run(file)
+
+
+def _where_the_person_stands(result: Result, path: Path) -> Result:
+    """The result with its run named as it was typed, so that printed commands work in this folder; a run that
+    is in no file keeps its name."""
+    from ..model.files.run import in_no_file
+
+    if in_no_file(result.inputs.run):
+        return result
+    return replace(result, inputs=replace(result.inputs, run=path.as_posix()))
 
 
 def _analysed(

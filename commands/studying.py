@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from ..model.errors import WorkersLost
+from ..model.parsing.reading import real_path
 from .console import err, out, print_json, progress, say
 from .formats import options_of, with_parameters
 from .options import Camera, Json, Scheduler, Seed, Workers, cluster_of
@@ -44,7 +45,7 @@ def _carry_out(
     from ..reports.studies.study_terminal import print_study
 
     cluster, study = cluster_of(workers, scheduler), settings()
-    store = Path(f"{folder.resolve()}.cases.jsonl")
+    store = Path(f"{real_path(folder)}.cases.jsonl")
     check_target(folder)
     try:
         with cluster, progress("study") as tell:

@@ -21,6 +21,7 @@ from ..model.errors import BadInput
 from ..model.files.json_document import JsonDocument
 from ..model.files.run import Run
 from ..model.kinematics.robot import Robot
+from ..model.parsing.reading import real_path
 from .source import source_hash
 
 Outcome = Verdict | Literal["failed"]
@@ -102,8 +103,8 @@ class BatchRow:
     @property
     def worst(self) -> BatchOffset | None:
         """The offset with the largest u, of those that are measured in degrees if any is; None where one of
-        them is not determined, or all are held."""
-        free = [row for row in self.offsets if row.status != "held"]
+        them is not determined, or all are held or assumed."""
+        free = [row for row in self.offsets if row.status not in ("held", "assumed")]
         if not free or not all(known(row.status) for row in free):
             return None
         angles = [row for row in free if row.unit == "deg"]
@@ -224,7 +225,7 @@ def run_files(paths: Sequence[Path], pattern: str, out: Path) -> list[Path]:
                 "there is no such file or folder", found=path, allowed="run files, or folders of run files"
             )
         if not path.is_dir():
-            files.setdefault(path.resolve(), path)
+            files.setdefault(real_path(path), path)
             continue
         try:
             matching = sorted(path.glob(pattern))
@@ -237,7 +238,7 @@ def run_files(paths: Sequence[Path], pattern: str, out: Path) -> list[Path]:
             ) from None
         inside = [path for path in matching if path.is_file() and not _within(path, out)]
         for file in inside:
-            files.setdefault(file.resolve(), file)
+            files.setdefault(real_path(file), file)
         if not inside:
             raise BadInput(
                 "no file in this folder matches the pattern",
@@ -289,12 +290,12 @@ def _name(file: str, depth: int) -> str:
 
 
 def _within(path: Path, folder: Path) -> bool:
-    return path.resolve().is_relative_to(folder.resolve())
+    return real_path(path).is_relative_to(real_path(folder))
 
 
 def shown_path(path: Path, folder: Path) -> str:
     """A path relative to a folder, with /: it moves along with both."""
     try:
-        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+        return Path(os.path.relpath(real_path(path), real_path(folder))).as_posix()
     except ValueError:  # another drive of Windows
-        return path.resolve().as_posix()
+        return real_path(path).as_posix()

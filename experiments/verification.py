@@ -107,17 +107,17 @@ def _recorded(run: Run, verified: Run) -> Problem:
 
 def _determined(run: Run) -> tuple[Solution, dict[str, float]]:
     """The solution of a run, and the values to enter, deg (mm) by offset: of all that are not held, each
-    identified."""
+    identified, but for those that are as good as what is assumed, which are not entered."""
     solution = converged_solution(run, "nothing was to be entered")
     free = [row for row in solution.offsets if not row.held]
     with located(run.path, run.header_line):
         require_validated(solution)
-        open_ = [row for row in free if row.status != "identified"]
-        if open_ or not free:
+        open_ = [row for row in free if row.status not in ("identified", "assumed")]
+        if open_ or not any(row.status == "identified" for row in free):
             raise BadInput(
                 "there is no acceptance test of a run that does not determine all its offsets: nothing is to"
                 " be entered",
-                found=", ".join(f"{row.name}: {row.status}" for row in open_) or "all held",
+                found=", ".join(f"{row.name}: {row.status}" for row in open_ or free) or "all held",
                 allowed="a run with the verdict pass",
                 remedy="record more measurements: zerobeam check PLAN says which postures help",
             )

@@ -157,7 +157,7 @@ class Contour(ProfileContour):
         return _plotted(self._draw, ax, Picture("contour", title, alt, ""))
 
     def _draw(self, axes: Axes) -> None:
-        colour = light(min(self.status, key=("unvalidated", "weak", "identified").index))
+        colour = light(min(self.status, key=("unvalidated", "assumed", "weak", "identified").index))
         axes.plot(*self.points.T, color=colour, linewidth=1.5, label=f"{100 * self.level:g} %")
         axes.plot(*self.ellipse.T, color=light("muted"), linestyle=DASHES, linewidth=1, label="normal")
         axes.plot(*self.estimates, "+", color=light("ink"))

@@ -23,12 +23,14 @@ from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
 from . import numbers
 from .misfit import criterion_sentence
+from .numbers import significant as rounded
 from .observability import reason
 from .wording import Namer, be, clipped, label, listed
 
 MOST_NAMED = 10
 _USELESS = {
     "nothing known": "no parameter is identifiable",
+    "little known": "the data determine less than half of the offsets",
     "misfit": "the model does not describe the measurements",
 }
 
@@ -63,15 +65,15 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
                 f" {listed([name(each) for each in parameters], MOST_NAMED)} differs from the curvature at"
                 " the mode: sample it before you rely on these intervals"
             )
-        case HeldOutMisfit(rms_mm=rms_mm, factor=factor, run=str(run)):
+        case HeldOutMisfit(factor=factor, run=str(run)):
             return (
-                f"The held-out run {clipped(run)} is predicted with errors ({rms_mm:.2f} mm rms) that are"
+                f"The held-out run {clipped(run)} is predicted with errors ({_sizes(finding)}) that are"
                 f" {factor:.1f} times what noise and fit explain: the estimates do not carry over to it as"
                 " stated"
             )
-        case HeldOutMisfit(targets, rms_mm, factor):
+        case HeldOutMisfit(targets, factor=factor):
             return (
-                f"At the held-out targets ({listed(list(targets))}) the residuals ({rms_mm:.2f} mm rms) are"
+                f"At the held-out targets ({listed(list(targets))}) the residuals ({_sizes(finding)}) are"
                 f" {factor:.1f} times what noise and fit explain: the offsets do not carry over to them as"
                 " stated"
             )
@@ -92,6 +94,15 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             return text
         case _:
             return criterion_sentence(finding, name)
+
+
+def _sizes(misfit: HeldOutMisfit) -> str:
+    """Lengths, and angles where they are read: each beside what is expected of it."""
+    text = f"{misfit.rms_mm:.2f} mm rms"
+    if misfit.rms_deg is None or misfit.expected_deg is None or misfit.expected_mm is None:
+        return text
+    angle, expected = (rounded(value, 2, "deg") for value in (misfit.rms_deg, misfit.expected_deg))
+    return f"{text}, {misfit.expected_mm:.2f} mm expected; {angle} rms, {expected} expected"
 
 
 def _measurements(numbers: Sequence[int]) -> str:

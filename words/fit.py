@@ -42,9 +42,11 @@ def goodness_of_fit(result: Result, noise: str) -> list[str]:
             f"Lack of fit: residuals are {times} times the {noise} noise ({measure}). The geometry, the"
             " noise or single measurements are not as stated, and the intervals do not cover that error."
         )
-    elif fit.p_value > 1 - LACK_OF_FIT:
+    elif fit.p_small is not None and fit.p_small < LACK_OF_FIT:
         sentences.append(
-            f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated."
+            f"The residuals are smaller than the {noise} noise allows, even of an arm without any deviation"
+            f" ({measure}; of residuals as small p\u00a0{numbers.p_value(fit.p_small)}): it may be"
+            " overstated."
         )
     else:
         sentences.append(f"The residuals agree with the {noise} noise ({measure}).")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..analysis.answer.findings import (
     FileWarning,
@@ -23,14 +23,14 @@ from ..analysis.answer.findings import (
 )
 from ..analysis.answer.message import Action, Message, WorstOffset
 from ..analysis.answer.result import Result
-from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
 from ..analysis.holm import holm
 from ..analysis.misfit import Criterion, LackOfFit, Misfit, NominalContradicted, PlacementsDisagree
 from ..analysis.observability.causes import (
+    AsGoodAs,
     BaseFrame,
-    Cause,
     Held,
     NoiseSplit,
     NullDirection,
@@ -38,7 +38,7 @@ from ..analysis.observability.causes import (
     ToolRotation,
     worst_direction,
 )
-from ..analysis.observability.changes import RunChange
+from ..analysis.observability.changes import ChangeAt, RunChange
 from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
@@ -46,8 +46,11 @@ from ..analysis.status import LACK_OF_FIT, Status, Verdict, known
 from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.files.run import in_no_file
+from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import KINDS
+from ..model.likelihood.parameters import HeldBy
 from . import numbers
+from .basis import basis_lines
 from .controllers import export_command, export_sentence, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
@@ -61,10 +64,10 @@ from .misfit import (
     measurements,
     step_sentence,
 )
-from .misfit_causes import mend
-from .observability import condition, reason, remedy, unnoticed_sentence
+from .misfit_causes import CAUSES, mend
+from .observability import condition, direction_remedy, reason, stating, unnoticed_sentence
 from .provenance import is_simulated
-from .verdict import VERDICT_WORDS
+from .verdict import VERDICT_WORDS, resting
 from .wording import (
     NOT_DETERMINED,
     Namer,
@@ -82,6 +85,7 @@ from .wording import (
 _SAFE = re.compile(r"[\w./+@-]+")
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
+_MOST_ASKED = 2  # causes between which the measurements do not decide
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
 
 
@@ -117,6 +121,12 @@ class _Case:
         return isinstance(provenance, Mapping) and is_simulated(provenance)
 
     @property
+    def without_some(self) -> bool:
+        """Whether measurements of a file were left out (`analyse --drop`)."""
+        provenance = self.header.get("provenance")
+        return isinstance(provenance, Mapping) and "without measurements" in provenance
+
+    @property
     def offsets(self) -> list[ParameterResult]:
         """The offsets that are estimated."""
         return [row for row in self.parameters if row.group == "offset" and not row.held]
@@ -142,10 +152,12 @@ class _Case:
 
     @property
     def worst(self) -> ParameterResult | None:
-        """The least well determined offset; None without one that is estimated, or without an answer."""
+        """The least well determined offset, of those that are more than assumed; None without one that is
+        estimated, or without an answer."""
         if self.misfit is not None or self.stopped is not None:
             return None
-        return max(self.offsets, key=lambda row: (row.std is None, row.std or 0.0), default=None)
+        determined = [row for row in self.offsets if row.status != "assumed"]
+        return max(determined, key=lambda row: (row.std is None, row.std or 0.0), default=None)
 
     def u(self, row: ParameterResult) -> str:
         """Its expanded uncertainty."""
@@ -172,7 +184,11 @@ class _Case:
 
 def message(result: Result) -> Message:
     """The message of an answer."""
-    return _message(_case(result), person)
+    effects = result.misfit is None and result.likelihood.converged
+    basis = basis_lines(
+        result.taken_as_known, result.inputs.header, result.coverage_factor, person, effects=effects
+    )
+    return replace(_message(_case(result), person), basis=basis)
 
 
 def judged(result: Result) -> Judgement:
@@ -276,7 +292,11 @@ def _warnings(result: Result) -> Iterator[str]:
     follows from its model."""
     if result.misfit is not None or not result.likelihood.converged:
         return
-    offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
+    offsets = [
+        row
+        for row in result.parameters
+        if row.group == "offset" and row.std is not None and row.status != "assumed"
+    ]
     yield from map(step_sentence, result.placements.steps.rows[:_MOST_STEPS])
     if (unchecked := likelihood_message(result.likelihood)) is not None:
         yield f"{capital(unchecked)}."
@@ -347,7 +367,30 @@ def _determined(case: _Case, name: Namer) -> str:
         sentences.append(f"{_are(weak, name)} only weakly observable, {_within(case, weak)}.")
     if known:
         sentences.append(f"{_are(known, name)} identified, {_within(case, known, k_said=bool(weak))}.")
+    sentences += resting(case.offsets, name)
+    if case.verdict == "pass" and sentences:
+        sentences += _held_words(case, name)
     return " ".join(sentences) or "No offset is estimated: all are held."
+
+
+_HELD_BY: dict[HeldBy, str] = {
+    "base frame": "base frame",
+    "tool rotation": "free tool",
+    "first link": "base frame",
+    "free tool": "free tool",
+    "header": "by the header",
+}
+
+
+def _held_words(case: _Case, name: Namer) -> Iterator[str]:
+    """Whom a pass leaves out because it is held, and why."""
+    parts = [
+        f"{name(row.name)} held: {_HELD_BY[row.cause.by]}"
+        for row in case.parameters
+        if row.group == "offset" and isinstance(row.cause, Held)
+    ]
+    if parts:
+        yield f"{'; '.join(parts)}."
 
 
 def _are(names: Sequence[str], name: Namer) -> str:
@@ -373,7 +416,7 @@ def _cause(case: _Case, name: Namer) -> str | None:
 
 def _cause_words(case: _Case, name: Namer) -> str | None:
     if case.stopped is not None:
-        return None
+        return cause_sentence(case.diagnosis) if case.diagnosis else None
     if case.misfit is not None:
         held = ""
         if case.held:
@@ -429,13 +472,17 @@ def _saved_first(case: _Case, action: Action) -> Action:
     """The same, where a command needs a file and the run is in none."""
     if action.command is None or not case.run or not in_no_file(case.run):
         return action
-    save = f'Save the run first: solution.run.write("{run_argument(case.run)}").'
+    file = run_argument(case.run)
+    by_command = f"--save {file}, or " if case.without_some else ""
+    save = f'Save the run first: {by_command}solution.run.write("{file}").'
     return Action(f"{action.text} {save}", action.command)
 
 
 def _action(case: _Case) -> Action:
     run = run_argument(case.run)
     again = f"zerobeam analyse {run}"
+    if case.stopped is not None and case.diagnosis:
+        return Action(f"Enter nothing. {mend(case.diagnosis[0])}", again)
     if case.stopped is not None:
         return Action(
             "Enter nothing: look for a wrong measurement, or state a better guess of target and tool.", again
@@ -444,14 +491,21 @@ def _action(case: _Case) -> Action:
         if case.held:
             estimate = f"Enter nothing. Estimate {listed([person(each) for each in case.held])} too."
             return Action(f"{estimate} If the misfit stays: {_mend(case)}", again)
+        best = case.diagnosis[0] if case.diagnosis else None
+        if best is not None and best.cause == "measurements" and not in_no_file(case.run):
+            again += f" --drop {','.join(map(str, best.measurements))}"
         return Action(f"Enter nothing. {_mend(case)}", again)
     if (doubt := case.doubt) is not None:
         return Action(_check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
         row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
-        cause = worst_direction(case.null_space, row.name).cause
-        planned = not isinstance(cause, _IN_THE_HEADER)
-        return Action(f"Enter nothing yet: {_remedy(cause, row)}.", _plan(case) if planned else again)
+        direction = worst_direction(case.null_space, row.name)
+        planned = not isinstance(direction.cause, _IN_THE_HEADER)
+        todo = direction_remedy(direction, person)
+        return Action(f"Enter nothing yet: {todo}.", _plan(case) if planned else again)
+    if case.verdict != "pass" and (assumed := _assumed(case)):
+        more = "or record more measurements, in varied postures"
+        return Action(f"Enter nothing yet: {stating(assumed)}, {more}.", again)
     if case.verdict != "pass":
         return Action("Enter nothing yet: record more measurements, in varied postures.", _plan(case))
     if not case.offsets:
@@ -469,10 +523,19 @@ def _action(case: _Case) -> Action:
     return Action(enter, f"zerobeam {command} {run} -o {file}")
 
 
+def _assumed(case: _Case) -> list[Assumption]:
+    """What offsets rest on that nobody stated or measured."""
+    of = [row.cause.of for row in case.offsets if isinstance(row.cause, AsGoodAs) and not row.cause.stated]
+    return list(dict.fromkeys(one for some in of for one in some))
+
+
 def _mend(case: _Case) -> str:
     assert case.misfit is not None
     if case.diagnosis:
-        return mend(case.diagnosis[0])
+        asked = undecided(case.diagnosis)[:_MOST_ASKED]
+        if not asked:
+            return mend(case.diagnosis[0])
+        return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in asked)
     match _sharpest(case.misfit):
         case Displacement(station=True, at=at):
             return (
@@ -496,13 +559,17 @@ def _mend(case: _Case) -> str:
             )
         case TightPrior() as prior:
             return larger_tolerance(prior)
-        case RunChange(at=at):
-            what = "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
-            return f"Look for what changed {what} during the run, and record the run again."
+        case RunChange(at=at, elsewhere=elsewhere):
+            what = list(dict.fromkeys(map(_changed, (at, *elsewhere[: _MOST_ASKED - 1]))))
+            return f"Look for what changed {' or '.join(what)} during the run, and record the run again."
         case _ if case.diagnosis is None:
             return "Analyse the run: that says what could be wrong."
         case _:
             return "Check joint columns, signs, units, targets and geometry, then measure again."
+
+
+def _changed(at: ChangeAt) -> str:
+    return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
 
 def _check_first(doubt: Finding | HoldOut) -> str:
@@ -517,14 +584,6 @@ def _check_first(doubt: Finding | HoldOut) -> str:
             return f"Check placement {clipped(names[0])} before you enter anything: measure there again."
         case _:
             return "Check these measurements before you enter anything: remove them, or repeat them."
-
-
-def _remedy(cause: Cause, row: ParameterResult) -> str:
-    if by_tolerances(cause, row.tolerance_share) is not None:
-        return (
-            "add measurements in postures that differ in every joint, or state closer tolerances of the arm"
-        )
-    return remedy(cause, person)
 
 
 def _plan(case: _Case) -> str | None:

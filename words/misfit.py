@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.displacement import Displacement
 from ..analysis.misfit import (
     BeyondPrior,
@@ -97,9 +97,13 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
         case RecordingStep():
             return step_sentence(criterion)
         case RunChange(at=at, p_value=p_value, elsewhere=elsewhere):
+            if not elsewhere:
+                return f"It seems that {change_words(at)} ({p_words(p_value)})"
             others = [change_words(one) for one in elsewhere[:_MOST_ALTERNATIVES]]
-            doubt = f"; nearly as likely: {', or '.join(others)}" if others else ""
-            return f"It seems that {change_words(at)} ({p_words(p_value)}){doubt}"
+            return (
+                f"Something changed during the run ({p_words(p_value)}), and the measurements do not decide"
+                f" what: {', or '.join([change_words(at), *others])}"
+            )
 
 
 _TOLERANCES = {
@@ -232,10 +236,20 @@ def _estimates_within(tried: Explanation) -> str:
 def cause_sentence(explanations: Sequence[Explanation]) -> str:
     """The best explanation of a misfit with its rivals, and what it leaves."""
     best, *rivals = explanations
+    if open_ := undecided(explanations):
+        asked = [f"{CAUSES[one.cause]} ({changed(one)})" for one in open_[:_MOST_ALTERNATIVES]]
+        ratios = [numbers.significant(best.odds / one.odds, 2) for one in open_[1:_MOST_ALTERNATIVES]]
+        text = (
+            f"The measurements do not decide what is wrong: {', or '.join(asked)} (evidence"
+            f" {' : '.join(['1', *ratios])})."
+        )
+        return text if best.agrees else f"{text} None of these alone explains the residuals."
     left = f"the residuals are {times(best.factor)} times the noise instead of {times(best.before)}"
     if _explains_estimates(best):
         left = _estimates_within(best)
     text = f"Most likely: {CAUSES[best.cause]}. {capital(changed(best))} {left}."
+    if best.links_of_an_exact_arm:
+        text += " The arm was taken as exact (geometry: exact)."
     if rivals:
         next_best = f"{changed(rivals[0])} (evidence ratio {evidence_ratio(rivals[0])})"
         also = [changed(rival) for rival in rivals[1:]]

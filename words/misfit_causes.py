@@ -18,6 +18,9 @@ CAUSES: dict[Cause, str] = {
     "coupling": "coupled joints",
     "metres": "unit of the readings",
     "mirrored": "left-handed frame",
+    "quaternion": "order of the quaternions",
+    "inverse": "inverse rotations",
+    "inverse_pose": "inverse poses",
     "rows": "joints of another measurement",
     "twist": "sign of a twist",
     "convention": "Denavit-Hartenberg convention",
@@ -78,6 +81,14 @@ def changed(explanation: Explanation) -> str:
         case "mirrored":
             axis = "xyz"[round(amount) - 1] if amount else "one axis"
             return f"with the sign of {axis} of {clipped(of)} reversed (a left-handed frame)"
+        case "quaternion":
+            return f"with measured_quat of {clipped(of)} read as x, y, z, w"
+        case "inverse":
+            return f"with the rotations of {clipped(of)} inverted, its positions as they are"
+        case "inverse_pose":
+            return (
+                f"with the poses of {clipped(of)} inverted (they were of the instrument as the body sees it)"
+            )
         case "rows":
             which = "before" if amount > 0 else "after"
             return f"with the joints of each measurement taken from the one {which} it"
@@ -99,8 +110,7 @@ def changed(explanation: Explanation) -> str:
         case "placement":
             return f"without the measurements at {listed(targets)}"
         case "measurements":
-            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            return f"without {noun} {_numbers(explanation)}"
+            return f"without {_called(explanation)}"
         case "moved_target":
             return f"with {targets[0]} moved {_between(explanation)}"
         case "jump":
@@ -157,6 +167,12 @@ def mend(explanation: Explanation) -> str:
             axis = "xyz"[round(explanation.amount) - 1] if explanation.amount else "y, or any one axis,"
             quat = "a quaternion goes with it: its components of the other two axes change their sign"
             return f"Reverse the sign of {axis} in measured_mm of {clipped(of)} ({quat}), {_AGAIN}."
+        case "quaternion":
+            again = f"Import the poses of {clipped(of)} again"
+            return f"{again} with --quaternion-columns in the order w,x,y,z, {_AGAIN}."
+        case "inverse" | "inverse_pose":
+            which = "rotation" if explanation.cause == "inverse" else "pose"
+            return f"Import the poses of {clipped(of)} again with --inverse {which}, {_AGAIN}."
         case "rows":
             return f"Put the joints of each measurement into its own line of the run, {_AGAIN}."
         case "twist":
@@ -179,9 +195,12 @@ def mend(explanation: Explanation) -> str:
                 f"Remove the measurements at {listed(targets)}, or record them again with the target fixed."
             )
         case "measurements":
-            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
-            again = "it" if len(explanation.measurements) == 1 else "them"
-            return f"Remove {noun} {_numbers(explanation)} from the run, or repeat {again}."
+            one = len(explanation.measurements) == 1
+            again, correct = ("it", "a typing error in it") if one else ("them", "typing errors in them")
+            return (
+                f"Analyse without {_called(explanation)} (--drop), correct {correct} and import again, or"
+                f" measure {again} again."
+            )
         case "moved_target":
             return (
                 f"Give {targets[0]} another name in the measurements from {explanation.measurements[1]} on,"
@@ -238,6 +257,27 @@ def _signed(amount: float, unit: str) -> str:
 
 def _between(explanation: Explanation) -> str:
     return f"between measurements {explanation.measurements[0]} and {explanation.measurements[1]}"
+
+
+def _called(explanation: Explanation) -> str:
+    """The measurements as people count them: by the row of the file that they were imported from, else by the
+    line of the run."""
+    places = dict(explanation.sources)
+    if len(explanation.measurements) == 1 and (source := places.get(explanation.measurements[0])):
+        file, _, line = source.rpartition(":")
+        number = f"measurement {explanation.measurements[0]}"
+        if file.endswith(".jsonl"):
+            return f"{number} (line {line} of {clipped(file)})"
+        return f"row {line} of {clipped(file)} ({number})"
+    rows = {source.rpartition(":")[0]: True for source in places.values()}
+    noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
+    text = f"{noun} {_numbers(explanation)}"
+    if len(rows) != 1 or len(places) < len(explanation.measurements):
+        return text
+    (file,) = rows
+    lines = [places[n].rpartition(":")[2] for n in explanation.measurements]
+    rows_of = "lines" if file.endswith(".jsonl") else "rows"
+    return f"{text} ({rows_of} {listed(lines, MOST_MEASUREMENTS)} of {clipped(file)})"
 
 
 def _numbers(explanation: Explanation) -> str:

@@ -8,9 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..analysis.observability.causes import (
+    AsGoodAs,
     BaseFrame,
     Cause,
     CommonMotion,
+    Equivalent,
     Held,
     LocalOptima,
     NoiseSplit,
@@ -20,31 +22,36 @@ from ..analysis.observability.causes import (
     OnAxis,
     OnePosition,
     ParallelAxes,
+    Predicted,
     TargetUnseen,
     ToleranceOnly,
     TooFewMeasurements,
     ToolAgainstTarget,
     ToolRotation,
+    Tried,
     Unconverged,
     Unexplained,
     WithinTolerances,
 )
 from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
-from ..analysis.observability.outlook import Advice, OverTarget
 from ..analysis.observability.power import LIMIT_U, NOTICED, DetectionPower, WrongModel
+from ..model.instruments.kind import Assumption
 from ..model.instruments.registry import TOOLS, kind_of
 from ..model.likelihood.parameters import Group
 from . import numbers
-from .wording import Namer, counted, label, listed, shown
+from .wording import Namer, be, clipped, counted, label, listed, shown
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
     " (section 3.3)"
 )
+_CONSTANT = 1e-9  # degrees or mm
 _MOST_AT_OPTIMA = 3
+_PLAN_ANEW = "plan other postures (zerobeam plan optimal)"
 _SEEN_DEG = 0.001  # of axes that are said to be parallel within an angle
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated tool (section 3.1)"
+_SHIFTED: dict[Group, str] = {"target": "the target", "frame": "the frame", "tool": "the tool"}
 _UNKNOWN: dict[Group, str] = {
     "offset": "offset",
     "target": "target coordinate",
@@ -57,6 +64,10 @@ _UNKNOWN: dict[Group, str] = {
 def _sigma_of(kind: str) -> str:
     """The key of a header that says how well what the flange carries is known."""
     return "tool.sigma" if kind in TOOLS else "sigma"
+
+
+def _unit_of_tool(kind: str) -> str:
+    return numbers.unit_of(kind_of(kind).words.unit)
 
 
 def reason(cause: Cause, name: Namer = str) -> str:
@@ -74,7 +85,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
                 return f"joint {joint} and a free {words.part} rotate together: only the sum of both moves it"
             return (
                 f"a rotation of joint {joint} is equivalent to a {words.motion}, which is known to"
-                f" {numbers.exact(known_to, numbers.unit_of(words.unit))} ({_sigma_of(tool)})"
+                f" {numbers.exact(known_to, _unit_of_tool(tool))} ({_sigma_of(tool)})"
             )
         case Held(by="first link"):
             return "it moves the arm and every target alike, as the choice of the base frame does"
@@ -88,6 +99,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "the model does not describe the measurements"
         case NotResolvable():
             return "not resolvable at this noise level"
+        case AsGoodAs():
+            return _as_good_as(cause)
         case ToleranceOnly():
             return "prior only: the measurements say no more of it than its tolerance"
         case WithinTolerances(share, largest):
@@ -118,8 +131,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case ParallelAxes(first, second, angle):
             within = f" to within {numbers.significant(angle, 2)}°" if angle > _SEEN_DEG else ""
             return (
-                f"the axes of joints {first} and {second} stay parallel{within}, so that the measurements do"
-                " not separate their offsets"
+                f"the axes of joints {first} and {second} stay parallel{within} in these postures, so that"
+                " the measurements do not separate their offsets"
             )
         case ToolAgainstTarget():
             return "the tool rotates too little over the measurements to be separated from the target"
@@ -129,12 +142,70 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "all measurements are at one position, and a motion that keeps it is free"
         case LocalOptima():
             return _local_optima(cause, name)
+        case Equivalent():
+            return _equivalent(cause)
         case Unexplained():
             return "no known mechanism"
 
 
-def remedy(cause: Cause, name: Namer = str) -> str:
-    """What to do, as an imperative without a full stop."""
+def remedy(cause: Cause, name: Namer = str, tried: Tried | None = None) -> str:
+    """What to do, as an imperative without a full stop; with what it is predicted to give where it was
+    `tried`."""
+    if tried is None:
+        return _untried(cause, name)
+    if tried.how == "tolerances":
+        return f"{_closer(cause, tried)}; {_promise(tried, name)}"
+    return f"{_change(tried)}; {_promise(tried, name)}"
+
+
+def direction_remedy(direction: NullDirection, name: Namer = str) -> str:
+    """What to do about a direction."""
+    return remedy(direction.cause, name, direction.tried)
+
+
+def _change(tried: Tried) -> str:
+    """A change of the postures."""
+    unit = numbers.unit_of(tried.unit or "")
+    move = "rotated" if tried.unit == "deg" else "moved"
+    if tried.how == "vary":
+        half = numbers.exact(tried.amount / 2, unit)
+        noun, fixed = "measurements" if tried.measured else "postures", [str(i) for i in tried.unchanged]
+        where = f" in all {noun} but {listed(fixed, len(fixed))}" if fixed else ""
+        again = "measure again and vary joint" if tried.measured else "vary joint"
+        return (
+            f"{again} {tried.joint} by {numbers.exact(tried.amount, unit)}{where} ({move} by"
+            f" {numbers.MINUS}{half}, {half} and {numbers.exact(0.0, unit)} in turn, and aimed anew)"
+        )
+    (number,) = tried.postures
+    by = f"joint {tried.joint} {move} by {numbers.exact(tried.amount, unit)} and aimed anew"
+    if tried.how == "replace":
+        return f"replace posture {number} by the same with {by}"
+    return f"add {'one like measurement' if tried.measured else 'one like posture'} {number} with {by}"
+
+
+def _closer(cause: Cause, tried: Tried) -> str:
+    """A smaller tolerance, where it can be measured and stated."""
+    if isinstance(cause, ToolRotation) and cause.known_to is not None:
+        to = numbers.exact(float(f"{cause.known_to / tried.amount:.3g}"), _unit_of_tool(cause.tool))
+        return f"calibrate the tool to {to} and state that ({_sigma_of(cause.tool)})"
+    times = numbers.exact(tried.amount)
+    return f"measure the geometry of arm and tool and state tolerances {times} times smaller"
+
+
+def _promise(tried: Tried, name: Namer) -> str:
+    """What a remedy is predicted to give."""
+    return f"predicted u: {listed([_predicted(each, name) for each in tried.predicted])}"
+
+
+def _predicted(row: Predicted, name: Namer) -> str:
+    unit = numbers.unit_of(row.unit)
+    before = "not determined" if row.before is None else numbers.spread(row.before, unit)
+    weak = " (still weak)" if row.after > row.tolerance else ""
+    return f"{name(row.name)} {before} → {numbers.spread(row.after, unit)}{weak}"
+
+
+def _untried(cause: Cause, name: Namer) -> str:
+    """What to do where no change was tried, or none of those that were helps much."""
     match cause:
         case Held(by="base frame") | BaseFrame():
             return f"hold {name('delta1')} (the default): it is a choice of base frame and costs no accuracy"
@@ -144,10 +215,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "nothing: it is a choice of base frame and costs no accuracy"
         case Held(by="free tool"):
             return "nothing: it is part of the tool, which is estimated"
-        case ToolRotation(tool, joint, float()):
-            return (
-                f"calibrate the tool better and state its {_sigma_of(tool)}, or hold {name(f'delta{joint}')}"
-            )
+        case ToolRotation(joint=joint, known_to=float()):
+            return f"hold {name(f'delta{joint}')}"
         case Held() | ToolRotation():
             last = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
             return f"hold {last}, or calibrate the tool separately and state it as calibrated"
@@ -155,15 +224,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "look for a wrong measurement, or state a better guess of target and tool"
         case NotTheModel():
             return "find what is wrong first: joint columns, signs, zeros, units, targets, geometry"
-        case NotResolvable():
-            return "add measurements, or measure with less noise"
-        case ToleranceOnly():
-            return "add measurements in postures that differ in the joints around it"
-        case WithinTolerances():
-            return (
-                "add measurements in postures that differ in every joint, or state smaller tolerances where"
-                " geometry or tool were measured"
-            )
+        case AsGoodAs(of):
+            return stating(of)
         case TargetUnseen(target, _):
             return f"add measurements of {name(target)} from other directions"
         case NoiseSplit():
@@ -173,23 +235,53 @@ def remedy(cause: Cause, name: Namer = str) -> str:
                 f"mount the tool so that the {kind_of(tool).words.part} is off the axis of joint {joint}, or"
                 f" hold {name(f'delta{joint}')}"
             )
-        case CommonMotion():
-            return _vary(cause)
-        case ParallelAxes(_, second, _):
-            return (
-                f"add measurements that differ in the joints up to {second}: vary joint {second} by 30°"
-                " or more"
-            )
-        case ToolAgainstTarget():
-            return "add measurements with the wrist at very different angles"
         case TooFewMeasurements(needed=needed):
             return f"record at least {needed} measurements in varied postures, better twice as many"
         case OnePosition():
             return "add measurements of a second target, some hundred millimetres away"
         case LocalOptima():
             return "add measurements in postures that differ in every joint, until one optimum is left"
-        case Unexplained():
-            return "add measurements in postures that differ in every joint, then check again"
+        case _:
+            return _PLAN_ANEW
+
+
+def named_part(kind: str, of: str, part: str) -> str:
+    """A part of the instrument with the label `of`, such as "the laser's mounting"."""
+    if part not in ("mounting", "tip", "frame", "mount"):
+        return f"the reflector {clipped(part)}"
+    return f"the {kind}'s {part}" if of == "tool" else f"the {part} of {clipped(of)}"
+
+
+def part_of(one: Assumption) -> str:
+    """What of an instrument is assumed or stated, such as "the laser's mounting"."""
+    return named_part(one.kind, one.label, one.part)
+
+
+def size_of(one: Assumption) -> str:
+    """How far it may be from what is stated."""
+    return "exact" if one.std is None else numbers.exact(float(f"{one.std:.3g}"), numbers.unit_of(one.unit))
+
+
+def _as_good_as(cause: AsGoodAs) -> str:
+    parts = list(dict.fromkeys(map(part_of, cause.of)))
+    sizes = list(dict.fromkeys(size_of(one) for one in cause.of if one.std is not None))
+    if cause.stated:
+        stated = [
+            f"the stated {one.part} of {f'the {one.kind}' if one.label == 'tool' else clipped(one.label)}"
+            for one in cause.of
+        ]
+        return f"by {listed(list(dict.fromkeys(stated)))}: {listed(sizes)}"
+    if not sizes:
+        return f"as good as {listed(parts)}: that it is exactly as stated is assumed, not measured"
+    return f"as good as {listed(parts)}: {listed(sizes)} {be(sizes)} assumed, not stated or measured"
+
+
+def stating(of: Sequence[Assumption]) -> str:
+    """What to do about what an offset rests on, as an imperative."""
+    parts, keys = (list(dict.fromkeys(each)) for each in (map(part_of, of), (one.key for one in of)))
+    if all(one.part == "frame" for one in of):
+        return f"measure {listed(parts)}, or state it as free and hold the first offset"
+    return f"measure {listed(parts)} and state {listed(keys)}"
 
 
 def _counts(cause: TooFewMeasurements) -> str:
@@ -216,47 +308,66 @@ def _local_optima(cause: LocalOptima, name: Namer) -> str:
     return f"{count} local optima explain the data about equally well: {values}"
 
 
-def _before(cause: CommonMotion) -> str:
-    last = cause.joint - 1
-    return "joint 1" if last == 1 else "joints 1 and 2" if last == 2 else f"joints 1 to {last}"
-
-
 def _common_motion(cause: CommonMotion) -> str:
-    k = cause.joint
-    turning = cause.revolute[-1]
-    before, one = _before(cause), k == 2
-    motion = "rotation" if turning else "translation"
-    so = (
-        f"an offset of joint {k} is equivalent to a {motion} of everything after joint {k - 1}, the target"
-        " included"
-    )
-    x_pattern = " (the X-Pattern of section 3.2)" if one and cause.revolute == (True, True) else ""
-    if cause.constant:
-        return f"{before} {'does' if one else 'do'} not change over the measurements, so {so}{x_pattern}"
-    parts = []
-    if cause.range_deg is not None:
-        parts.append(f"{numbers.significant(cause.range_deg, 2)}°")
-    if cause.range_mm is not None:
-        parts.append(f"{numbers.significant(cause.range_mm, 2)} mm")
-    ranges = " and ".join(parts)
-    verb = "varies" if one else "vary"
-    if cause.nearly_constant:
-        return (
-            f"{before} {verb} by no more than {ranges} over the measurements, so within the noise"
-            f" {so}{x_pattern}"
+    k, turning = cause.joint, cause.revolute[-1]
+    if not all(cause.little):
+        about = (
+            f"rotation about the axis of joint {k}" if turning else f"translation along the axis of joint {k}"
         )
-    about = f"rotation about the axis of joint {k}" if turning else f"translation along the axis of joint {k}"
-    return (
-        f"a {about} moves the target nearly the same way in every measurement, although {before} {verb} by"
-        f" up to {ranges}"
+        return (
+            f"a {about} moves the target nearly the same way in every measurement, although {_ranges(cause)}"
+        )
+    constant = max(cause.ranges) <= _CONSTANT
+    how = "" if constant else "within the noise " if cause.hidden else ""
+    so = (
+        f"{how}an offset of joint {k} is {'' if constant or cause.hidden else 'nearly '}equivalent to a"
+        f" {'rotation' if turning else 'translation'} of everything after joint {k - 1}, the target included"
     )
+    x_pattern = " (the X-Pattern of section 3.2)" if cause.revolute == (True, True) else ""
+    return f"{_little(cause)} over the measurements, so {so}{x_pattern}"
 
 
-def _vary(cause: CommonMotion) -> str:
-    if cause.constant or cause.nearly_constant:
-        amount = "30° or more" if all(cause.revolute[:-1]) else "a third of the range or more"
-        return f"vary {_before(cause)} by {amount} between measurements"
-    return f"add measurements with the axis of joint {cause.joint} at very different places or angles"
+def _equivalent(cause: Equivalent) -> str:
+    what = listed([_SHIFTED[group] for group in cause.shifted]) if cause.shifted else ""
+    degree = "within the noise" if cause.hidden else "nearly"
+    effect = f"the effect of a displacement of {what}" if what and cause.joints else "no effect"
+    if not cause.joints:
+        subject = f"a displacement of {what} has"
+    elif len(cause.joints) == 1:
+        subject = f"an offset of joint {cause.joints[0]} has"
+    else:
+        subject = f"offsets of joints {listed([str(i) for i in cause.joints])} together have"
+    where = f" ({_little(cause)})" if any(cause.little) else ""
+    return f"{subject} {degree} {effect} in these postures{where}"
+
+
+def _ranges(cause: CommonMotion) -> str:
+    """How far each joint before one varies: first those that vary much."""
+    much = [i for i, little in enumerate(cause.little) if not little]
+    few = f" ({_little(cause)})" if any(cause.little) else ""
+    return f"{_vary(much, cause)}{few}"
+
+
+def _little(cause: CommonMotion | Equivalent) -> str:
+    """Which joints do not vary, or hardly."""
+    hardly = [i for i, little in enumerate(cause.little) if little]
+    still = [i for i in hardly if cause.ranges[i] <= _CONSTANT]
+    parts = []
+    if still:
+        joints = listed([str(i + 1) for i in still])
+        parts.append(
+            f"joint {joints} does not change" if len(still) == 1 else f"joints {joints} do not change"
+        )
+    if moving := [i for i in hardly if i not in still]:
+        parts.append(_vary(moving, cause, "only "))
+    return " and ".join(parts)
+
+
+def _vary(which: Sequence[int], cause: CommonMotion | Equivalent, only: str = "") -> str:
+    """How far joints (from 0) vary."""
+    sizes = [f"{numbers.significant(cause.ranges[i], 2)}{'°' if cause.revolute[i] else ' mm'}" for i in which]
+    first, *rest = (f"joint {i + 1}{{}} by {only}{size}" for i, size in zip(which, sizes, strict=True))
+    return listed([first.format(" varies"), *(each.format("") for each in rest)])
 
 
 _MOST_TERMS = 6
@@ -303,38 +414,49 @@ def rank_facts(facts: Identifiability) -> list[tuple[str, str]]:
     return [*rows, ("Observability indices", text)] if text else rows
 
 
-def advice_sentence(advice: Advice) -> str:
-    """The change of a plan that helps most."""
+def advice_sentence(check: Check) -> str | None:
+    """The change of one posture that helps most, unless it is the remedy of a direction already."""
+    advice = check.advice
+    if advice is None or any(map(advice.is_that, check.identifiability.null_space)):
+        return None
     what = "as one more measurement" if advice.add else "in its place"
+    after = numbers.spread(advice.worst_std_after, advice.unit)
+    gain = f"every offset is then determined, the largest predicted standard uncertainty is {after}"
+    if advice.worst_std_before is not None:
+        before = numbers.spread(advice.worst_std_before, advice.unit)
+        gain = f"the largest predicted standard uncertainty falls from {before} to {after}"
     return (
         f"The single change that helps most: posture {advice.posture} with joint {advice.joint} rotated"
-        f" by {numbers.exact(advice.change_deg, advice.unit)}, {what}: the largest standard"
-        f" uncertainty, priors included, falls from {numbers.spread(advice.worst_std_before, advice.unit)}"
-        f" to {numbers.spread(advice.worst_std_after, advice.unit)}."
+        f" by {numbers.exact(advice.change_deg, advice.unit)} and aimed anew, {what}: {gain}."
     )
 
 
-def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
-    """What becomes of a plan if the target is not at its nominal place; `units` by parameter."""
-    name, worst = max(over.worst_std.items(), key=lambda item: item[1])
-    return (
+def over_target_sentence(check: Check) -> str | None:
+    """What becomes of a plan if the target is not at its nominal place, by the offsets that it determines."""
+    over = check.over_target
+    if over is None:
+        return None
+    hit = (
         f"With the target anywhere within its stated sigma ({over.draws} draws), {over.hit:.0%} of the"
-        f" measurements hit, and the largest standard uncertainty, priors included, is that of {label(name)}:"
-        f" {numbers.spread(worst, units[name])}."
+        " measurements hit"
     )
+    rows = [row for row in check.parameters if row.name in over.worst_std and row.std is not None]
+    if not rows:
+        return f"{hit}."
+    worst = max(rows, key=lambda row: over.worst_std[row.name])
+    u = numbers.spread(over.worst_std[worst.name], numbers.unit_of(worst.unit))
+    of = "" if len(rows) == len(over.worst_std) else " of the offsets that are determined"
+    largest = f"the largest standard uncertainty{of}, priors included, is that of {label(worst.name)}: {u}"
+    return f"{hit}, and {largest}."
 
 
 def outlook_lines(check: Check) -> list[str]:
-    """Which errors a run of the plan detects, the change of the plan that helps most, and the plan with the
-    target elsewhere."""
+    """Which errors a run of the plan detects, the change of one posture that helps most unless it is a
+    direction's remedy already, and the plan with the target elsewhere."""
     lines = power_sentences(check.power)
     if check.verdict == "pass" and (subject_to := condition(check.power)) is not None:
         lines.append(f"A pass of such a run holds if {subject_to}.")
-    lines += [] if check.advice is None else [advice_sentence(check.advice)]
-    if check.over_target is not None:
-        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
-        lines.append(over_target_sentence(check.over_target, units))
-    return lines
+    return [*lines, *filter(None, [advice_sentence(check), over_target_sentence(check)])]
 
 
 def power_sentences(powers: Sequence[DetectionPower]) -> list[str]:

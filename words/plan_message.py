@@ -5,22 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..analysis.answer.message import Action, Message, WorstOffset
-from ..analysis.observability.causes import worst_direction
+from ..analysis.observability.causes import AsGoodAs, Tried, worst_direction
 from ..analysis.observability.check import Check, CheckedParameter
 from ..analysis.status import Status
 from . import numbers
 from .geometry import by_tolerances
-from .observability import advice_sentence, condition, over_target_sentence, power_sentences, reason, remedy
-from .verdict import VERDICT_WORDS, check_notes, violation_words
+from .observability import (
+    condition,
+    direction_remedy,
+    over_target_sentence,
+    power_sentences,
+    reason,
+    stating,
+)
+from .verdict import VERDICT_WORDS, check_notes, resting, violation_words
 from .wording import be, capital, counted, ended, listed, person, sentence
 
 COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
 _MOST_CAUTIONS = 6
+_DETERMINED: tuple[Status, ...] = ("identified", "weak", "unidentifiable")  # or not, but by measurements
 
 
 def plan_message(check: Check) -> Message:
     """The message of a plan; broken constraints come before all else."""
-    worst = max(_offsets(check), key=lambda row: (row.std is None, row.std or 0.0), default=None)
+    worst = max(
+        _offsets(check, *_DETERMINED), key=lambda row: (row.std is None, row.std or 0.0), default=None
+    )
     cause = _cause(check)
     return Message(
         verdict=f"{VERDICT_WORDS[check.verdict]}. {_determined(check)}",
@@ -63,6 +73,7 @@ def _determined(check: Check) -> str:
     for status, text in texts.items():
         if names := [person(row.name) for row in _offsets(check, status)]:
             sentences.append(f"{listed(names)} {be(names)} {text}.")
+    sentences += resting(_offsets(check), person)
     return " ".join(sentences) or "No offset is estimated: all are held."
 
 
@@ -70,6 +81,14 @@ def _limiting(check: Check) -> CheckedParameter | None:
     """The offset that a weak or degenerate plan owes its verdict to."""
     rows = _offsets(check, "unidentifiable") or _offsets(check, "weak")
     return max(rows, key=lambda row: (row.std is None, row.std or 0.0), default=None)
+
+
+def tried_change(check: Check) -> Tried | None:
+    """The change of the postures that the message of a weak or degenerate plan suggests; None where it
+    suggests none."""
+    row = _limiting(check)
+    tried = None if row is None else worst_direction(check.identifiability.null_space, row.name).tried
+    return None if tried is None or tried.joint is None else tried
 
 
 def _cause(check: Check) -> str | None:
@@ -91,18 +110,16 @@ def _action(check: Check) -> str:
         return f"Change or remove {noun} {listed([str(i) for i in broken])}, or loosen the constraint"
     row = _limiting(check)
     if row is None:
+        assumed = [row.cause.of for row in _offsets(check, "assumed") if isinstance(row.cause, AsGoodAs)]
+        if assumed and not _offsets(check, "identified"):
+            return capital(stating(assumed[0]))
         measure = "Nothing needs to change. Measure by this plan"
         return measure if _offsets(check) else "Estimate an offset: leave it out of `held`"
-    if check.advice is not None:
-        return advice_sentence(check.advice)
-    cause = worst_direction(check.identifiability.null_space, row.name).cause
-    return capital(remedy(cause, person))
+    return capital(direction_remedy(worst_direction(check.identifiability.null_space, row.name), person))
 
 
 def _cautions(check: Check) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     yield from check_notes(check)[1 if check.violations else 0 :]
-    if check.over_target is not None:
-        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
-        yield over_target_sentence(check.over_target, units)
+    yield from filter(None, [over_target_sentence(check)])
     yield from (text for text in power_sentences(check.power) if "may not detect" in text)

@@ -18,6 +18,11 @@ def predicted_run_sentences(run: PredictedRun) -> list[str]:
             f" {numbers.significant(run.expected_mm, unit='mm')}, in which the standard uncertainty of the"
             f" prediction is {numbers.significant(run.u_mm, unit='mm')}."
         )
+        if run.rms_deg is not None and run.expected_deg is not None:
+            sentences.append(
+                f"Rotations are off by {numbers.significant(run.rms_deg, unit='deg')} rms; noise and fit let"
+                f" one expect {numbers.significant(run.expected_deg, unit='deg')}."
+            )
         sentences.append(_gain(run.rms_mm, run.rms_before_mm))
     if run.p_value is not None and run.factor is not None:
         p = f"p-value {numbers.p_value(run.p_value)}"

@@ -22,6 +22,7 @@ from ..analysis.misfit import (
     NominalContradicted,
     PlacementsDisagree,
 )
+from ..analysis.observability.basis import Basis
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.changes import RunChange
 from ..analysis.observability.check import Check
@@ -44,7 +45,7 @@ from .findings import (
 from .message import headline, message
 from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps, offered
-from .observability import reason, remedy
+from .observability import direction_remedy, reason
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
@@ -108,11 +109,17 @@ def document_of(result: Result) -> document.ResultDocument:
         ),
         enter=entered and document.EnterDocument.filled(entered, for_=entered.of),
         enter_geometry=with_links and document.EnterDocument.filled(with_links, for_=with_links.of),
+        taken_as_known=tuple(map(_basis, result.taken_as_known)),
         notes=notes(result),
         conformity=entered and result.conformity,
         power=_powers(result.power),
         next_steps=steps,
     )
+
+
+def _basis(basis: Basis) -> document.BasisDocument:
+    sizes = tuple(document.SizeDocument.filled(size) for size in basis.sizes)
+    return document.BasisDocument.filled(basis, sizes=sizes)
 
 
 def _hold_out(
@@ -207,7 +214,9 @@ def _identifiability(facts: Identifiability) -> document.IdentifiabilityDocument
 def direction_document(direction: NullDirection) -> document.DirectionDocument:
     """A null-space direction in words."""
     cause = direction.cause
-    return document.DirectionDocument.filled(direction, reason=reason(cause), remedy=remedy(cause))
+    return document.DirectionDocument.filled(
+        direction, reason=reason(cause), remedy=direction_remedy(direction)
+    )
 
 
 def _fits(result: Result) -> document.FitsDocument:

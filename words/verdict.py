@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from ..analysis.observability.causes import NullDirection, worst_direction
+from ..analysis.observability.causes import AsGoodAs, NullDirection, worst_direction
 from ..analysis.observability.check import (
     Check,
     Condition,
@@ -48,6 +48,20 @@ class _WithStatus(Protocol):
     def status(self) -> Status: ...
 
 
+def resting(rows: Sequence[_WithStatus], name: Namer = str) -> list[str]:
+    """What offsets rest on besides the measurements, a sentence for each reason: what is assumed, then what
+    is stated."""
+    grouped: dict[tuple[bool, str], list[str]] = {}
+    for row in rows:
+        cause = getattr(row, "cause", None)
+        if isinstance(cause, AsGoodAs) and row.status in ("assumed", "identified"):
+            grouped.setdefault((cause.stated, reason(cause, name)), []).append(row.name)
+    return [
+        f"{_are(names, name)} {'identified ' if stated else ''}{why}."
+        for (stated, why), names in sorted(grouped.items())
+    ]
+
+
 def verdict_sentence(
     parameters: Sequence[_WithStatus], null_space: Sequence[NullDirection], name: Namer = str
 ) -> str:
@@ -57,7 +71,7 @@ def verdict_sentence(
         return [row.name for row in parameters if row.group == "offset" and row.status == status]
 
     unknown, weak, identified = offsets("unidentifiable"), offsets("weak"), offsets("identified")
-    unvalidated = offsets("unvalidated")
+    unvalidated, rows = offsets("unvalidated"), [row for row in parameters if row.group == "offset"]
     sentences = []
     if unknown:
         reasons = dict.fromkeys(
@@ -70,6 +84,7 @@ def verdict_sentence(
         sentences.append(f"{_are(weak, name)} only weakly observable in these measurements.")
     if identified:
         sentences.append(f"{_are(identified, name)} identified.")
+    sentences += resting(rows, name)
     if unvalidated:
         sentences.append(f"{_are(unvalidated, name)} unvalidated.")
     return " ".join(sentences) or "No offset is estimated: all are held."

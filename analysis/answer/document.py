@@ -22,6 +22,7 @@ from ..diagnostics.predicted_run import PredictedMeasurement
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
 from ..estimation.tolerance_factors import Factors
+from ..observability.causes import Tried
 from ..observability.check import CheckedPosture, PlanInputs
 from ..observability.geometry import Confounded, Rung, Tolerance
 from ..observability.outlook import Advice, CurvePoint, OverTarget
@@ -29,7 +30,7 @@ from ..observability.power import WrongModel
 from ..posterior.posterior import Agreement, PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
-from ..status import Status, UnsoundResult, Verdict, known
+from ..status import Status, UnsoundResult, Verdict, has_numbers
 from .document_part import DocumentPart, Interval, Number
 from .message import Message
 from .misfit_document import MisfitDocument, SentenceDocument
@@ -88,7 +89,7 @@ class ParameterDocument(DocumentPart):
             raise ValueError(f"{self.name} is unidentifiable, yet it has a number")
         if self.std is not None and self.std <= 0:
             raise ValueError(f"the std of {self.name} is not a number above 0")
-        if known(self.status) and None in (self.estimate, self.std, self.interval95):
+        if has_numbers(self.status) and None in (self.estimate, self.std, self.interval95):
             raise ValueError(f"{self.name} is {self.status}, yet it lacks a number")
         return self
 
@@ -120,6 +121,19 @@ class DirectionDocument(DocumentPart):
     reason: str = Field(description="the cause, in words")
     remedy: str = Field(description="what would determine it, in words")
     data_std: Number = Field(description="of the unit combination, in prior stds; null if exact")
+    tried: Tried | None = Field(
+        None,
+        description=(
+            "the remedy in numbers, null where none was tried or none helps: `how` (`replace` or `add`: "
+            "the posture of the number in `postures`, with `joint`, from 1, rotated by `amount` in `unit` "
+            "(deg or mm) and aimed again, in its place or as one more; `vary`: these `postures`, all but "
+            "those that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in "
+            "turn, and aimed again; `tolerances`: an `amount` of times smaller), whether these are postures "
+            "of what was `measured`, and `predicted`, by parameter: its `name`, `unit`, standard "
+            "uncertainty `before` (null where it is not determined) and `after` the remedy, priors "
+            "included, and the `tolerance` up to which it is identified"
+        ),
+    )
 
 
 class IdentifiabilityDocument(DocumentPart):
@@ -160,6 +174,13 @@ class FitDocument(DocumentPart):
     dof: int | None = Field(description="degrees of freedom")
     p_value: Number = Field(
         description="of χ²; null where the noise is estimated or no degree of freedom is left"
+    )
+    p_small: Number = Field(
+        None,
+        description=(
+            "p-value of residuals as small, the noise as stated, of an arm without any deviation; null where "
+            "the noise is estimated, and without an answer"
+        ),
     )
     noise_scale: Number = Field(
         description="the noise as a multiple of the stated one, where it is estimated"
@@ -626,6 +647,30 @@ class PowerDocument(DocumentPart):
     dangerous: bool = Field(description="whether `risk` is above 0.01")
 
 
+class SizeDocument(DocumentPart):
+    """How far something may be off: a standard deviation."""
+
+    std: float | tuple[float, ...] = Field(description="standard deviation; of links a list, one for each")
+    unit: str = Field(description="`deg` or `mm`")
+
+
+class BasisDocument(DocumentPart):
+    """What is taken as known besides the measurements."""
+
+    of: str = Field(description="label of the instrument, `tool`, or `arm`")
+    kind: str = Field(description="of the instrument, or `arm`")
+    part: str = Field(description="`mounting`, `tip`, `frame`, `mount`, `links`, or the name of a reflector")
+    stated: bool = Field(description="whether the header says how well it is known; else that is assumed")
+    keys: tuple[str, ...] = Field(description="the keys of the header that say so")
+    sizes: tuple[SizeDocument, ...] = Field(
+        description="how well it is known, a list of `std` and `unit`; empty: it is taken as exact"
+    )
+    offset: str | None = Field(description="the offset to which it does most, else null")
+    unit: str | None = Field(description="of `u`")
+    u: Number = Field(description="standard uncertainty of that offset")
+    u_if_exact: Number = Field(description="the same, were it known exactly")
+
+
 class ResultDocument(DocumentPart):
     """The content of a result.json, in the order of its keys."""
 
@@ -644,8 +689,8 @@ class ResultDocument(DocumentPart):
             "where it is not determined, `unit`, `text`; null for a misfit), `cause` (of a misfit its "
             "best explanation, of a degenerate run the mechanism, of a weak one the limit, of a pass the "
             "evidence against it; else null), `action` (`text`, and `command`, the command to type, or "
-            "null), `cautions` (the gravest first). Of a misfit it has nothing that follows from the "
-            "wrong model"
+            "null), `cautions` (the gravest first), `basis` (what was stated, and what was assumed with what "
+            "it does to U). Of a misfit it has nothing that follows from the wrong model"
         )
     )
     coverage_factor: float = Field(
@@ -756,6 +801,13 @@ class ResultDocument(DocumentPart):
             "where nothing is tested, and of a misfit"
         )
     )
+    taken_as_known: tuple[BasisDocument, ...] = Field(
+        default=(),
+        description=(
+            "what the answer takes as known of tool, instruments and links besides the measurements, whether "
+            "the header states it or it is assumed"
+        ),
+    )
     notes: tuple[str, ...] = Field(description="findings in sentences, the gravest first")
     next_steps: NextSteps = Field(
         description=(
@@ -851,8 +903,8 @@ class CheckDocument(DocumentPart):
         description=(
             "the single change of the plan that lowers the largest std most: change `posture` (from 0) in "
             "`joint` (from 1) by `change_deg` (mm if prismatic; `unit`) and aim it again, as one more "
-            "measurement (`add` true) or in its place; `worst_std_before`, `worst_std_after`. Null where "
-            "the verdict is `pass` or no single change helps much"
+            "measurement (`add` true) or in its place; `worst_std_before` (null where an offset is not "
+            "determined), `worst_std_after`. Null where the verdict is `pass` or no single change helps much"
         )
     )
     notes: tuple[str, ...] = Field(description="findings in sentences, violations first")

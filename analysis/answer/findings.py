@@ -44,12 +44,15 @@ class NoPosterior:
 @dataclass(frozen=True)
 class HeldOutMisfit:
     """Residuals at held-out targets, or of the held-out `run`, are `factor` times what noise and fit
-    explain."""
+    explain; of poses with what is expected of lengths and of angles."""
 
     targets: tuple[str, ...]
     rms_mm: float
     factor: float
     run: str | None = None
+    expected_mm: float | None = None
+    rms_deg: float | None = None
+    expected_deg: float | None = None
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
         yield NotConverged(solution.fit.reason)
     yield from solution.contradictions
     if solution.fit.other_basins:
-        undecided = undecided_names(solution.null_space)
+        undecided = undecided_names(solution.identified.facts.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
 
 
@@ -138,7 +141,8 @@ def on_held_out(held_out: HoldOut | PredictedRun | None) -> Iterator[Finding]:
     assert held_out.factor is not None
     assert held_out.rms_mm is not None
     run = held_out.run if isinstance(held_out, PredictedRun) else None
-    yield HeldOutMisfit(held_out.targets, held_out.rms_mm, held_out.factor, run)
+    expected = held_out.expected_mm, held_out.rms_deg, held_out.expected_deg
+    yield HeldOutMisfit(held_out.targets, held_out.rms_mm, held_out.factor, run, *expected)
 
 
 def prediction_failed(found: Sequence[Finding]) -> str | None:

@@ -44,13 +44,15 @@ class May:
 @dataclass(frozen=True)
 class Message:
     """What is known (`verdict`), how well (`worst`, None for a misfit), what is wrong or limits it (`cause`,
-    None where nothing is), what to do, and what a reader must not miss, the gravest first. `grade` and `may`
-    (`words/judgement.py`) are None and nothing of a plan, and of results of earlier versions."""
+    None where nothing is), what to do, and what a reader must not miss, the gravest first. `basis`: what was
+    stated, and what was assumed with what it does to U. `grade` and `may` (`words/judgement.py`) are None and
+    nothing of a plan, and of results of earlier versions."""
 
     verdict: str
     worst: WorstOffset | None
     cause: str | None
     action: Action
     cautions: tuple[str, ...]
+    basis: tuple[str, ...] = ()
     grade: Grade | None = None
     may: May = May()

@@ -21,13 +21,14 @@ from ..diagnostics.outliers import Robust
 from ..diagnostics.predicted_run import PredictedRun
 from ..diagnostics.scene import RunScene
 from ..misfit import Misfit
+from ..observability.basis import Basis
 from ..observability.geometry import GeometryResult
 from ..observability.identifiability import Identifiability
 from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
-from ..status import UNVALIDATED, UnsoundResult, Verdict, as_grave, known, verdict_of
+from ..status import UNVALIDATED, UnsoundResult, Verdict, as_grave, has_numbers, verdict_of
 from .findings import Finding
 
 RESULT_SCHEMA = "zerobeam/result/1"
@@ -39,7 +40,7 @@ class LikelihoodSummary:
 
     `chi2` of the residuals, `dof` the numbers left over, `p_value` None where the noise is estimated
     (`noise_scale` is then its multiple of the stated, unless joints and spot have factors of their own) or no
-    number is left over.
+    number is left over. `p_small` is that of residuals as small, of an arm without any deviation.
     """
 
     converged: bool
@@ -56,6 +57,7 @@ class LikelihoodSummary:
     noise_scale: float | None
     noise_known: bool
     other_basins: int
+    p_small: float | None = None
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,8 @@ class Result:
         misfit.
     without_prior : OffsetsWithoutPrior or None
         The identifiable offsets without any prior, with their covariance; None where there is none.
+    taken_as_known : tuple of Basis
+        What the header states of tool, instruments and links, and what is assumed of them.
 
     Raises
     ------
@@ -222,6 +226,7 @@ class Result:
     power: tuple[DetectionPower, ...] = ()
     coverage_factor: float = 2.0
     without_prior: OffsetsWithoutPrior | None = None
+    taken_as_known: tuple[Basis, ...] = ()
 
     def __post_init__(self) -> None:
         needed = verdict_of(row.status for row in self.parameters if row.group == "offset")
@@ -232,12 +237,12 @@ class Result:
         if (self.verdict == "misfit") != (self.misfit is not None):
             raise UnsoundResult(f"verdict {self.verdict!r}, but misfit is {self.misfit}")
         if self.misfit is not None:
-            trusted = {row.name for row in self.parameters if row.status in ("identified", "weak")}
+            trusted = {row.name for row in self.parameters if row.status in ("identified", "weak", "assumed")}
             self._refuse(trusted, "a status that a misfit does not allow")
         elif any(row.status == "unvalidated" for row in self.parameters):
             raise UnsoundResult("a parameter is unvalidated, but there is no misfit")
         held = {row.name for row in self.parameters if row.held}
-        unknown = {row.name for row in self.parameters if not known(row.status)}
+        unknown = {row.name for row in self.parameters if not has_numbers(row.status)}
         if self.without_prior is not None:
             self._refuse(unknown & set(self.without_prior.names), "a value without prior")
         self._refuse(unknown & {row.name for row in self.intervals}, "an interval")

@@ -39,6 +39,7 @@ from .tcp_positions import (
     TcpSource,
     arm_covariance,
     default_point,
+    moving_by_nominal,
     moving_offsets,
     spread_postures,
     tool_point,
@@ -154,7 +155,7 @@ def accuracy(
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
     names = parameters.names[offsets]
     enters = moving_offsets(problem, jacobian)
-    undetermined = np.flatnonzero(enters & open_offsets)
+    undetermined = np.flatnonzero(moving_by_nominal(problem, point, joints) & open_offsets)
     workspace, near_shots, sensitivity = None, None, None
     maps: tuple[Map, ...] = ()
     weak: tuple[str, ...] = ()

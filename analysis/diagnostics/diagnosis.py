@@ -19,10 +19,18 @@ from ...model.likelihood.problem import Problem
 from ..observability.changes import RunChange
 from ..solution import Solution
 from .cause import Cause
-from .hypotheses import SIGNIFICANCE, HypothesisFit, fits_at, fits_from, hypothesis_fits
+from .hypotheses import (
+    SIGNIFICANCE,
+    HypothesisFit,
+    fits_at,
+    fits_from,
+    hypothesis_fits,
+    of_readings,
+)
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations
+DECIDED = 20.0  # the ratio of the evidences from which one explanation is named and not asked for
 # What the links of an exact arm, which deviate in every arm, have to be clearly less likely than.
 _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
     {
@@ -53,7 +61,8 @@ class Explanation:
     `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
     the parameters that it frees (their effective number), `p_value` is that of such evidence after all that
     was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of
-    the best explanation: 1 of this one.
+    the most likely explanation. Of an exact arm its links come first where they are enough, unless another
+    is 20 times as likely. `sources` has FILE:LINE of the measurements, by number.
     """
 
     cause: Cause
@@ -70,13 +79,31 @@ class Explanation:
     agrees: bool
     of: str = ""
     odds: float = 1.0
+    sources: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def links_of_an_exact_arm(self) -> bool:
+        """Whether it is that the arm was taken as exact."""
+        return self.cause == "geometry" and self.amount <= 1
+
+
+def undecided(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
+    """The best explanations between which the measurements do not decide: the evidence of none is 20 times
+    that of another, all that was tried counted. Empty where the first one is decided."""
+    if not explanations or explanations[0].links_of_an_exact_arm:
+        return ()
+    rivals = tuple(one for one in explanations if one.odds > explanations[0].odds / DECIDED)
+    return rivals if len(rivals) > 1 else ()
 
 
 def diagnose(solution: Solution) -> tuple[Explanation, ...]:
-    """What explains that a solution contradicts its noise or priors, the best explanation first.
+    """What explains that a solution contradicts its noise or priors, or did not converge, the best
+    explanation first.
 
     Empty where nothing does, or where there is nothing to explain.
     """
+    if not solution.converged:
+        return _of_no_fit(solution)
     if solution.misfit is None:
         return ()
     problem, x = _at_stated_noise(solution)
@@ -98,6 +125,17 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     # As the answer itself has it: it judges what is determined at measurements that hit.
     before = float(np.sqrt(solution.against_noise.chi2 / solution.dof))
     return tuple(replace(explanation, before=before) for explanation in explained)
+
+
+def _of_no_fit(solution: Solution) -> tuple[Explanation, ...]:
+    """Of a fit that did not converge: readings that, taken in another way, agree with the noise."""
+    if not solution.trusted or not np.isfinite(solution.fit.x).all():
+        return ()
+    problem, x = _at_stated_noise(solution)
+    (base,) = fits_at(Density(problem), x[None])
+    slack = 1.0 if solution.problem.noise.known else _SLACK
+    fits = [fit for fit in of_readings(problem) if fit.agrees(slack)]
+    return _explanations(base, fits, slack, exact=not problem.geometry) if base.dof > 0 else ()
 
 
 def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
@@ -137,6 +175,11 @@ def _explanations(
         }
     rows = _once(sorted(((value, i) for i, value in evidence.items() if value > margin), reverse=True), fits)
     best = rows[0][0] if rows else 0.0
+    if exact:  # what no arm is without comes first, where it is enough, and nothing is clearly likelier
+        enough = best - float(np.log(DECIDED))
+        rows.sort(
+            key=lambda row: row[1] not in agreeing or fits[row[1]].cause != "geometry" or row[0] <= enough
+        )
     return tuple(
         Explanation(
             cause=left.cause,

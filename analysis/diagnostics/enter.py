@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from ..status import known
 from .tcp_positions import (
     arm_covariance,
     default_point,
-    moving_offsets,
+    moving_by_nominal,
     spread_postures,
     tool_point,
     undetermined_offsets,
@@ -87,6 +87,13 @@ class Entered:
         return self.worse is not None and self.worse > MOST_WORSE
 
 
+class EnteredOffset(NamedTuple):
+    """A value to enter, deg (mm), and its own standard uncertainty `u`."""
+
+    value: float
+    u: float
+
+
 @dataclass(frozen=True)
 class Conformity:
     """Does the robot meet what it must (JCGM 106)? `tcp_95_mm` is the error that 95 % of the region stays
@@ -101,11 +108,20 @@ class Conformity:
 
 
 def values_to_enter(solution: Solution, left_out: Collection[str] = ()) -> dict[str, float]:
+    """The values of `offsets_to_enter`."""
+    return {name: each.value for name, each in offsets_to_enter(solution, left_out).items()}
+
+
+def offsets_to_enter(
+    solution: Solution, left_out: Collection[str] = (), *, assumed: bool = False
+) -> dict[str, EnteredOffset]:
     """What to enter into a controller with nominal geometry, deg (mm) by name: of each offset that is
-    determined, but for those `left_out`, which neither the arm nor the controller then has. Export, next
-    steps, report and verification use these; of an exact arm they are the estimates."""
-    fitted = _Fitted(solution, left_out)
-    return fitted.shown(fitted.offsets)
+    determined, but for those `left_out`, which neither the arm nor the controller then has. What is as good
+    as what is assumed is among them only if that is asked for. Export, next steps, report and verification
+    use these; of an exact arm they are the estimates."""
+    fitted = _Fitted(solution, left_out, assumed=assumed)
+    values, u = fitted.shown(fitted.offsets), fitted.shown(fitted.std)
+    return {name: EnteredOffset(value, u[name]) for name, value in values.items()}
 
 
 def entered(
@@ -165,14 +181,15 @@ class _Fitted:
     """The least-squares fit of nominal geometry to the mean arm, over the region: `names` of the offsets,
     `offsets` (k,) rad or mm, their `std` (k,)."""
 
-    def __init__(self, solution: Solution, left_out: Collection[str] = ()) -> None:
+    def __init__(self, solution: Solution, left_out: Collection[str] = (), *, assumed: bool = False) -> None:
         problem = self.problem = solution.problem
         parameters = problem.parameters
         block = parameters.block("offset")
         places = [
             i
             for i in range(block.start, block.stop)
-            if known(solution.status[i]) and parameters.names[i] not in left_out
+            if (known(solution.status[i]) or (assumed and solution.status[i] == "assumed"))
+            and parameters.names[i] not in left_out
         ]
         self.names = [parameters.names[i] for i in places]
         x = solution.fit.x.copy()
@@ -235,7 +252,7 @@ class TcpSpread:
     @property
     def undetermined(self) -> bool:
         """Whether an offset that the measurements do not determine moves the TCP."""
-        moving = moving_offsets(self.problem, self.jacobian)
+        moving = moving_by_nominal(self.problem, self.point, self.joints)
         return bool((moving & undetermined_offsets(self.problem, self.solution.status)).any())
 
     def placed(self, arm: Matrix) -> Matrix:
@@ -270,7 +287,7 @@ class TcpSpread:
 def tcp_of(solution: Solution) -> Matrix:
     """(3,) mm in the flange frame: the tool's stated point, or as `default_point` says."""
     last = solution.problem.parameters.block("offset").stop - 1
-    return default_point(solution.problem, solution.status[last] in ("unidentifiable", "held"))[0]
+    return default_point(solution.problem, solution.status[last] in ("unidentifiable", "held", "assumed"))[0]
 
 
 def _whole_values(solution: Solution) -> tuple[dict[str, float], dict[str, float]] | None:

@@ -24,7 +24,7 @@ from ..placements import Placement, placements
 from ..recordings.recordings import Effective
 from ..recordings.steps import RecordingSteps
 from ..solution import Solution
-from ..status import known
+from ..status import has_numbers
 from .prediction import p_value, predicted, settled
 
 _SEPARATORS = "_-. "
@@ -41,9 +41,9 @@ class HoldOut:
 
     `targets` are those of the held-out `placements`. `rms_mm` of the residuals once each held-out target is
     placed, `rms_before_mm` the same without any offset, `expected_mm` what `rms_mm` would be by the noise and
-    the uncertainty of the fit; chi-squared of these residuals against both. None where there is none: without
-    degrees of freedom, or where the fit without these targets did not converge, for which `failure` is the
-    optimiser's reason.
+    the uncertainty of the fit; `rms_deg` and `expected_deg` are of the angles that are read; chi-squared of
+    these residuals against both. None where there is none: without degrees of freedom, or where the fit
+    without these targets did not converge, for which `failure` is the optimiser's reason.
     """
 
     targets: tuple[str, ...]
@@ -57,6 +57,8 @@ class HoldOut:
     dof: int | None
     p_value: float | None
     failure: str | None
+    rms_deg: float | None = None
+    expected_deg: float | None = None
 
     @property
     def factor(self) -> float | None:
@@ -154,6 +156,8 @@ def judged(
         dof=dof,
         p_value=p_value(fitted, chi2, dof) if dof > 0 else None,
         failure=None,
+        rms_deg=after.rms_deg,
+        expected_deg=after.expected_deg,
     )
 
 
@@ -309,7 +313,7 @@ def jackknife(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Jackkn
     problem, rows = solution.problem, []
     for i in np.flatnonzero(problem.parameters.group("offset")):
         item = problem.parameters.items[i]
-        if item.held or not known(solution.status[i]):
+        if item.held or not has_numbers(solution.status[i]):
             continue
         values = np.array([fit.x[fit.problem.parameters.index(item.name)] for fit in fits])
         determined = determined_by[:, i]

@@ -267,7 +267,7 @@ def hypothesis_fits(
     far = [i for i, change in enumerate(every) if _is_estimated(change, beyond)]
     fits = [
         *_of_changes(problem, every, len(every), always=far),
-        *_of_readings(problem),
+        *of_readings(problem),
         *_of_suspects(problem, x),
     ]
     if not any(fit.agrees(slack) for fit in fits):
@@ -363,7 +363,7 @@ def _thinned(problem: Problem, most: int) -> Index:
     return np.sort(np.concatenate(chosen))
 
 
-def _of_readings(problem: Problem) -> Iterator[HypothesisFit]:
+def of_readings(problem: Problem) -> Iterator[HypothesisFit]:
     """All readings of an instrument in another unit, or in a left-handed frame: its start is found anew."""
     if not problem.recorded:
         return

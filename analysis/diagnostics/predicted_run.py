@@ -57,7 +57,8 @@ class PredictedRun:
     prediction is not determined, `taken_up` of those that are needed to place their target: neither is in
     the numbers. `rms_mm`, `median_mm` and `max_mm` are of the errors of all others, `rms_before_mm` and so on
     with nominal values, `expected_mm` and `u_mm` root mean squares too. Numbers are None where there is none;
-    `failure` is the optimiser's reason where the fit did not converge.
+    `rms_deg` and `expected_deg` are of the angles that are read. `failure` is the optimiser's reason where
+    the fit did not converge.
     """
 
     run: str
@@ -81,6 +82,8 @@ class PredictedRun:
     p_value: float | None = None
     measurements: tuple[PredictedMeasurement, ...] = ()
     failure: str | None = None
+    rms_deg: float | None = None
+    expected_deg: float | None = None
 
     @property
     def factor(self) -> float | None:
@@ -204,6 +207,7 @@ def predict_problem(solution: Solution, recorded: Problem, name: str, sha256: st
                 expected = float(np.sqrt(after.expected[i]))
                 rows[row] = float(errors[i]), expected, None if before is None else float(before[i])
         facts = _with_statistics(facts, errors, before, after, left)
+        facts = replace(facts, rms_deg=after.rms_deg, expected_deg=after.expected_deg)
         if after.dof > 0:
             p = p_value(known, after.chi2, after.dof)
             facts = replace(facts, chi2=after.chi2, dof=after.dof, p_value=p)

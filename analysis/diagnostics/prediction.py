@@ -21,7 +21,8 @@ _ROUNDS = 20
 @dataclass(frozen=True, eq=False)
 class HeldOutResiduals:
     """N measurements as predicted: their residuals (N, d), and the squared lengths (N,) mm^2 to expect, as
-    `Problem.length_squares` takes them: angles are in chi2 alone.
+    `Problem.length_squares` takes them. Of the angles that are read `rms_deg` and `expected_deg` are the root
+    mean squares, None where none is.
 
     `by_noise` by the noise once all is placed, `by_fit` by the uncertainty of what was carried over; `noise`
     is that of a measurement with nothing placed. `chi2` of the residuals against both together, `dof` the
@@ -34,6 +35,8 @@ class HeldOutResiduals:
     noise: Matrix
     chi2: float
     dof: int
+    rms_deg: float | None
+    expected_deg: float | None
 
     @property
     def expected(self) -> Matrix:
@@ -81,6 +84,8 @@ def predicted(
         return problem.length_squares((columns**2).sum(axis=2))
 
     whole_noise = lengths(noise)
+    parts = [(columns**2).sum(axis=2) for columns in (noise, noise @ placed, rest)]
+    components = np.maximum(parts[0] - parts[1], 0.0) + parts[2]
     return HeldOutResiduals(
         residual_mm=whitened.residual_mm,
         by_noise=np.maximum(whole_noise - lengths(noise @ placed), 0.0),
@@ -88,6 +93,8 @@ def predicted(
         noise=whole_noise,
         chi2=float(left @ left),
         dof=max(problem.measured_size - rank, 0),
+        rms_deg=problem.rms_deg(whitened.residual_mm),
+        expected_deg=problem.angle_deg(components),
     )
 
 

@@ -52,9 +52,16 @@ def moving_offsets(problem: Problem, jacobian: Matrix) -> NDArray[np.bool_]:
     return np.asarray(effect * problem.parameters.prior_std[offsets] > NO_EFFECT)
 
 
+def moving_by_nominal(problem: Problem, point: Matrix, joints: Matrix) -> NDArray[np.bool_]:
+    """(n,) the same of the `point` (3,) of the flange at `joints` (P, n) of the nominal arm: a point of its
+    last axis is a fraction of a millimetre off that of an arm that deviates, which does not matter."""
+    return moving_offsets(problem, tool_point(problem, problem.parameters.prior_mean, point, joints)[1])
+
+
 def undetermined_offsets(problem: Problem, status: Sequence[Status]) -> NDArray[np.bool_]:
-    """(n,) the offsets that the data do not determine; that of joint 1 is a choice of frame and not one."""
-    undetermined = np.isin(status[problem.parameters.block("offset")], ["unidentifiable", "held"])
+    """(n,) the offsets that the data alone do not determine; that of joint 1 is a choice of frame and not
+    one."""
+    undetermined = np.isin(status[problem.parameters.block("offset")], ["unidentifiable", "held", "assumed"])
     undetermined[0] = False
     return undetermined
 

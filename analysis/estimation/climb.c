@@ -244,6 +244,8 @@ static void curved(const Head *h, const Target *targets, N count, const N *rows,
   }
 }
 
+static const D ROUNDING = 1e3;  /* ends: below so many a step that does not lead up is rounding's */
+
 /* Newton's steps from v (rows, f), whitened by the information, and the covariance where they end; `whole`
    says for which rows: not where a step is to be shortened or a curvature is not above `flat`. */
 void zb_polish(const Head *h, const Target *targets, N rows, D *v, const N *of, N most, D end, D flat,
@@ -293,7 +295,10 @@ void zb_polish(const Head *h, const Target *targets, N rows, D *v, const N *of, 
       D before = size[r], after = whitened(f, whiten + r * ff, next_g + q * f, l);
       /* Near the top the values differ by rounding only: there the slope decides. */
       whole[r] = next[q] < value[r] || (after < 0.5 * before && before < 2e-3);
-      if (!whole[r]) continue;
+      if (!whole[r]) {  /* at the top but for rounding, or a step is to be shortened */
+        whole[r] = before < ROUNDING * end;
+        continue;
+      }
       memcpy(v + r * f, trial + q * f, f * sizeof(D));
       memcpy(slope + r * f, l, f * sizeof(D));
       value[r] = next[q], size[r] = after, way[r] += length[q], ++iterations[r];

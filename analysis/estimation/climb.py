@@ -190,7 +190,8 @@ _POLISH = 60
 _TURN, _SHIFT = 0.2, 200.0  # rad, mm: the longest step of an offset, beyond which nothing is linear
 _FLAT = 1e-3  # curvature, as a share of Fisher's, below which a direction is no ridge to trust
 _DIFFERENCE = 1e-3  # step of the differences, in posterior stds
-_CONVERGED = 1e-4  # size of the gradient, in posterior stds
+_CONVERGED = 1e-3  # size of the gradient, in posterior stds: no estimate is farther from the top than that
+_FINE = 1e-7  # to be reached where rounding allows it
 NOT_POSITIVE = "the information of the measurements is not positive definite to rounding"
 _STILL = 3e-3  # posterior stds: after a shorter way the curvature is as it was
 
@@ -259,7 +260,7 @@ class Climb:
             v, covariance, value, size, iterations = self._newton(minima, np.arange(len(minima.x)))
         else:
             v, covariance, value, size, iterations, whole = self._compiled.polish(
-                minima, self.of, _POLISH, 1e-3 * _CONVERGED, _FLAT, _DIFFERENCE, _STILL
+                minima, self.of, _POLISH, _FINE, _FLAT, _DIFFERENCE, _STILL
             )
             left = np.flatnonzero(~whole)
             for data_set in np.unique(self.of[left]):  # so that no run's bits depend on those beside it
@@ -295,12 +296,14 @@ class Climb:
         curvature[active] = self._curvature(v[active], of[active], root[active])
         way = np.zeros(len(v))  # since the curvature was taken
         for _ in range(_POLISH):
-            active = active[_length(slope[active]) >= 1e-3 * _CONVERGED]
+            active = active[_length(slope[active]) >= _FINE]
             if len(active) == 0:
                 break
             step = _uphill(curvature[active], slope[active])
             taken, v[active], new_value, new_slope = self._search(v, value, slope, of, active, root, step)
-            slow = _length(new_slope) > 0.1 * _length(slope[active])
+            size, before = _length(new_slope), _length(slope[active])
+            slow = size > 0.1 * before
+            taken &= (size < 0.5 * before) | (size > _CONVERGED)  # else rounding is all that is left
             value[active], slope[active] = new_value, new_slope
             way[active] += _length(step)
             iterations[active] += 1

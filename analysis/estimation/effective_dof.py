@@ -16,6 +16,8 @@ import scipy
 from ...model.arrays import Matrix, normal_half_width
 from .fit import LikelihoodFit
 
+_NOTHING_LEFT = 0.5  # of a residual: no size is expected of it
+
 
 class Gains(NamedTuple):
     """`covariance` C (f, f) by Fisher's information, `besides` (f, f) the information of distances and
@@ -53,6 +55,29 @@ def noise_dof(fit: LikelihoodFit) -> float:
     taken = np.eye(len(each.besides)) - each.besides @ each.covariance
     numbers = fit.problem.measured_size - len(fit.problem.ties)
     return max(float(numbers - 2 * np.trace(taken) + (taken * taken.T).sum()), 1e-3)
+
+
+def as_small(fit: LikelihoodFit) -> float | None:
+    """The probability of residuals as small as those of a fit, the noise being as stated; None where it is
+    not known.
+
+    Of an arm and a tool that have no deviation at all: one that deviates within its tolerances leaves more. A
+    residual that the priors take up by the share 1 - w has w^2 of its square left, so that the sum has the
+    mean of the w^2 and twice that of the w^4 as its variance (Satterthwaite).
+    """
+    problem = fit.problem
+    if not problem.noise.known:
+        return None
+    jacobian = fit.whitened.jacobian[:, problem.parameters.free]
+    left = 1 / (1 + np.maximum(np.linalg.eigvalsh(jacobian.T @ jacobian), 0.0))
+    mean, half_variance = (
+        max(float(problem.measured_size) - float((1 - left**power).sum()), 0.0) for power in (2, 4)
+    )
+    if mean <= _NOTHING_LEFT:
+        return None
+    scale = half_variance / mean
+    square = float(fit.whitened.residual @ fit.whitened.residual)
+    return float(scipy.special.chdtr(mean / scale, square / scale))
 
 
 def log_scales(fit: LikelihoodFit) -> Matrix:

@@ -25,7 +25,9 @@ class Linearised:
     (N, d, 3), mm; `roots` (N, d, f) by the parameters. `order` (N,) are the measurements as time goes.
     """
 
-    def __init__(self, problem: Problem, x: Matrix) -> None:
+    def __init__(self, problem: Problem, x: Matrix, rival: Matrix | None = None) -> None:
+        """`rival` (M, g) are whitened columns of what else may explain the residuals, times its prior stds:
+        it is fitted as well, by one linear step."""
         self.problem = problem
         whitened = problem.whiten(x)
         self.residual, self.jacobian, self.factor = whitened.residual, whitened.jacobian, whitened.factor
@@ -34,6 +36,8 @@ class Linearised:
         self.covariance: Matrix = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram))), dtype=float)
         self.order: Index = np.argsort(problem.shot_numbers, kind="stable")
         self.size = problem.tool.residual_size
+        if rival is not None:
+            self._fit_too(rival, x)
         _, shot_jacobians = problem.linearise(x)
         roots = np.sqrt(problem.weights)[:, None, None]
         by_joints = np.linalg.solve(whitened.factor, problem.by_joints(shot_jacobians))
@@ -41,7 +45,16 @@ class Linearised:
         by_spot = -np.linalg.inv(whitened.factor) * problem.active[:, None, :]
         self.by_spot: Matrix = np.asarray(by_spot * roots, dtype=float)
         self.by_target = by_targets(problem, whitened)
-        self.roots = problem.roots(whitened)
+        self.roots = self.free[: problem.shots * self.size].reshape(problem.shots, self.size, -1)
+
+    def _fit_too(self, rival: Matrix, x: Matrix) -> None:
+        parameters = self.problem.parameters
+        z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+        self.free = np.hstack([self.free, rival])
+        self.gram = self.free.T @ self.free
+        self.covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram))), dtype=float)
+        pull = self.free.T @ self.residual + np.append(z, np.zeros(rival.shape[1]))
+        self.residual = self.residual - self.free @ (self.covariance @ pull)
 
     @cached_property
     def shots_residual(self) -> Matrix:

@@ -4,10 +4,12 @@ a status is due to. Their sentences and remedies are made in `words`."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
+from ...model.instruments.kind import Assumption
 from ...model.likelihood.parameters import Group, HeldBy, Parameter
 from ..status import Status
 
@@ -60,6 +62,18 @@ class WithinTolerances:
 
 
 @dataclass(frozen=True)
+class AsGoodAs:
+    """The data determine an offset only with what is known `of` an instrument besides: its mounting, its tip,
+    its frame. That is `stated`, or assumed."""
+
+    of: tuple[Assumption, ...]
+
+    @property
+    def stated(self) -> bool:
+        return all(one.stated for one in self.of)
+
+
+@dataclass(frozen=True)
 class TargetUnseen:
     """The target is measured in `measurements` postures that do not fix its position."""
 
@@ -99,22 +113,22 @@ class ToolRotation:
 class CommonMotion:
     """An offset of `joint` moves everything after it alike, as the joints before it hardly change.
 
-    `revolute` says of each of the joints 1 … `joint` whether it is; `range_deg` and `range_mm` are the
-    largest ranges of those before `joint` (None where there are none of that kind), `constant` and
-    `nearly_constant` how these ranges are judged.
+    `revolute` says of each of the joints 1 … `joint` whether it is; `ranges` (degrees; mm) are those of the
+    joints before `joint`, and `little` says of each whether that is hardly anything. `hidden`: what is left
+    of a difference is below the noise.
     """
 
     joint: int
     revolute: tuple[bool, ...]
-    range_deg: float | None
-    range_mm: float | None
-    constant: bool
-    nearly_constant: bool
+    ranges: tuple[float, ...]
+    little: tuple[bool, ...]
+    hidden: bool = False
 
 
 @dataclass(frozen=True)
 class ParallelAxes:
-    """The axes of the joints `first` and `second` stay parallel, to within `angle_deg`."""
+    """The axes of the joints `first` and `second` stay parallel, to within `angle_deg`, in these postures: in
+    others they are not."""
 
     first: int
     second: int
@@ -165,8 +179,22 @@ class LocalOptima:
 
 
 @dataclass(frozen=True)
+class Equivalent:
+    """Offsets of the `joints` (from 1) together have nearly the effect of a displacement of what `shifted`
+    says (groups of other parameters that have a part; empty: nearly no effect). `revolute`, `ranges` and
+    `little` are those of the joints before the last of them, `hidden` is, as in a common motion."""
+
+    joints: tuple[int, ...]
+    shifted: tuple[Group, ...]
+    revolute: tuple[bool, ...]
+    ranges: tuple[float, ...]
+    little: tuple[bool, ...]
+    hidden: bool = False
+
+
+@dataclass(frozen=True)
 class Unexplained:
-    """No known mechanism."""
+    """No known mechanism: noise factors alone."""
 
 
 Cause = (
@@ -174,6 +202,7 @@ Cause = (
     | Unconverged
     | NotTheModel
     | NotResolvable
+    | AsGoodAs
     | ToleranceOnly
     | WithinTolerances
     | TargetUnseen
@@ -187,8 +216,44 @@ Cause = (
     | TooFewMeasurements
     | OnePosition
     | LocalOptima
+    | Equivalent
     | Unexplained
 )
+
+
+How = Literal["replace", "add", "vary", "tolerances"]
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """The standard uncertainty of a parameter, in its `unit`, priors included: `before` a remedy (None where
+    the data do not determine it), and as predicted `after` it. Up to the `tolerance` it is identified."""
+
+    name: str
+    unit: str
+    before: float | None
+    after: float
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A remedy that was tried, with what is `predicted` of the parameters concerned, the worst first.
+
+    `how`: "replace" or "add" a posture, that of the number in `postures` with `joint` (from 1) rotated by
+    `amount` (`unit`: deg or mm) and aimed anew; "vary": these `postures`, all but those
+    that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in turn, and aimed anew;
+    "tolerances" that are an `amount` of times smaller. `measured`: the postures are those of measurements.
+    """
+
+    how: How
+    amount: float
+    predicted: tuple[Predicted, ...]
+    joint: int | None = None
+    unit: str | None = None
+    postures: tuple[int, ...] = ()
+    unchanged: tuple[int, ...] = ()
+    measured: bool = False
 
 
 @dataclass(frozen=True)
@@ -206,6 +271,7 @@ class NullDirection:
     cause: Cause
     data_std: float | None = None
     slight: tuple[str, ...] = ()
+    tried: Tried | None = None
 
 
 def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:
@@ -231,9 +297,14 @@ def _share(direction: NullDirection, name: str) -> float:
 
 
 def cause_for(
-    null_space: Sequence[NullDirection], item: Parameter, status: Status, tolerance_share: float | None = None
+    null_space: Sequence[NullDirection],
+    item: Parameter,
+    status: Status,
+    tolerance_share: float | None = None,
+    rests_on: Mapping[str, tuple[Assumption, ...]] = MappingProxyType({}),
 ) -> Cause | None:
-    """Why a parameter has no number, or a poor one; None for an identified one.
+    """Why a parameter has no number, or a poor one, or what its number `rests_on`; None for one that the
+    measurements identify alone.
 
     `tolerance_share` (0 to 1) is the part of its variance that the tolerances set.
     """
@@ -243,8 +314,8 @@ def cause_for(
         return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()
-    if status == "identified":
-        return None
+    if status in ("identified", "assumed"):
+        return AsGoodAs(rests_on[item.name]) if item.name in rests_on else None
     cause = worst_direction(null_space, item.name).cause
     if isinstance(cause, NotResolvable) and tolerance_share is not None and tolerance_share >= MOST:
         return WithinTolerances(tolerance_share)

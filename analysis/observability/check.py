@@ -16,22 +16,23 @@ from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
 from ..covariance import Rows, frame, row_text
 from ..estimation.threads import one_blas_thread
-from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
+from ..status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, versions
+from . import remedies
 from .aim import Aimed, AimedPlan, aim_plan
-from .causes import Cause, cause_for
+from .causes import Cause, Tried, cause_for
 from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import (
     Advice,
     CurvePoint,
     OverTarget,
-    advice,
     curve,
     over_target,
     predicted_covariance,
     predicted_std,
 )
 from .power import DetectionPower, powers
+from .remedies import Allowed, RemedySearch
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,7 +79,8 @@ class CheckedParameter:
     """One unknown before the shots: the parameter `name` of a `group` (offset, geometry, target, tool, …),
     its numbers in its `unit` (deg, mm, or 1 of a noise factor).
 
-    `status` is "identified", "weak", "unidentifiable" or "held", and `cause` says why it has no number.
+    `status` is "identified", "weak", "assumed", "unidentifiable" or "held", and `cause` says why it has
+    no number, or what its number rests on.
     `prior_std` is that of the prior, `data_std` without prior, None for an exact gauge or a held one; `std`
     what the calibration will know it to, None where it cannot know it. `tolerated`: its prior is a tolerance.
     `tolerance_share` (0 to 1) is the part of the variance that tolerances set."""
@@ -254,12 +256,14 @@ class Check:
         return tuple(each for posture in self.postures for each in posture.violations)
 
     @classmethod
-    def of(cls, turned: AimedPlan, violations: tuple[Violation, ...] = ()) -> Self:
+    def of(
+        cls, turned: AimedPlan, violations: tuple[Violation, ...] = (), allowed: Allowed | None = None
+    ) -> Self:
         """Judge a plan with the wrist turned onto the target, as the servo will turn it.
 
         `violations` are what the plan breaks of its constraints (`experiments.plans.constraints.violations`
-        finds them). Needs no compiler and no sampling: everything follows from the exact Jacobian at the
-        nominal values before any shot.
+        finds them), `allowed` says which other aimed shots keep to them. Needs no compiler and no sampling:
+        everything follows from the exact Jacobian at the nominal values before any shot.
         """
         plan, problem, x, aimed = turned.plan, turned.problem, turned.x, turned.aimed
         with one_blas_thread():
@@ -271,16 +275,18 @@ class Check:
             elsewhere = over_target(problem, x, _stated_spread(plan, problem))
             parameters = problem.parameters
             observable = verdict_of(identified.status[parameters.block("offset")])
-            better = None if observable == "pass" else advice(shots, x)
-            if better is not None:  # of the postures that give a measurement
-                taken = np.flatnonzero(_taken(aimed, violations))
-                better = replace(better, posture=int(taken[better.posture]))
+            taken = np.flatnonzero(_taken(aimed, violations))  # postures that give a measurement
+            search = RemedySearch(
+                shots, x, identified.status, np.sqrt(np.diag(covariance)), taken.tolist(), allowed=allowed
+            )
+            better = None if observable == "pass" else search.advice()
+            facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))
         share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
         rows = []
         for i, item in enumerate(parameters.items):
             status, data_std = identified.status[i], float(identified.data_std[i])
-            by_tolerances = float(share[i]) if known(status) and len(problem.tolerated) else None
+            by_tolerances = float(share[i]) if has_numbers(status) and len(problem.tolerated) else None
             rows.append(
                 CheckedParameter(
                     name=item.name,
@@ -289,9 +295,9 @@ class Check:
                     status=status,
                     held=item.held,
                     data_std=data_std * item.display if np.isfinite(data_std) else None,
-                    std=float(std[i]) * item.display if known(status) else None,
+                    std=float(std[i]) * item.display if has_numbers(status) else None,
                     prior_std=item.prior_std * item.display,
-                    cause=cause_for(identified.facts.null_space, item, status, by_tolerances),
+                    cause=cause_for(facts.null_space, item, status, by_tolerances, identified.rests_on),
                     tolerance_share=by_tolerances,
                     tolerated=item.tolerated,
                 )
@@ -299,7 +305,7 @@ class Check:
         return cls(
             verdict="violated" if violations else observable,
             parameters=CheckedTable(rows),
-            identifiability=identified.facts,
+            identifiability=facts,
             power=powers(shots, x, identified.facts.rank),
             geometry=geometry,
             postures=tuple(
@@ -327,6 +333,14 @@ def check(plan: Plan) -> Check:
     return Check.of(aim_plan(plan))
 
 
+def carried_out(check: Check, tried: Tried) -> tuple[Matrix, tuple[int, ...]]:
+    """(M, n) rad or mm: the new postures of a remedy of a plan, aimed; and of each which posture of the plan
+    it is like."""
+    taken = np.flatnonzero(_taken(check.aimed.aimed, check.violations))
+    shots = check.aimed.aimed.problem.select(taken)
+    return remedies.carried_out(shots, check.aimed.x, tried, taken.tolist()).joints, tried.postures
+
+
 def without_posture(
     turned: AimedPlan, posture: int, violations: tuple[Violation, ...] = ()
 ) -> WithoutPosture | None:
@@ -348,7 +362,10 @@ def without_posture(
         posture,
         verdict_of(identified.status[offsets]),
         {item.name: status for item, status, _ in judged},
-        {item.name: float(value) * item.display if known(status) else None for item, status, value in judged},
+        {
+            item.name: float(value) * item.display if has_numbers(status) else None
+            for item, status, value in judged
+        },
     )
 
 

@@ -50,10 +50,20 @@ class Gauge:
 
 
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
-    """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower."""
+    """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower.
+
+    They may be where nothing deviates that has a tolerance. An estimate of such a deviation, be it that of
+    the noise alone, must not pass for information on what would be a gauge without it.
+    """
     aimed, jacobian, hit = information_root(problem, x, weight)
     tolerated = problem.parameters.tolerated[problem.parameters.free]
     null = _null_space(jacobian, tolerated)
+    nominal = np.where(problem.parameters.tolerated, problem.parameters.prior_mean, x)
+    if not np.array_equal(nominal, x):
+        ((there, root, hits),) = information_roots(problem, nominal[None], weight)
+        null_there = _null_space(root, tolerated)
+        if null_there.size > null.size:
+            x, aimed, jacobian, hit, null = nominal, there, root, hits, null_there
     taken_up = [spanned(jacobian, tolerated)]
     followed = _followed(aimed, x, hit, _weights(problem) > 0)
     near_by = []
@@ -65,11 +75,26 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
             # Judged where the true values may just as well be, and where the rank is lower.
             aimed, jacobian, _ = information_root(problem, lowest_rank.x, weight)
             null = _null_space(jacobian, tolerated, _ROUNDING_SPECIAL)
-    dimension, exact_part = _confirm(null, near_by, followed)
+    confirming = near_by
+    if null.size and tolerated.any():
+        confirming = _near_by(problem, x, hit, aimed, followed, problem.parameters.untolerated)
+    dimension, exact_part = _confirm(null, confirming, followed)
+    # What deviates takes parts along that are none of the nominal arm.
+    exact_part = np.any(
+        [exact_part, *(point.null.part for point in near_by if point.null.size <= dimension)], axis=0
+    )
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
     every = np.any(taken_up, axis=0)
     gauge = Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
     return replace(gauge, near_by=tuple(_less_null(problem, null.size, near_by, weight)))
+
+
+def gauge_at(problem: Problem, x: Matrix, weight: float) -> Gauge:
+    """The gauge of the shots at x (p,) alone, all of it taken as exact."""
+    aimed, jacobian, _ = information_root(problem, x, weight)
+    tolerated = problem.parameters.tolerated[problem.parameters.free]
+    null = _null_space(jacobian, tolerated)
+    return Gauge(aimed, jacobian, null.basis, null.part, null.size, null.part, spanned(jacobian, tolerated))
 
 
 def _less_null(
@@ -252,9 +277,12 @@ class _NearBy:
     same: bool
 
 
-def _near_by(problem: Problem, x: Matrix, hit: Mask, aimed: Problem, followed: bool) -> list[_NearBy]:
+def _near_by(
+    problem: Problem, x: Matrix, hit: Mask, aimed: Problem, followed: bool, moved: Mask | None = None
+) -> list[_NearBy]:
     """Points near x at which all shots of `hit` (N,) hit, all that were found on the way to each of some
-    points. `aimed` has the shots at x. There may be none.
+    points, of the parameters `moved` (p,) alone if that is given. `aimed` has the shots at x. There may be
+    none.
 
     All are tried side by side, then those again that will not do, by half the way. A shot that does not hit
     breaks a gauge that it has where it hits, and so does one that jumps to another posture, such as the
@@ -275,7 +303,7 @@ def _near_by(problem: Problem, x: Matrix, hit: Mask, aimed: Problem, followed: b
         if not missing:
             break
         tried = missing
-        steps = [_step(problem, rng) for _ in tried]
+        steps = [_step(problem, rng) * (1.0 if moved is None else moved) for _ in tried]
         others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved
         if not followed:
             others = _within_reach(aimed, others, hit, rng, _TURN / 2**halved)

@@ -22,7 +22,7 @@ from ...model.arrays import Matrix
 from ...model.files.header import Header
 from ...model.likelihood.geometry import Geometry
 from ...model.likelihood.problem import Problem
-from ..status import Status, known
+from ..status import Status, has_numbers
 
 if TYPE_CHECKING:
     from ..estimation.tolerance_factors import Factors
@@ -174,7 +174,7 @@ def geometry_result(
         return {
             item.name: float(std[i]) * item.display
             for i, item in enumerate(parameters.items)
-            if item.group == "offset" and known(status[i])
+            if item.group == "offset" and has_numbers(status[i])
         }
 
     def at(factor: float) -> dict[str, float | None]:
@@ -205,7 +205,7 @@ def _confounded(problem: Problem, covariance: Matrix, status: tuple[Status, ...]
     parameters = problem.parameters
     std = np.sqrt(np.diag(covariance))
     for i, item in enumerate(parameters.items):
-        if item.group != "offset" or item.held or not known(status[i]):
+        if item.group != "offset" or item.held or not has_numbers(status[i]):
             continue
         row = int(parameters.among_free[i])
         correlation = covariance[row] / (std * std[row])

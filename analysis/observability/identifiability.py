@@ -14,8 +14,8 @@ null (or as nearly null) too, with all other parameters known."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Literal
@@ -23,15 +23,16 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Mask, Matrix
-from ...model.instruments.kind import Instrument
+from ...model.instruments.kind import Assumption, Instrument
 from ...model.likelihood.parameters import Group, Parameter, Parameters
 from ...model.likelihood.problem import Problem
-from ..status import Status
+from ..status import Status, known
 from .causes import (
     MOST,
     BaseFrame,
     Cause,
     CommonMotion,
+    Equivalent,
     NamedTolerance,
     NoiseSplit,
     NullDirection,
@@ -45,10 +46,9 @@ from .causes import (
     Unexplained,
     WithinTolerances,
 )
-from .gauges import PART, ROUNDING, Gauge, complement, gauge_of, information_root, information_roots
+from .gauges import PART, ROUNDING, Gauge, complement, gauge_at, gauge_of, information_root, information_roots
 from .marginal import Marginal
 
-_CONSTANT = 1e-9  # degrees or mm
 _NEARLY_CONSTANT_DEG = 10.0
 _NEARLY_CONSTANT_MM = 50.0
 _NEARLY_PARALLEL_DEG = 3.0
@@ -59,6 +59,9 @@ _NEW = 1e-4  # a null direction is not named yet if this part of it is outside t
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _MOST = 0.5  # of the std of a weak offset is a mechanism's that explains it alone
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
+_RESTS = 2.0  # times the std without what is known of tool and frames: then three quarters are known by it
+_PART_OF_IT = 0.1  # of the largest term of a direction: an offset that has as much is named
+_SHIFTED: tuple[Group, ...] = ("target", "frame", "tool")
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
 _LARGEST_TOLERANCES = 3  # of those that set a variance are named
 
@@ -92,15 +95,14 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         yield Mechanism(offset(n - 1), OnAxis(each.name, n))
         if (carried := parameters.carried(each)).any() and free[n - 1]:
             yield Mechanism(offset(n - 1) | carried, _tool_rotation(each, n))
-    spread = np.ptp(problem.joints, axis=0) * problem.robot.display
     for k in range(1, n):
         if free[k]:
-            yield Mechanism(offset(k) | targets, _common_motion(problem, spread, k))
+            yield Mechanism(offset(k) | targets, _common_motion(problem, k))
     # Of too few measurements almost any pair of axes looks inseparable: that is no property of the axes.
     enough = too_few_measurements(problem) is None
     angles = _angles_of_axes(problem)
     for i, j in combinations(np.flatnonzero(free[:n]), 2):
-        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG:
+        if enough and angles[i, j] <= _NEARLY_PARALLEL_DEG and not _always_parallel(problem, int(i), int(j)):
             cause = ParallelAxes(int(i) + 1, int(j) + 1, float(angles[i, j]))
             yield Mechanism(offset(int(i)) | offset(int(j)) | targets, cause)
     if tool.any() and not problem.tool.calibrated:
@@ -112,44 +114,65 @@ def _tool_rotation(tool: Instrument, joint: int) -> ToolRotation:
     return ToolRotation(tool.name, joint, tool.known_to if tool.calibrated else None)
 
 
-def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:
-    """The motion of everything after joint k (1 … k do not change, or hardly).
-
-    `spread` (n,) is the range of each joint over the measurements, degrees or mm.
-    """
-    revolute = np.array([joint.kind == "revolute" for joint in problem.robot.joints])
-    before, turning = spread[:k], revolute[:k]
-
-    def largest(chosen: Mask) -> float | None:
-        return float(before[chosen].max()) if chosen.any() else None
-
-    return CommonMotion(
-        joint=k + 1,
-        revolute=tuple(bool(each) for each in revolute[: k + 1]),
-        range_deg=largest(turning),
-        range_mm=largest(~turning),
-        constant=bool(before.max() <= _CONSTANT),
-        nearly_constant=bool((before <= np.where(turning, _NEARLY_CONSTANT_DEG, _NEARLY_CONSTANT_MM)).all()),
-    )
+def _common_motion(problem: Problem, k: int) -> CommonMotion:
+    """The motion of everything after joint k (1 … k do not change, or hardly)."""
+    revolute, ranges, little = _before(problem, k)
+    return CommonMotion(k + 1, (*revolute, problem.robot.joints[k].kind == "revolute"), ranges, little)
 
 
-def _angles_of_axes(problem: Problem) -> Matrix:
-    """(n, n) the largest angle, deg, between two joint axes of nominal geometry over the measurements."""
+def _before(problem: Problem, k: int) -> tuple[tuple[bool, ...], tuple[float, ...], tuple[bool, ...]]:
+    """Of each of the first k joints: whether it is revolute, its range over the measurements (degrees or mm),
+    and whether that is hardly anything."""
+    revolute = tuple(joint.kind == "revolute" for joint in problem.robot.joints[:k])
+    ranges = tuple((np.ptp(problem.joints, axis=0) * problem.robot.display)[:k].tolist())
+    most = (_NEARLY_CONSTANT_DEG if each else _NEARLY_CONSTANT_MM for each in revolute)
+    return revolute, ranges, tuple(size <= limit for size, limit in zip(ranges, most, strict=True))
+
+
+def _always_parallel(problem: Problem, i: int, j: int) -> bool:
+    """Whether the axes of two joints are nearly parallel whatever the posture, as those of joints 2 and 3 of
+    most arms are: postures cannot mend that."""
+    anywhere = np.random.default_rng(0).uniform(-1.0, 1.0, (8, problem.robot.n))
+    return bool(_angles_of_axes(problem, anywhere)[i, j] <= _NEARLY_PARALLEL_DEG)
+
+
+def _angles_of_axes(problem: Problem, joints: Matrix | None = None) -> Matrix:
+    """(n, n) the largest angle, deg, between two joint axes of nominal geometry over the measurements, or
+    over `joints` (N, n)."""
     (axes,) = problem.functions.kernel("axes")(
-        problem.joints, problem.split(problem.parameters.prior_mean).arm
+        problem.joints if joints is None else joints, problem.split(problem.parameters.prior_mean).arm
     )
     axes = axes.reshape(-1, 3, problem.robot.n)  # the kernel gives one column without its axis
     cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
 
-def unexplained(problem: Problem) -> Mechanism:
-    """What explains a direction that no single mechanism explains."""
+def unexplained(problem: Problem, direction: Matrix | None = None) -> Mechanism:
+    """What explains a direction (m,) of the untolerated parameters that no single mechanism explains."""
     few = too_few_measurements(problem)
     if few is not None:
         return few
     one_position = not problem.tool.beam and not problem.stations and len(problem.targets) == 1
-    return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
+    if one_position or direction is None:
+        return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
+    return Mechanism(_NO_SUPPORT, _by_its_terms(problem, direction))
+
+
+def _by_its_terms(problem: Problem, direction: Matrix) -> Cause:
+    """What a direction (m,) says by itself: which offsets together have the effect of what."""
+    parameters = problem.parameters
+    terms = np.zeros(len(parameters))
+    terms[parameters.untolerated] = np.abs(direction) / np.abs(direction).max()
+    joints = np.flatnonzero(terms[parameters.block("offset")] >= _PART_OF_IT)
+    if not len(joints):
+        joints = np.flatnonzero(terms[parameters.block("offset")] >= _NEGLIGIBLE)
+    shifted = tuple(group for group in _SHIFTED if (terms[parameters.group(group)] >= _NEGLIGIBLE).any())
+    if not len(joints) and not shifted:
+        return Unexplained()
+    if len(joints) == 1 and joints[0] > 0 and shifted == ("target",):
+        return _common_motion(problem, int(joints[0]))
+    before = _before(problem, int(joints[-1]) if len(joints) else problem.robot.n)
+    return Equivalent(tuple((joints + 1).tolist()), shifted, *before)
 
 
 def too_few_measurements(problem: Problem) -> Mechanism | None:
@@ -185,11 +208,13 @@ class Identifiability:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """Per parameter (p,): `status`, and `data_std` in internal units (inf for a gauge, nan if held)."""
+    """Per parameter (p,): `status`, and `data_std` in internal units (inf for a gauge, nan if held);
+    `rests_on` what an offset, by its name, is known by besides the measurements."""
 
     status: tuple[Status, ...]
     data_std: Matrix
     facts: Identifiability
+    rests_on: Mapping[str, tuple[Assumption, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
@@ -204,8 +229,28 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     `weight` is 1 / noise scale^2, of measurements only.
     """
     parameters = problem.parameters
-    gauge = gauge_of(problem, x, weight)
+    judged, data_std = _judged(problem, x, weight)
     tolerated = parameters.tolerated[parameters.free]
+    singular = judged.spectrum.of_all
+    facts = Identifiability(
+        rank=_rank(tolerated, singular),
+        size=len(tolerated),
+        condition=None if judged.gauge.basis.shape[1] else float(singular.max() / singular.min()),
+        observability=observability(singular, problem.shots),
+        null_space=(*_exact_directions(judged), *_noise_directions(judged)),
+    )
+    rests_on = _taken_as_known(problem, x, weight, judged.status, data_std)
+    status = tuple(
+        "assumed" if any(not one.stated for one in rests_on.get(item.name, ())) else each
+        for item, each in zip(parameters.items, judged.status, strict=True)
+    )
+    return Identified(status, data_std, facts, rests_on)
+
+
+def _judged(problem: Problem, x: Matrix, weight: float) -> tuple[_Judged, Matrix]:
+    """The statuses by what the problem takes as known, and `data_std` (p,) of `Identified`."""
+    gauge = gauge_of(problem, x, weight)
+    tolerated = problem.parameters.tolerated[problem.parameters.free]
     marginal = Marginal.of(gauge.jacobian, tolerated)
     spectrum = _Spectrum.of(marginal.root, gauge.basis)
     scaled_std = _stds(marginal, spectrum, tolerated)
@@ -215,17 +260,58 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         scaled_std = np.maximum(scaled_std, _stds(there, _Spectrum.of(there.root, basis), tolerated))
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge.spanned)
-    status, data_std = _statuses(parameters, scaled_std)
-    judged = _Judged(problem, x, weight, gauge, marginal, spectrum, status)
-    singular = spectrum.of_all
-    facts = Identifiability(
-        rank=_rank(tolerated, singular),
-        size=len(tolerated),
-        condition=None if gauge.basis.shape[1] else float(singular.max() / singular.min()),
-        observability=observability(singular, problem.shots),
-        null_space=(*_exact_directions(judged), *_noise_directions(judged)),
-    )
-    return Identified(status, data_std, facts)
+    status, data_std = _statuses(problem.parameters, scaled_std)
+    return _Judged(problem, x, weight, gauge, marginal, spectrum, status), data_std
+
+
+def _taken_as_known(
+    problem: Problem, x: Matrix, weight: float, status: Sequence[Status], data_std: Matrix
+) -> dict[str, tuple[Assumption, ...]]:
+    """By the name of each offset that would be unidentifiable were nothing known of tool and frames: what it
+    rests on. What is assumed, where that alone makes it identifiable; else what the header states. `data_std`
+    (p,) is with all that is known.
+    """
+    items = problem.parameters.items
+    offsets = [i for i, item in enumerate(items) if item.group == "offset" and known(status[i])]
+    every = problem.tool.taken_as_known
+    if not offsets or not every:
+        return {}
+    stated, assumed = ([one for one in every if one.stated == as_stated] for as_stated in (True, False))
+    resting = _lost(problem, x, weight, offsets, data_std, keep_stated=False)
+    without = resting if not stated else []
+    if resting and stated and assumed:
+        without = _lost(problem, x, weight, resting, data_std, keep_stated=True)
+    return {items[i].name: _of_unit(problem, assumed if i in without else stated) for i in resting}
+
+
+def _lost(
+    problem: Problem,
+    x: Matrix,
+    weight: float,
+    offsets: Sequence[int],
+    data_std: Matrix,
+    *,
+    keep_stated: bool,
+) -> list[int]:
+    """The places among `offsets` of those that are unidentifiable at x where tool and frames may be anything,
+    but for what the header states if that is kept, and that this is the reason of."""
+    freed, there = problem.freed(x, keep_stated=keep_stated)
+    tolerated = freed.parameters.tolerated[freed.parameters.free]
+    gauge = gauge_at(freed, there, weight)
+    marginal = Marginal.of(gauge.jacobian, tolerated)
+    spectrum = _Spectrum.of(marginal.root, gauge.basis)
+    scaled_std = _stds(marginal, spectrum, tolerated)
+    scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
+    status, std = _statuses(freed.parameters, scaled_std)
+    return [i for i in offsets if status[i] == "unidentifiable" and std[i] > _RESTS * data_std[i]]
+
+
+def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, ...]:
+    """Of each instrument what a rotation of the last joint is equivalent to, if there is such; all of what a
+    frame is."""
+    unit = {each.label: each.words.unit for each in problem.tool.each}
+    told = [one for one in some if one.part == "frame" or one.unit == unit[one.label]]
+    return tuple(told or some)
 
 
 def rank(problem: Problem, x: Matrix) -> int:
@@ -386,8 +472,7 @@ def _exact_directions(judged: _Judged) -> list[NullDirection]:
         if named:
             taken = np.array([direction for direction, _ in named]).T
             left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
-    rest = unexplained(problem)
-    named += [(column, rest) for column in left.T]
+    named += [(column, unexplained(problem, column)) for column in left.T]
     directions = [
         _named(judged, direction, "exact" if i < judged.gauge.dimension else "noise", mechanism)
         for i, (direction, mechanism) in enumerate(named)
@@ -436,7 +521,7 @@ def _noise_directions(judged: _Judged) -> list[NullDirection]:
             ):
                 direction, mechanism = vector, candidate
                 break
-        mechanism = mechanism or _by_tolerances(judged, direction) or unexplained(judged.problem)
+        mechanism = mechanism or _by_tolerances(judged, direction) or unexplained(judged.problem, direction)
         explained.append(direction)
         null_directions.append(_named(judged, direction, "noise", mechanism))
     return null_directions
@@ -495,4 +580,8 @@ def _named(
     effect_size = max(float(np.linalg.norm(root @ direction)), ROUNDING)
     weights = direction / direction[order[0]]
     combination = {judged.untolerated[i].name: float(weights[i]) for i in order}
-    return NullDirection(combination, kind, mechanism.cause, None if kind == "exact" else 1 / effect_size)
+    cause, std = mechanism.cause, None if kind == "exact" else 1 / effect_size
+    if isinstance(cause, CommonMotion | Equivalent):
+        lost = judged.status[judged.problem.parameters.index(next(iter(combination)))] == "unidentifiable"
+        cause = replace(cause, hidden=lost or std is None or std >= 1)
+    return NullDirection(combination, kind, cause, std)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from ...model.arrays import Matrix
-from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.problem import Problem, Whitened
-from .aim import AimedPlan, aim, servo_joints
+from .aim import aim, servo_joints
+from .causes import NullDirection
 
 _DRAWS = 16
-_CHANGE = {"revolute": 30.0, "prismatic": 100.0}  # degrees, mm
-_WORTH_TELLING = 0.8  # a change that leaves more than this of the worst std is no advice
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,8 @@ class Advice:
     """The single change that lowers the worst predicted std (deg; mm) of the offsets most.
 
     Posture `posture` is turned by `change_deg` (in `unit`: mm for a prismatic joint) in joint `joint`
-    (from 1) and aimed anew; `add` says whether as one more shot or in its place.
+    (from 1) and aimed anew; `add` says whether as one more shot or in its place. `worst_std_before` is None
+    where an offset is not determined without it.
     """
 
     posture: int
@@ -51,8 +49,18 @@ class Advice:
     change_deg: float
     unit: str
     add: bool
-    worst_std_before: float
+    worst_std_before: float | None
     worst_std_after: float
+
+    def is_that(self, direction: NullDirection) -> bool:
+        """Whether it is the remedy of a direction."""
+        tried, how = direction.tried, "add" if self.add else "replace"
+        return tried is not None and (tried.how, tried.postures, tried.joint, tried.amount) == (
+            how,
+            (self.posture,),
+            self.joint,
+            self.change_deg,
+        )
 
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:
@@ -69,7 +77,7 @@ def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:
     """The worst std of the offsets after the first 2, 3, … shots of aimed shots."""
     whitened = problem.whiten(x)
     roots = problem.roots(whitened)
-    so_far = np.cumsum(roots.transpose(0, 2, 1) @ roots, axis=0) + _besides(problem, whitened)
+    so_far = np.cumsum(roots.transpose(0, 2, 1) @ roots, axis=0) + besides(problem, whitened)
     worst = _worst(problem, so_far[1:])
     return tuple(CurvePoint(shots, float(std)) for shots, std in enumerate(worst, start=2))
 
@@ -91,65 +99,17 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     return OverTarget(_DRAWS, float(aimed.hit.mean()), dict(zip(names, largest, strict=True)))
 
 
-def advice(problem: Problem, x: Matrix) -> Advice | None:
-    """Try each joint before the servo's, each posture, both ways; None where no single change helps much.
-
-    Judged on the exact information of the aimed shots; joints stay inside their limits.
-    """
-    robot, count = problem.robot, problem.shots
-    servo = servo_joints(problem)
-    moved = [np.flatnonzero(row == 0).tolist() or list(range(robot.n)) for row in servo]
-    tries = [(i, j, sign) for i in range(count) for j, sign in product(moved[i], (1.0, -1.0))]
-    rows = np.array([i for i, _, _ in tries])
-    joints = problem.joints[rows].copy()
-    for row, (_, j, sign) in enumerate(tries):
-        joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
-    aimed = aim(problem.select(rows).moved(joints), x, servo[rows])
-    inside = ~beyond_limits(robot, aimed.problem.joints, 0.0).any(axis=1)
-    fit = np.flatnonzero(aimed.hit & aimed.ahead & inside)
-    if not len(fit):
-        return None
-    total, planned = _information(problem, x), _informations(problem, x)
-    new = _informations(aimed.problem.select(fit), x)
-    before = float(_worst(problem, total))
-    replaced, added = (_worst(problem, total + new - old) for old in (planned[rows[fit]], 0.0))
-    best: Advice | None = None
-    for row, *stds in zip(fit.tolist(), replaced.tolist(), added.tolist(), strict=True):
-        i, j, sign = tries[row]
-        joint = robot.joints[j]
-        for add, after in zip((False, True), stds, strict=True):
-            if best is None or after < best.worst_std_after * (0.95 if add and not best.add else 1.0):
-                best = Advice(i, j + 1, sign * _CHANGE[joint.kind], joint.unit, add, before, after)
-    return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
-
-
-def advised_joints(turned: AimedPlan, change: Advice) -> Matrix:
-    """(n,) rad or mm: the posture that an advice suggests, aimed."""
-    problem, x = turned.problem, turned.x
-    at, joint = change.posture, problem.robot.joints[change.joint - 1]
-    joints = np.where(turned.aimed.hit[at], turned.aimed.problem.joints[at], problem.joints[at])[None].copy()
-    joints[0, change.joint - 1] += change.change_deg / joint.display
-    aimed = aim(problem.select(np.array([at])).moved(joints), x, servo_joints(problem)[[at]])
-    return np.asarray(aimed.problem.joints[0])
-
-
 def _information(problem: Problem, x: Matrix) -> Matrix:
     """(f, f) of the scaled free parameters at x: Fisher's, with that of distances and priors."""
     jacobian = problem.whiten(x).jacobian[:, problem.parameters.free]
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
 
-def _besides(problem: Problem, whitened: Whitened) -> Matrix:
+def besides(problem: Problem, whitened: Whitened) -> Matrix:
     """(f, f) the information of distances and priors."""
     rows = problem.shots * problem.tool.residual_size
     jacobian = whitened.jacobian[rows:, problem.parameters.free]
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
-
-
-def _informations(problem: Problem, x: Matrix) -> Matrix:
-    """(N, f, f) of each shot alone, without priors."""
-    blocks = problem.roots(problem.whiten(x))
-    return np.asarray(blocks.transpose(0, 2, 1) @ blocks)
 
 
 def _offset_stds(problem: Problem, information: Matrix) -> tuple[list[str], Matrix]:

@@ -52,7 +52,9 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
         margin = _DIFFERS * (row.interval95[1] - row.interval95[0])
         off = np.abs(np.array(others).reshape(-1, 2) - row.interval95).max(initial=0.0)
         differ = (profile is None and not problem.noise.separate) or bool(off > margin)
-        if differ or solution.identified.status[i] == "weak":
+        status = solution.identified.status[i]
+        wide = status == "assumed" and bool(solution.std[i] > item.tolerance)
+        if differ or status == "weak" or wide:
             result.append(
                 Intervals(
                     row.name, row.unit, row.status, row.interval95, profile, draws.get(row.name), differ

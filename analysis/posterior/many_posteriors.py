@@ -10,7 +10,6 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density
 from ..estimation.coordinates import flange_coordinates
 from ..estimation.fit import Fits
-from .place import Place
 from .sampler import (
     GOOD,
     MANY_SHARE,
@@ -21,6 +20,7 @@ from .sampler import (
     degrees_of_freedom,
     possible_density,
 )
+from .whitening import Whitening
 
 _REFITS = 4  # the proposal is fitted anew at most so often, while less than GOOD are accepted;
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
@@ -43,7 +43,7 @@ def drawn_together(
     size, count = density.size, len(fits.x)
     every = np.arange(count)
     coordinates = flange_coordinates(density)
-    places = [Place(density, fits.x[k], fits.covariance[k], k) for k in range(count)]
+    whitenings = [Whitening(density, fits.x[k], fits.covariance[k], k) for k in range(count)]
     # What is fitted anew: u of the walkers is where + spread w.
     where, spread = np.zeros((count, size)), np.broadcast_to(np.eye(size), (count, size, size))
 
@@ -56,7 +56,7 @@ def drawn_together(
 
     def parameters(w: Matrix) -> Matrix:
         """x (count * …, p)."""
-        v = np.concatenate([place.coordinates(u) for place, u in zip(places, at(w), strict=True)])
+        v = np.concatenate([each.coordinates(u) for each, u in zip(whitenings, at(w), strict=True)])
         return coordinates.to_parameters(v, of(w))
 
     def log_density(w: Matrix) -> Matrix:

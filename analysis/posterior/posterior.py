@@ -1,5 +1,5 @@
-"""The posterior around a fit: sampled by `sampler` in the coordinates of `place`, in the units that people
-read."""
+"""The posterior around a fit: sampled by `sampler` in the coordinates of `whitening`, told in the units that
+people read."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import threads
-from ..solution import Solution
-from ..status import Status, UnsoundResult, known, require_no_more_than
+from ..solution import Solution, undecided_names
+from ..status import Status, UnsoundResult, has_numbers, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, Weights, weighted_ends
-from .place import Place
 from .profiles import profile_ends
 from .sampler import (
     RHAT_GATE,
@@ -32,6 +31,7 @@ from .sampler import (
     degrees_of_freedom,
     sample_density,
 )
+from .whitening import Whitening
 
 _KEPT_PER_WALKER = 400
 _WEIGHED = 20_000  # proposals, at most, to compare draws with
@@ -116,7 +116,7 @@ class PosteriorSummary:
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
     agreement: Agreement | None = None
-    useless: Literal["nothing known", "misfit"] | None = None
+    useless: Literal["nothing known", "little known", "misfit"] | None = None
     omitted: Omitted | None = None
 
     def __post_init__(self) -> None:
@@ -127,6 +127,9 @@ class PosteriorSummary:
 UNSAMPLED = PosteriorSummary(False, False, 0, 0, 0, None, None, None, 0.0, None)
 # All of a posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
 NOTHING_KNOWN = replace(UNSAMPLED, useless="nothing known")
+# The draws would be spread along what the data leave open, turns of a whole revolution among it: a million of
+# them say nothing of the few parameters that the curvature and the profiles do not.
+LITTLE_KNOWN = replace(UNSAMPLED, useless="little known")
 OF_A_MISFIT = replace(UNSAMPLED, useless="misfit")
 
 
@@ -201,6 +204,19 @@ class Draws:
         return f"<Draws: {count} of {len(self.names)} parameters, {how}>"
 
 
+def not_worth_sampling(solution: Solution) -> PosteriorSummary | None:
+    """The summary of a posterior that nobody needs draws of: of a misfit, or where the data determine nothing
+    or less than half of the offsets. None of any other; several optima are what draws are for."""
+    if solution.misfit is not None:
+        return OF_A_MISFIT
+    if not solution.known:
+        return NOTHING_KNOWN
+    undecided = undecided_names(solution.null_space)
+    free = [row for row in solution.offsets if not row.held]
+    offsets = [has_numbers(row.status) or row.name in undecided for row in free]
+    return LITTLE_KNOWN if 2 * sum(offsets) < len(offsets) else None
+
+
 def sample_posterior(
     solution: Solution,
     *,
@@ -253,24 +269,24 @@ class _Target:
 
     def __init__(self, solution: Solution) -> None:
         self._solution, self._problem = solution, solution.problem
-        self._place = Place(Density(solution.problem), solution.fit.x, solution.fit.covariance)
-        self.log_density = self._place.log_density
+        self._whitening = Whitening(Density(solution.problem), solution.fit.x, solution.fit.covariance)
+        self.log_density = self._whitening.log_density
         free = _free(solution.problem, solution.status)
-        self._known = [(j, item) for j, (item, state) in enumerate(free) if known(state)]
+        self._known = [(j, item) for j, (item, state) in enumerate(free) if has_numbers(state)]
 
     def shown(self, u: Matrix) -> Matrix:
         """Draws (…, f) in the units that people read."""
         parameters = self._problem.parameters
-        x = self._place.parameters(u.reshape(-1, u.shape[-1]))
+        x = self._whitening.parameters(u.reshape(-1, u.shape[-1]))
         return np.asarray(parameters.shown(x)[:, parameters.free].reshape(u.shape))
 
     def ends(self, judged: Matrix, proposed: Proposed | None) -> dict[str, Ends]:
         """By name, of each known offset and tool parameter: those of the draws or, where they are sharper, of
         what was proposed to them."""
-        wanted = [(j, item) for j, item in self._known if item.group in ("offset", "tool")]
-        result = {item.name: Ends.of_draws(_chains(judged[..., j])) for j, item in wanted}
+        of_arm = [(j, item) for j, item in self._known if item.group in ("offset", "tool")]
+        result = {item.name: Ends.of_draws(_chains(judged[..., j])) for j, item in of_arm}
         if proposed is not None and (weights := Weights.of(proposed.log_weights)).serve:
-            for name, sharper in self._weighed(proposed, weights, wanted).items():
+            for name, sharper in self._weighed(proposed, weights, of_arm).items():
                 # Another mode, which the draws have found, is not among the proposals.
                 if sharper.ess_tail > result[name].ess_tail and not result[name].off(sharper):
                     result[name] = sharper
@@ -309,14 +325,14 @@ class _Target:
         """By what was proposed, of the free parameters `which`. Without a sheet offsets and tool parameters
         are straight in the sampler's coordinates, so that they are proposed by a t."""
         shown = self.shown(proposed.points)
-        place, of = self._place, proposed.proposal
+        whitening, of = self._whitening, proposed.proposal
         result = {}
         for j, item in which:
             marginal = None
-            if not place.curved and item.group in ("offset", "tool"):
+            if not whitening.curved and item.group in ("offset", "tool"):
                 scale = item.prior_std * item.display
-                along = place.factor[j] * scale
-                middle = item.prior_mean * item.display + place.centre[j] * scale + along @ of.location
+                along = whitening.factor[j] * scale
+                middle = item.prior_mean * item.display + whitening.centre[j] * scale + along @ of.location
                 marginal = MarginalT(float(middle), float(np.linalg.norm(along @ of.factor)), of.nu)
             result[item.name] = weighted_ends(shown[:, j], weights, marginal)
         return result
@@ -367,14 +383,14 @@ def _summarised(
         agreement=agreement if mixed else None,
     )
     thin = max(1, steps // _KEPT_PER_WALKER)
-    determined = [j for j, (_, state) in enumerate(free) if known(state)]
+    determined = [j for j, (_, state) in enumerate(free) if has_numbers(state)]
     kept = [free[j] for j in determined]
     draws = Draws(
         tuple(item.name for item, _ in kept),
         tuple(item.unit for item, _ in kept),
         tuple(state for _, state in kept),
         shown[:, :, ::thin][..., determined],
-        tuple(_prior_only(item) for item, state in free if not known(state)),
+        tuple(_prior_only(item) for item, state in free if not has_numbers(state)),
         converged,
     )
     return summary, draws

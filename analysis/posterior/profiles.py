@@ -28,7 +28,7 @@ from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.effective_dof import student_half_width
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution, require_level
-from ..status import Status, known, require_no_more_than
+from ..status import Status, has_numbers, require_no_more_than
 
 _ROUNDS = 25
 _REACHED = 1e-3  # stds: the root of the drop is as wanted
@@ -348,7 +348,7 @@ def profiled(solution: Solution, name: str) -> int:
         because = "the fit did not converge"
     elif row.held:
         because = "the parameter is held, and not estimated"
-    elif not known(row.status):
+    elif not has_numbers(row.status):
         because = "the data do not determine the parameter"
     elif row.group == "target":
         because = "a target's coordinate is no coordinate of the fit"

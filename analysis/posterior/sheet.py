@@ -27,7 +27,7 @@ _STEP = 0.5  # stds, of the differences
 _POINTS = 4  # on the ridge for each term
 _ROUNDS = (0.25, 0.5, 0.75, 1.0)  # of the way out, each from where the last has ended
 _STEPS, _LAST_STEPS, _HALVINGS = 4, 12, 5
-_STILL, _FOUND = 1e-4, 1e-2  # stds: the last step of all, and of what is on the ridge
+_STILL, _ON_RIDGE = 1e-4, 1e-2  # stds: the last step of all, and of what is on the ridge
 _ENOUGH = 0.8  # of the places on the ridge; with fewer there is no polynomial through it
 
 
@@ -69,20 +69,20 @@ class Sheet:
 
 def sheet_of(local: LocalDensity, size: int) -> Sheet | None:
     """The sheet of a density of `size` numbers w, a unit normal near its mode at 0 but for the bend; None
-    where nothing is curved, or so much that the ridge is not found."""
+    where nothing is curved, or so much that no ridge is found."""
     curvature, axes = _curved(local, size)
     count = int((curvature[:_MOST] > _CURVED).sum())
     if count == 0:
         return None
     along = _places(count)
-    across, factor, found = _ridge(local, axes, along)
-    if found.mean() < _ENOUGH:
+    across, factor, on_ridge = _ridge(local, axes, along)
+    if on_ridge.mean() < _ENOUGH:
         return None
     terms = _products(along)
     # The tails have a say, but a small one.
-    weights = np.where(found, np.exp(-(along**2).sum(axis=1) / 8), 0.0)[:, None]
+    weights = np.where(on_ridge, np.exp(-(along**2).sum(axis=1) / 8), 0.0)[:, None]
     coefficients = np.linalg.lstsq(terms * weights, across * weights, rcond=None)[0]
-    return Sheet(axes, count, coefficients, factor)
+    return Sheet(axes, count, np.asarray(coefficients, dtype=float), factor)
 
 
 def _curved(local: LocalDensity, size: int) -> tuple[Matrix, Matrix]:
@@ -110,7 +110,7 @@ def _places(count: int) -> Matrix:
 
 def _ridge(local: LocalDensity, axes: Matrix, along: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """(P, f - k) where the density is highest at each of `along` (P, k), its factor (f - k, f - k) of the
-    covariance at the first of them, and (P,) whether it was found."""
+    covariance at the first of them, and (P,) whether it is on the ridge."""
     count = along.shape[1]
     into, out = axes[:, :count].T, axes[:, count:]
 
@@ -119,17 +119,19 @@ def _ridge(local: LocalDensity, axes: Matrix, along: Matrix) -> tuple[Matrix, Ma
         return Local(value, gradient @ out, out.T @ information @ out)
 
     across = np.zeros((len(along), axes.shape[0] - count))
-    found = np.ones(len(along), dtype=bool)
+    on_ridge = np.ones(len(along), dtype=bool)
     for share in _ROUNDS:
         here = at(share, across)
         for _ in range(_LAST_STEPS if share == 1 else _STEPS):
             # Where the density is 0 there is no way on: the place is left out.
-            found &= np.isfinite(here.value)
+            on_ridge &= np.isfinite(here.value)
             step = np.zeros_like(across)
-            step[found] = np.linalg.solve(here.information[found], here.gradient[found, :, None])[..., 0]
+            step[on_ridge] = np.linalg.solve(here.information[on_ridge], here.gradient[on_ridge, :, None])[
+                ..., 0
+            ]
             for _ in range(_HALVINGS):
                 there = at(share, across + step)
-                worse = found & ~(there.value >= here.value - _STILL)
+                worse = on_ridge & ~(there.value >= here.value - _STILL)
                 if not worse.any():
                     break
                 step[worse] /= 2
@@ -137,10 +139,10 @@ def _ridge(local: LocalDensity, axes: Matrix, along: Matrix) -> tuple[Matrix, Ma
             left = np.abs(step).max(axis=1)
             if left.max() < _STILL:
                 break
-        if (found & (left < _FOUND)).mean() < _ENOUGH:
+        if (on_ridge & (left < _ON_RIDGE)).mean() < _ENOUGH:
             break
-    found &= left < _FOUND
-    return across, np.linalg.cholesky(np.linalg.inv(here.information[0])), found
+    on_ridge &= left < _ON_RIDGE
+    return across, np.linalg.cholesky(np.linalg.inv(here.information[0])), on_ridge
 
 
 def _products(along: Matrix) -> Matrix:

@@ -72,7 +72,7 @@ class OffsetOfRun:
 
     def __post_init__(self) -> None:
         claimed = self.estimate is not None or self.std is not None
-        if claimed and self.status not in ("identified", "weak", "unvalidated", "stated"):
+        if claimed and self.status not in ("identified", "weak", "assumed", "unvalidated", "stated"):
             raise UnsoundResult(f"{self.name!r} of a run is {self.status}, but has numbers")
 
 

@@ -182,7 +182,7 @@ def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repea
 def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     yield from solution.contradictions
     if solution.fit.other_basins:
-        undecided = undecided_names(solution.null_space)
+        undecided = undecided_names(solution.identified.facts.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
     if solution.problem.ties:
         yield SharedDistances()

@@ -76,7 +76,7 @@ def _of_result(result: ReadResult, name: str) -> Repeat:
         findings.extend(StatedMisfit(criterion.sentence) for criterion in result.misfit.criteria)
     elif fit.p_value is not None and fit.p_value < LACK_OF_FIT:
         # A result of before there was a verdict for it.
-        status = ["unvalidated" if one in ("identified", "weak") else one for one in status]
+        status = ["unvalidated" if one in ("identified", "weak", "assumed") else one for one in status]
         findings.append(LackOfFit(fit.chi2 or 0.0, fit.dof or 0, fit.p_value))
     return Repeat(
         name=name,

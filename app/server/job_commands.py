@@ -58,7 +58,9 @@ def _kind(kinds: Sequence[object]) -> Kind:
 
 _ANALYSE = _options(("value", "--seed --ess --robust"), ("held out", "--hold-out"))
 _EXPORT = _options(
-    ("write", "--out"), ("flag", "--allow-weak --allow-displaced --unvalidated"), ("values", "--without")
+    ("write", "--out"),
+    ("flag", "--allow-weak --allow-displaced --allow-assumed --unvalidated"),
+    ("values", "--without"),
 )
 _PLAN = _options(
     ("write", "--out"),

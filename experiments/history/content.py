@@ -15,7 +15,7 @@ from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
-from ...analysis.status import Status, Verdict, known
+from ...analysis.status import Status, Verdict, has_numbers
 from ...model.arrays import Matrix
 
 What = Literal["collision", "motor", "mastering", "other"]
@@ -149,9 +149,9 @@ def checked_offset(row: Mapping[str, Any]) -> StoredOffset:
         raise ValueError(f"status {status!r} of {name}")
     if status == "unidentifiable" and (offset.estimate, offset.std) != (None, None):
         raise ValueError(f"{name} is unidentifiable, yet it has a number")
-    if known(status) and not 0 < _number(offset.std) < math.inf:
+    if has_numbers(status) and not 0 < _number(offset.std) < math.inf:
         raise ValueError(f"the std of {name} is not a number above 0")
-    if known(status) and (offset.estimate is None or interval is None):
+    if has_numbers(status) and (offset.estimate is None or interval is None):
         raise ValueError(f"{name} is {status}, yet it lacks a number")
     numbers = [number for number in (offset.estimate, *(interval or ())) if number is not None]
     if not all(math.isfinite(_number(number)) for number in numbers):
@@ -167,7 +167,7 @@ def checked_without_prior(
         return None
     free = StoredCovariance(**{field.name: content[field.name] for field in fields(StoredCovariance)})
     size, shared = len(free.names), len(free.geometry)
-    allowed = {offset.name for offset in offsets if known(offset.status)}
+    allowed = {offset.name for offset in offsets if has_numbers(offset.status)}
     sizes = {size, len(free.values), len(free.units), len(set(free.names))}
     if not size or len(sizes) > 1 or not set(free.names) <= allowed:
         raise ValueError("without_prior names what is not determined, or not all of it has a value")

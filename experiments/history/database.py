@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 import sqlalchemy as sa
@@ -27,6 +26,7 @@ from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, NotWritten, missing_extra
 from ...model.parsing.confinement import require_within
+from ...model.parsing.reading import real_path, require_regular
 
 VARIABLE = "ZEROBEAM_HISTORY"
 # The tables below. Another schema gets another number, and `_bring_up` a step that makes it of this one.
@@ -142,10 +142,13 @@ class Database:
         )
 
 
+_NOT_WRITABLE = ("SQLITE_READONLY", "SQLITE_CANTOPEN")
+
+
 def _is_of_the_disk(error: BaseException | None) -> bool:
     """Whether SQLite or PostgreSQL (class 53: out of resources; 58: of the system) could not write."""
     name, state = getattr(error, "sqlite_errorname", None), getattr(error, "sqlstate", None)
-    disk = ("SQLITE_FULL", "SQLITE_READONLY", "SQLITE_IOERR", "SQLITE_CANTOPEN")
+    disk = ("SQLITE_FULL", "SQLITE_IOERR", *_NOT_WRITABLE)
     return str(name).startswith(disk) or str(state).startswith(("53", "58", "25006"))
 
 
@@ -173,7 +176,7 @@ def back_up(source: Database, file: Path, *, force: bool = False) -> int:
     """
     if file.exists() and not force:
         raise BadInput("the file exists", file=file, remedy="name another, or replace it with --force")
-    folder = file.resolve().parent
+    folder = real_path(file).parent
     if file.is_dir():
         raise BadInput("there is a folder of this name", file=file, remedy="name another file")
     if not folder.is_dir():
@@ -271,28 +274,39 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
     require_within(file)
     if create:
         try:
-            file.resolve().parent.mkdir(parents=True, exist_ok=True)
+            real_path(file).parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise NotWritten(f"the history cannot be written: {error.strerror}", file=file) from error
-        if file.is_dir():
-            raise BadInput("the history is a folder", file=file, allowed="a file, or the name of a new one")
+        if file.exists():
+            require_regular(file)
     elif not file.is_file():
         raise BadInput(
             "there is no history here yet",
             found=str(file),
             remedy="zerobeam history add RESULT makes one; --db names another",
         )
-    engine = sa.create_engine(
-        sa.URL.create("sqlite", database=str(file)), poolclass=NullPool, connect_args={"timeout": _BUSY_S}
-    )
 
-    @sa.event.listens_for(engine, "connect")
-    def _set_up(connection: Any, _: object) -> None:
+    def connected() -> sqlite3.Connection:
+        connection = sqlite3.connect(file, timeout=_BUSY_S)
         connection.isolation_level = None  # transactions begin below, not when Python's module thinks fit
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = FULL")
         if journal is not None and connection.execute("PRAGMA journal_mode").fetchone()[0] != journal.lower():
             connection.execute(f"PRAGMA journal_mode = {journal}")
+        return connection
+
+    def connected_as_may_be() -> sqlite3.Connection:
+        try:
+            return connected()
+        except sqlite3.OperationalError as error:
+            # On a medium that cannot be written a log to read by cannot be made, and nobody else writes.
+            if create or not str(error.sqlite_errorname).startswith(_NOT_WRITABLE):
+                raise
+        return sqlite3.connect(_address(file, _how_to_look(file)), uri=True, isolation_level=None)
+
+    engine = sa.create_engine(
+        sa.URL.create("sqlite", database=str(file)), poolclass=NullPool, creator=connected_as_may_be
+    )
 
     @sa.event.listens_for(engine, "begin")
     def _begin(connection: sa.Connection) -> None:
@@ -323,13 +337,17 @@ def _looking(made: Database) -> Iterator[sa.Connection]:
         with made.engine.connect() as connection:
             yield connection
         return
-    file = Path(str(made.engine.url.database)).resolve()
-    name = f"{file.as_uri()}?{_how_to_look(file)}" if file.exists() else ":memory:"
+    file = Path(str(made.engine.url.database))
+    name = _address(file, _how_to_look(file)) if file.exists() else ":memory:"
     engine = sa.create_engine(
         "sqlite://", creator=lambda: sqlite3.connect(name, uri=True, timeout=_BUSY_S), poolclass=NullPool
     )
     with engine.connect() as connection:
         yield connection
+
+
+def _address(file: Path, how: str) -> str:
+    return f"{real_path(file).as_uri()}?{how}"
 
 
 def _how_to_look(file: Path) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...analysis.answer.findings import on_the_model
 from ...analysis.covariance import Covariance
-from ...analysis.diagnostics.enter import values_to_enter
+from ...analysis.diagnostics.enter import EnteredOffset, offsets_to_enter
 from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
@@ -41,6 +41,7 @@ from .maker import Holds, one_line
 # What a file says of a parameter with an estimate.
 STATUS_WORDS: dict[Status, str] = {
     "identified": "identified",
+    "assumed": "ASSUMED",
     "weak": "WEAK: weakly observable",
     "unvalidated": "UNVALIDATED: the model does not describe the measurements",
 }
@@ -52,12 +53,14 @@ class Correction:
 
     `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate
     (of an offset that goes into nominal geometry the value to enter), or 0 where it is held, not determined
-    by the data, `left_out`, or unvalidated and not exported `despite_misfit`.
+    by the data, `left_out`, as good as what is assumed and not exported `although_assumed`, or unvalidated
+    and not exported `despite_misfit`. `applied_u` is the standard uncertainty of that very value.
     """
 
     row: ParameterResult
     left_out: bool
     despite_misfit: bool
+    although_assumed: bool = False
 
     @property
     def name(self) -> str:
@@ -70,11 +73,17 @@ class Correction:
     @property
     def exported(self) -> bool:
         validated = self.status != "unvalidated" or self.despite_misfit
-        return known(self.status) and validated and not self.left_out
+        determined = known(self.status) or (self.status == "assumed" and self.although_assumed)
+        return determined and validated and not self.left_out
 
     @property
     def applied(self) -> float:
         return (self.row.estimate or 0.0) if self.exported else 0.0
+
+    @property
+    def applied_u(self) -> float | None:
+        """None where nothing is applied."""
+        return self.row.std if self.exported else None
 
     @property
     def internal(self) -> float:
@@ -133,7 +142,7 @@ class GeometryValue(Correction):
         words = STATUS_WORDS[self.status]
         words += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
         words += ", no place in this file" if self.no_place and not self.left_out else ""
-        return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {words}"
+        return f"{self.name}: {row.estimate:+.6f} {row.unit}, u {row.std:.2g} {row.unit}, {words}"
 
 
 def corrected_robot(
@@ -234,13 +243,19 @@ class JointOffset(Correction):
 
     joint: str
     kind: JointKind
-    to_enter: float | None = None
+    to_enter: EnteredOffset | None = None
 
     @property
     def applied(self) -> float:
         if self.exported and self.to_enter is not None:
-            return self.to_enter
+            return self.to_enter.value
         return super().applied
+
+    @property
+    def applied_u(self) -> float | None:
+        if self.exported and self.to_enter is not None:
+            return self.to_enter.u
+        return super().applied_u
 
     @property
     def sentence(self) -> str:
@@ -251,12 +266,13 @@ class JointOffset(Correction):
         elif row.estimate is None:
             words = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
-            words = f"{row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, "
+            words = f"{row.estimate:+.6f} {row.unit}, u {row.std:.2g} {row.unit}, "
             words += STATUS_WORDS[self.status]
+            words += f" ({self.reason})" if self.status == "assumed" else ""
             words += "" if self.exported or self.left_out else ", not applied"
             words += ", EXCLUDED on request" if self.left_out else ""
             if self.exported and abs(self.applied - row.estimate) > _ROUNDED:
-                words += f"; to enter: {self.applied:+.6f} {row.unit}"
+                words += f"; to enter: {self.applied:+.6f} {row.unit}, u {self.applied_u:.2g} {row.unit}"
         return one_line(f"{self.name} ({self.joint}): {words}")
 
 
@@ -333,6 +349,7 @@ def calibration(
     *,
     allow_weak: bool = False,
     allow_displaced: bool = False,
+    allow_assumed: bool = False,
     unvalidated: bool = False,
     as_data: bool = False,
     without: Sequence[str] = (),
@@ -343,10 +360,11 @@ def calibration(
     leave out, `holds` says what the kind of file has room for, but for the parameters `no_place`, by name.
 
     BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where other
-    offsets fit nearly as well; where nothing is left to apply. That a target seems to have moved may be
-    allowed: then the warnings say so. NotValidated where the model does not describe the run, unless that is
-    asked for (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied.
-    FitFailed where the fit did not converge.
+    offsets fit nearly as well; where nothing is left to apply. An offset that is as good as what is assumed
+    is left out, unless that is allowed. That a target seems to have moved may be allowed: then the warnings
+    say so. NotValidated where the model does not describe the run, unless that is asked for (`unvalidated`)
+    or the file states the statuses (`as_data`), in which nothing is then applied. FitFailed where the fit did
+    not converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with one_blas_thread(), located(run.path, run.header_line):
@@ -368,12 +386,13 @@ def calibration(
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
         takes_nominal = holds in ("offsets", "all") and (solution.misfit is None or despite)
-        to_enter = values_to_enter(solution, without) if takes_nominal else {}
+        to_enter = offsets_to_enter(solution, without, assumed=allow_assumed) if takes_nominal else {}
         offsets = [
             JointOffset(
                 row=row,
                 left_out=row.name in without,
                 despite_misfit=despite,
+                although_assumed=allow_assumed,
                 joint=joint.name,
                 kind=joint.kind,
                 to_enter=to_enter.get(row.name),
@@ -393,6 +412,7 @@ def calibration(
             if row.group == "geometry"
         )
         left_out = left_out_of(geometry, holds)
+        # What is as good as what is assumed stays: the tool's mounting would be off in its place.
         gone = {value.name for value in left_out} | {offset.name for offset in offsets if offset.left_out}
         return RobotCalibration(
             tuple(offsets),
@@ -521,7 +541,7 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
         raise BadInput(
             f"{listed([offset.name for offset in weak])} cannot be exported as known: weakly observable",
             found="; ".join(
-                f"{offset.name}: std {offset.row.std:.2g} {offset.row.unit} ({offset.reason})"
+                f"{offset.name}: u {offset.row.std:.2g} {offset.row.unit} ({offset.reason})"
                 for offset in weak
             ),
             allowed="identified offsets, and weak ones with --allow-weak",
@@ -529,8 +549,11 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
         )
     if not (nothing_applied or any(offset.exported for offset in offsets)):
         raise BadInput(
-            "there is nothing to export: every offset is held or excluded",
+            "there is nothing to export: every offset is held, excluded or as good as what is assumed",
             found="; ".join(offset.sentence for offset in offsets),
+            remedy="state how well tool and instruments are known; or --allow-assumed"
+            if named("assumed")
+            else None,
         )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.kinematics.robot import Robot
-from ...model.parsing.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
+from ...model.parsing.reading import LARGEST_TABLE, decode_other, read_bytes, require_regular, shown
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
 from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
@@ -57,7 +57,7 @@ def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
     require_regular(path)
     size = path.stat().st_size
     if size <= most:
-        return decode(read_bytes(path, LARGEST_TABLE), file=path, line=None), True
+        return decode_other(read_bytes(path, LARGEST_TABLE), file=path), True
     with path.open("rb") as file:
         content = file.read(most)
     whole = content[: content.rfind(b"\n") + 1]
@@ -67,7 +67,7 @@ def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
             found=f"no end of a line in {most // 10**6 or 1} MB",
             file=path,
         )
-    return decode(whole, file=path, line=None), False
+    return decode_other(whole, file=path), False
 
 
 def layout_of(text: str) -> Layout:
@@ -272,7 +272,7 @@ def _without_remarks(text: str) -> tuple[str, bool]:
 
 def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> Contents:
     if not text.strip():
-        decode(read_bytes(path), file=path, line=None)  # says that it is empty
+        read_bytes(path)  # says that it is empty
         raise BadInput("the file is empty", file=path)
     rows, remarks = _without_remarks(text)
     layout = stated_layout or layout_of(rows)

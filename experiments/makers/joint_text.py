@@ -22,7 +22,7 @@ from ...model.files.limits import require_joint_count
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, PendantUnit
-from ...model.parsing.reading import read_text, shown
+from ...model.parsing.reading import read_other_text, shown
 from .recordings import FileMeasurements, Imported, ImportJob, without_unused
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
@@ -228,7 +228,7 @@ def writes_log(text: str) -> bool:
 
 def is_program_log(job: ImportJob) -> bool:
     """Whether the first of the files is the log of a plan's program."""
-    return is_log_of_program(read_text(job.paths[0])[0])
+    return is_log_of_program(read_other_text(job.paths[0]))
 
 
 def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> Imported:
@@ -247,7 +247,7 @@ def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> 
 
 
 def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMeasurements:
-    text, _ = read_text(path)
+    text = read_other_text(path)
     if writes_log(text):
         raise program_is_no_recording(path)
     lines = text.split("\n")

@@ -286,5 +286,5 @@ def blanked(program: str, remark: str, *, strings: bool = True) -> str:
 
 def one_line(text: str) -> str:
     """Text that may hold any character, as ASCII on one line; control and other characters as escapes."""
-    ascii_text = text.replace("±", "+-")
+    ascii_text = text.replace("±", "+-").replace("°", " deg").replace("−", "-")
     return re.sub(r"[^ -~]", lambda letter: letter.group().encode("unicode_escape").decode(), ascii_text)

@@ -50,14 +50,14 @@ def understood(language: str, rule: str, text: str, start: int, end: int) -> Tre
         tree = _parser(language, rule).parse(TextSlice(text[before:end], start - before, end - before))
     except UnexpectedInput:
         return None
-    places: list[Any] = []
+    placed: list[Any] = []
     for part in tree.iter_subtrees():
-        places += [part.meta, *(each for each in part.children if isinstance(each, Token))]
-    for place in places:
-        if getattr(place, "start_pos", None) is not None:
-            place.start_pos += before
-        if getattr(place, "end_pos", None) is not None:
-            place.end_pos += before
+        placed += [part.meta, *(each for each in part.children if isinstance(each, Token))]
+    for part_or_token in placed:
+        if getattr(part_or_token, "start_pos", None) is not None:
+            part_or_token.start_pos += before
+        if getattr(part_or_token, "end_pos", None) is not None:
+            part_or_token.end_pos += before
     return tree
 
 

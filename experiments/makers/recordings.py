@@ -20,10 +20,19 @@ from ...model.files.header_file import read_header
 from ...model.files.limits import check_limits, require_joint_count
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.shot import Shot, ShotRules, check_ties, shot_model, target_names, unknown_targets
+from ...model.files.shot import (
+    Shot,
+    ShotRules,
+    check_ties,
+    copied_rows,
+    copies,
+    shot_model,
+    target_names,
+    unknown_targets,
+)
 from ...model.kinematics.pendant import pendant_of
 from ...model.kinematics.robot import J3, Robot
-from ...model.parsing.reading import KeyPath, did_you_mean, read_text, read_yaml
+from ...model.parsing.reading import KeyPath, did_you_mean, read_other_text, read_yaml, real_path
 from ...model.parsing.validation import validate
 
 
@@ -61,6 +70,7 @@ _NEAR_DEG, _NEAR_MM = 30.0, 300.0
 _SAME = 5e-4
 _WHOLE_DEG, _FEWEST_WHOLE = 5e-4, 3  # so near to whole degrees, in so many joints, nothing is by chance
 _MOST_NAMED = 10
+_HALF, _TURN = 180.0, 360.0
 
 
 @dataclass(frozen=True)
@@ -102,7 +112,7 @@ class ImportJob:
         if not paths:
             raise BadInput("no file to import is given")
         for i, path in enumerate(paths):
-            if path.resolve() in [other.resolve() for other in paths[:i]]:
+            if real_path(path) in map(real_path, paths[:i]):
                 raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
         plan = None
         if isinstance(header_or_plan, Plan):
@@ -140,6 +150,8 @@ class ImportJob:
     def finish(self, parts: Sequence[FileMeasurements], notes: Sequence[str]) -> Imported:
         """The measurements of all files, numbered through; `notes` says how the files were read."""
         robot = self.robot
+        parts, wrapped = _within_half_a_turn(parts, robot)
+        notes = [*notes, *wrapped]
         if self.plan is not None:
             parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
         names = target_names(target for part in parts for target in part.targets)
@@ -153,10 +165,24 @@ class ImportJob:
             sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
             shots += new
         _numbered_once(shots)
-        joints = np.concatenate([part.joints for part in parts])
+        places = [
+            f"{part.noun} {i + 1 if part.lines is None else part.lines[i]} of {part.path.name}"
+            for part in parts
+            for i in range(len(part.joints))
+        ]
+        of = copies(shots)
+        copied = [copied_rows(of, len(shots), places.__getitem__)] if of else []
+        kept = [i for i in range(len(shots)) if i not in of]
+        shots = [shots[i] for i in kept]
+        joints = np.concatenate([part.joints for part in parts])[kept]
         numbers = [shot.shot for shot in shots]
         limits = check_limits(robot, joints, "measurement", numbers, numbers, limits="warn", file=None)
-        remarks = [*_commanded(robot, joints, numbers), *limits, *unknown_targets(self.header, names)]
+        remarks = [
+            *copied,
+            *_commanded(robot, joints, numbers),
+            *limits,
+            *unknown_targets(self.header, names),
+        ]
         plural = "s" if len(self.paths) > 1 else ""
         understood = [
             f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"
@@ -234,6 +260,9 @@ class ImportJob:
             "target": part.targets,
             "joints_deg": part.joints.tolist(),
         }
+        name = part.path.name
+        if part.lines is not None and name.isprintable() and name == name.lstrip():
+            columns["source"] = [f"{name}:{line}" for line in part.lines]
         if part.spots is not None:
             columns["spot_mm"] = part.spots.tolist()
         if times is not None:
@@ -256,6 +285,32 @@ class ImportJob:
         numbers = range(1, count + 1)
         with located(part.path):
             check_limits(self.robot, part.joints, part.noun, numbers, lines, limits="error", file=None)
+
+
+def _within_half_a_turn(
+    parts: Sequence[FileMeasurements], robot: Robot
+) -> tuple[Sequence[FileMeasurements], list[str]]:
+    """Joints that a controller counts from 0 to 360° (Kinova's do), above 180° less a turn, and a sentence on
+    them: where the limits of one joint ask for it, or the maker does."""
+    joints = np.concatenate([part.joints for part in parts])
+    turning = np.array([joint.kind == "revolute" for joint in robot.joints])
+    counted = (
+        turning & (joints >= 0).all(axis=0) & (joints <= _TURN).all(axis=0) & (joints > _HALF).any(axis=0)
+    )
+    less = np.where(joints > _HALF, joints - _TURN, joints)
+    lower, upper = robot.lower * robot.display, robot.upper * robot.display
+    outside = ((joints > upper) | (joints < lower)).any(axis=0)
+    inside = ((less <= upper) & (less >= lower)).all(axis=0)
+    if not (counted & inside & (outside | (robot.vendor == "kinova"))).any():
+        return parts, []
+    chosen = counted & inside
+    names = ", ".join(str(i + 1) for i in np.flatnonzero(chosen))
+    sentence = f"joints counted from 0 to 360°: of joint {names} values above 180° are taken less 360°"
+    right = [
+        replace(part, joints=np.where(chosen & (part.joints > _HALF), part.joints - _TURN, part.joints))
+        for part in parts
+    ]
+    return right, [sentence]
 
 
 @contextmanager
@@ -361,7 +416,7 @@ def import_points(
     parts = []
     for path, target in zip(job.paths, job.targets(), strict=True):
         with located(path):
-            points = _chosen(parse(read_text(path)[0], path), names)
+            points = _chosen(parse(read_other_text(path), path), names)
             rows = [_joints(point, job.robot) for point in points]
         joints = pendant.between_links(np.array(rows))
         listed = f"  points in their order: {', '.join(point.name for point in points)}"

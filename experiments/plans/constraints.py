@@ -12,6 +12,7 @@ import numpy as np
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check, Condition, Violation
+from ...analysis.observability.remedies import Allowed
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput, located
 from ...model.files.header import StatedTarget
@@ -175,7 +176,7 @@ def check_plan(plan: Plan, turned: AimedPlan | None = None) -> Check:
     Judged with the wrist turned onto the target (`turned`, once it was), as the servo will turn it.
     """
     turned = aim_plan(plan) if turned is None else turned
-    return Check.of(turned, violations(turned))
+    return Check.of(turned, violations(turned), _keeping(turned))
 
 
 def require_constraints(plan: Plan) -> None:
@@ -217,6 +218,26 @@ def touched_boxes(turned: AimedPlan) -> list[bool]:
         broken = violations(replace(turned, plan=plan))
         touched.append(any(each.condition in ("cell", "beam", "sight") for each in broken))
     return touched
+
+
+def _keeping(turned: AimedPlan) -> Allowed | None:
+    """Whether other aimed postures would keep to the constraints of a plan of a single instrument."""
+    plan, constraints = turned.plan, turned.plan.constraints
+    if len({(item.instrument, item.variant) for item in plan.measurements}) > 1:
+        return None
+    view, obstacles = View.of(constraints).rounded(), constraints.obstacles
+
+    def allowed(problem: Problem) -> Mask:
+        clearance = None if obstacles is None else Clearance(problem, obstacles)
+        conditions = Conditions(problem, turned.x, view, clearance, plan.header.targets)
+        kept = np.ones(problem.shots, dtype=bool)
+        for _, breaks in conditions.in_order():
+            rows = np.flatnonzero(kept)
+            if len(rows):
+                kept[rows] = ~breaks(rows)
+        return kept
+
+    return allowed
 
 
 def _broken(turned: AimedPlan) -> Iterator[Violation]:

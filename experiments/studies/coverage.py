@@ -24,7 +24,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.posterior.many_posteriors import LEAST_STEPS, TOGETHER, drawn_together
 from ...analysis.posterior.sampler import ROUND
-from ...analysis.status import Status, known
+from ...analysis.status import Status, has_numbers
 from ...model.arrays import Index, Matrix, Progress
 from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_at_once
@@ -412,7 +412,7 @@ def _estimator(
     """
     kept = estimates.kept
     error = (estimates.value - truth)[kept]
-    judged = [estimates.control or known(one) for one in status]
+    judged = [estimates.control or has_numbers(one) for one in status]
     alarm = _ALARM / max(sum(judged) * len(LEVELS), 1)
     rows = []
     for j, item in enumerate(items):

@@ -24,7 +24,7 @@ from ...analysis.observability.check import Check, check
 from ...analysis.observability.geometry import considered
 from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
-from ...analysis.status import Status, known, require_no_more_than
+from ...analysis.status import Status, has_numbers, require_no_more_than
 from ...model.arrays import NORMAL_95, Mask, Matrix, Progress
 from ...model.files.arguments import Probe
 from ...model.files.header import EXACT, Header
@@ -305,7 +305,7 @@ def _considered_std(solution: Solution, whole: Problem) -> Matrix:
     parameters = whole.parameters
     x = parameters.with_values(parameters.prior_mean, solution.problem.parameters, solution.fit.x)
     std = considered(whole, x)[~parameters.group("geometry")]
-    return np.where([known(status) for status in solution.status], std, np.nan)
+    return np.where([has_numbers(status) for status in solution.status], std, np.nan)
 
 
 def _errors(data: DataSets, problem: Problem, weigh: Weigh) -> ArmErrors:
@@ -430,7 +430,7 @@ def _checked(with_key: Check, without: Check) -> Iterator[CheckedOffset]:
         if row.group == "offset" and not row.held:
             if plain.name != row.name:
                 raise ValueError(f"{plain.name} is not {row.name}")
-            with_tolerances = with_key.geometry.consider.get(row.name) if known(plain.status) else None
+            with_tolerances = with_key.geometry.consider.get(row.name) if has_numbers(plain.status) else None
             yield CheckedOffset(row.name, row.unit, plain.std, with_tolerances, row.std)
 
 
@@ -440,7 +440,7 @@ def _estimator(
     status = identify(solved, solved.nominal()).status
     free = np.flatnonzero(solved.parameters.free & solved.parameters.group("offset"))
     control = name in _CONTROLS
-    judged = [known(status[i]) for i in free]
+    judged = [has_numbers(status[i]) for i in free]
     alarm = _ALARM / max(sum(judged), 1)
     rows = []
     for j, (i, checked) in enumerate(zip(free, checks, strict=True)):

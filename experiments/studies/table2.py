@@ -17,7 +17,7 @@ from scipy import optimize, stats
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
-from ...analysis.status import Status, known, require_no_more_than
+from ...analysis.status import Status, has_numbers, require_no_more_than
 from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
@@ -89,7 +89,7 @@ class ScatterParameter:
 
     @property
     def is_known(self) -> bool:
-        return known(self.status)
+        return has_numbers(self.status)
 
 
 @dataclass(frozen=True)

@@ -444,7 +444,7 @@ def _check_postures(
     numbers = list(range(len(rows)))
     values = np.array(rows, dtype=float)
     limits = check_limits(robot, values, "posture", numbers, lines, limits=header.limits, file=file)
-    return limits + unknown_targets(header, target_names(targets))
+    return robot.doubts + limits + unknown_targets(header, target_names(targets))
 
 
 def _planned(

@@ -18,7 +18,7 @@ from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import doubtful_rows, too_long, warn_of
 from ..kinematics.robot import DHRow, Joint, Robot, dh_chain, shift
 from ..parsing.confinement import BUILT_IN, require_within
-from ..parsing.reading import did_you_mean, read_yaml, require_schema, shown
+from ..parsing.reading import did_you_mean, read_yaml, real_path, require_schema, shown
 from ..parsing.validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
 from .conventions import (
     FileLimits,
@@ -338,8 +338,9 @@ def _named_file(path: Path, file: Path | None, line: int | None) -> Path:
 def read_robot(path: Path) -> Robot:
     """Robot of a robot file (`zerobeam/robot/1`); a DoubtfulRobot warning of each number that looks wrong."""
     rows = read_rows(path)
-    warn_of(rows.name, doubts(rows))
-    return rows.robot()
+    doubtful = doubts(rows)
+    warn_of(rows.name, doubtful)
+    return replace(rows.robot(), doubts=tuple(f"robot {rows.name}: {doubt}" for doubt in doubtful))
 
 
 def doubts(rows: RobotFile) -> tuple[str, ...]:
@@ -391,8 +392,8 @@ def rebased(ref: str | UrdfRef, old: Path, new: Path) -> str | UrdfRef:
 def _rebased_path(path: str, old: Path, new: Path) -> str:
     if Path(path).is_absolute():
         return path
-    there = (old / path).resolve()
+    there = real_path(old / path)
     try:
-        return str(PurePosixPath(*Path(os.path.relpath(there, new.resolve())).parts))
+        return str(PurePosixPath(*Path(os.path.relpath(there, real_path(new))).parts))
     except ValueError:  # on Windows there is no relative path between two drives
         return str(there)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -49,7 +49,16 @@ from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
 from .limits import warned
 from .robot_file import load_robot, require_loadable
-from .shot import Shot, ShotRules, check_shots, check_ties, shot_model, target_names
+from .shot import (
+    Shot,
+    ShotRules,
+    check_shots,
+    check_ties,
+    copied_rows,
+    copies,
+    shot_model,
+    target_names,
+)
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
@@ -198,7 +207,72 @@ class Run(ByValue):
         warnings = check_shots(header, robot, shots, [None] * len(shots), file=None)
         text = header_text(header) + "".join(shot_text(shot) for shot in shots)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
-        return cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
+        run = cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
+        return run.without_copies()
+
+    def without_copies(self) -> Self:
+        """The same with each measurement once; `warnings` say which rows are copies of others."""
+        of = copies(self.shots)
+        if not of:
+            return self
+
+        def called(i: int) -> str:
+            line = self.lines[i]
+            return f"measurement {self.shots[i].shot}" + ("" if line is None else f" (line {line})")
+
+        kept = [i for i in range(len(self.shots)) if i not in of]
+        return replace(
+            self,
+            shots=tuple(self.shots[i] for i in kept),
+            lines=tuple(self.lines[i] for i in kept),
+            warnings=(*self.warnings, copied_rows(of, len(self.shots), called)),
+        )
+
+    @cached_property
+    def sources(self) -> dict[int, str]:
+        """Where each measurement is, FILE:LINE, by its number: where it was imported from, else in the run's
+        file; without those that are in no file."""
+        places = {}
+        for shot, line in zip(self.shots, self.lines, strict=True):
+            source = shot.source if line is None else shot.source or f"{self.path.name}:{line}"
+            if source is not None:
+                places[shot.shot] = source
+        return places
+
+    def numbers_of(self, texts: Iterable[str]) -> tuple[int, ...]:
+        """The numbers of measurements that a person names: by number (4), or by FILE:LINE of the file that
+        was imported or of the run; several with commas. BadInput for one that is not there."""
+        of_place = {source: number for number, source in self.sources.items()}
+        for shot, line in zip(self.shots, self.lines, strict=True):
+            of_place.setdefault(f"{self.path.name}:{line}", shot.shot)
+        numbers, chosen = {shot.shot for shot in self.shots}, []
+        for text in (part.strip() for each in texts for part in each.split(",")):
+            folder, _, name = text.rpartition("/")
+            number = (
+                int(text) if text.isdecimal() and len(text) < 10 else of_place.get(name if folder else text)
+            )
+            if number not in numbers:
+                raise BadInput(
+                    "no measurement is called so",
+                    found=text,
+                    allowed=f"a number ({min(numbers)} to {max(numbers)}), or FILE:LINE such as"
+                    f" {next(iter(of_place))}",
+                    argument="drop",
+                )
+            chosen.append(int(number))
+        return tuple(dict.fromkeys(chosen))
+
+    def without(self, drop: Iterable[int]) -> Self:
+        """The run without the measurements of these numbers, in no file; its provenance says which."""
+        gone = set(drop)
+        left_out = {"without measurements": ", ".join(map(str, sorted(gone)))}
+        about = {**self.header.provenance, **left_out, "made of": f"{self.path.name} (SHA-256 {self.sha256})"}
+        header = self.header.model_copy(update={"provenance": about})
+        kept = [i for i, shot in enumerate(self.shots) if shot.shot not in gone]
+        name = f"{self.path.stem.removesuffix(REFIT)}{REFIT}{self.path.suffix}"
+        made = type(self).of_shots(header, self.robot, [self.shots[i] for i in kept], name)
+        # What the header names is beside the run's file.
+        return replace(made, path=self.path.with_name(name), lines=tuple(self.lines[i] for i in kept))
 
     def __repr__(self) -> str:
         targets, count = ", ".join(self.target_names), len(self.shots)
@@ -315,7 +389,8 @@ class Run(ByValue):
 def read_run(path: Path | str) -> Run:
     """Read a run file (JSON lines, `zerobeam/run/1`) and check every line of it.
 
-    A last line that is torn (a power cut) is left out, and `warnings` says so.
+    A last line that is torn (a power cut) is left out, and so is a measurement whose joints and readings are
+    those of an earlier one to the last digit (a copied row); `warnings` say so.
 
     Parameters
     ----------
@@ -344,7 +419,7 @@ def read_run(path: Path | str) -> Run:
     if not run.shots:
         actual = "a header only" if torn is None else "a header and a torn line"
         raise BadInput("the run has no measurements", found=actual, file=path, remedy="record some")
-    return run
+    return run.without_copies()
 
 
 def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
@@ -434,8 +509,9 @@ def shot_text(shot: Shot) -> str:
     sigma = "" if shot.sigma_mm is None else f',"sigma_mm":{float.__repr__(shot.sigma_mm)}'
     time = "" if shot.time_s is None else f',"time_s":{float.__repr__(shot.time_s)}'
     comment = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
+    source = "" if shot.source is None else f',"source":{_json_text(shot.source)}'
     which = f"{posture}{instrument}{reflector}{target}"
-    rest = f"{readings}{sigma}{time}{comment}"
+    rest = f"{readings}{sigma}{time}{comment}{source}"
     return f'{{"shot":{shot.shot}{which},"joints_deg":{joints}{rest}}}\n'
 
 

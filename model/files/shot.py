@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -129,6 +129,9 @@ class Shot(FileModel):
     )
     time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
     comment: Name | None = Field(default=None, description="what the operator noted; kept, not used")
+    source: Name | None = Field(
+        default=None, description="where it was imported from, FILE:LINE: reports name it so; not used"
+    )
 
     @property
     def readings(self) -> dict[str, float | tuple[float, ...]]:
@@ -147,7 +150,18 @@ class Shot(FileModel):
 
 
 _NO_READING = frozenset(
-    ("shot", "posture", "instrument", "reflector", "target", "joints_deg", "sigma_mm", "time_s", "comment")
+    (
+        "shot",
+        "posture",
+        "instrument",
+        "reflector",
+        "target",
+        "joints_deg",
+        "sigma_mm",
+        "time_s",
+        "comment",
+        "source",
+    )
 )
 
 
@@ -329,8 +343,9 @@ class ShotRules:
         first: dict[int, Shot] = {}
         taken: dict[tuple[int, str, str], Shot] = {}
         aimed: dict[int, Shot] = {}
-        for shot, line in zip(shots, lines, strict=True):
-            if shot.posture is None:
+        copied = copies(shots)
+        for i, (shot, line) in enumerate(zip(shots, lines, strict=True)):
+            if shot.posture is None or i in copied:
                 continue
             one = first.setdefault(shot.posture, shot)
             label = self.label(shot.instrument)
@@ -338,8 +353,8 @@ class ShotRules:
             before = shot if shot.target is None else aimed.setdefault(shot.posture, shot)
             if one.joints_deg != shot.joints_deg:
                 j = next(
-                    i
-                    for i, pair in enumerate(zip(one.joints_deg, shot.joints_deg, strict=True))
+                    j
+                    for j, pair in enumerate(zip(one.joints_deg, shot.joints_deg, strict=True))
                     if pair[0] != pair[1]
                 )
                 what, actual = (
@@ -458,7 +473,33 @@ def check_shots(
         limits=header.limits,
         file=file,
     )
-    return limits + unknown_targets(header, target_names(shot.target for shot in shots))
+    return robot.doubts + limits + unknown_targets(header, target_names(shot.target for shot in shots))
+
+
+def copies(shots: Sequence[Shot]) -> dict[int, int]:
+    """Places of measurements whose joints, readings and time are those of an earlier one to the last digit,
+    each with the place of that one: copied rows, and no measurements. None where all are of one."""
+    first: dict[tuple[object, ...], int] = {}
+    result = {}
+    for i, shot in enumerate(shots):
+        readings = tuple(sorted(shot.readings.items()))
+        means = (shot.instrument, shot.reflector, shot.target, shot.sigma_mm, shot.time_s)
+        before = first.setdefault((shot.joints_deg, readings, means), i)
+        if before != i:
+            result[i] = before
+    return result if len(first) > 1 else {}
+
+
+def copied_rows(of: Mapping[int, int], count: int, called: Callable[[int], str]) -> str:
+    """A sentence on the copies among `count` measurements; `called` names the one at a place."""
+    (copy, original), many = next(iter(of.items())), len(of) > 1
+    what = f"{len(of)} of {count} measurements are copies" if many else f"{called(copy)} is a copy"
+    example = f"{called(copy)} of {called(original)}" if many else f"of {called(original)}"
+    among = f", such as {example}" if many else f" {example}"
+    return (
+        f"{what}{among}: joints and readings are identical to the last digit. A copy is no measurement: each"
+        f" is counted once, {count - len(of)} measurements in all"
+    )
 
 
 def target_names(targets: Iterable[str | None]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ URDF; it gets ±360 degrees, as a recorded angle of more turns is a mistake more
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -19,7 +20,7 @@ import numpy as np
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.orientation import roll_pitch_yaw
-from ..kinematics.plausible import too_long, warn_of
+from ..kinematics.plausible import rounded_angle, too_long, warn_of
 from ..kinematics.robot import Joint, JointKind, Robot, shift
 from ..parsing.reading import did_you_mean, read_text
 from ..parsing.validation import LARGEST_OTHER
@@ -240,8 +241,24 @@ class _Reader:
                 remedy="name the links at the two ends of the arm",
             )
         origins = [float(np.linalg.norm(each[:3, 3])) for each in (*(j.fixed for j in joints), pending)]
-        warn_of(self.name, too_long(origins, "metres in a URDF"))
-        return Robot(self.name, tuple(joints), pending)
+        doubtful = (*too_long(origins, "metres in a URDF"), *self._rounded(base, tip))
+        warn_of(self.name, doubtful)
+        sentences = tuple(f"robot {self.name}: {doubt}" for doubt in doubtful)
+        return Robot(self.name, tuple(joints), pending, doubts=sentences)
+
+    def _rounded(self, base: str, tip: str) -> Iterator[str]:
+        """A sentence on each angle that is a rounded right angle, with all of the chain that have it."""
+        having: dict[float, list[str]] = {}
+        for edge in self.chain(base, tip):
+            element = edge.element.find("origin")
+            if element is not None and element.get("rpy") is not None:
+                turns = zip(("roll", "pitch", "yaw"), self._numbers(element, "rpy", 3), strict=True)
+                for which, value in turns:
+                    angle = f"{which} of joint {edge.name!r} (line {self.lines.get(element)})"
+                    having.setdefault(abs(value), []).append(angle)
+        for value, places in having.items():
+            if (sentence := rounded_angle(f"{self.path.name}, {', '.join(places)}", value)) is not None:
+                yield sentence
 
     def visuals(self, base: str, tip: str) -> list[Visual]:
         elements = dict(zip(self.links, self.elements, strict=True))

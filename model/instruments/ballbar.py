@@ -100,6 +100,7 @@ class Ballbar(TipStation):
             tip=np.array(header.tip_mm, dtype=float),
             tip_std=tip_std(header, exact=exact),
             sigma=header.sigma_mm,
+            tip_stated=header.tip_sigma_mm is not None,
             bias=bias,
             range=header.range_mm,
         )

@@ -105,6 +105,7 @@ class Dial(TipStation):
             tip=np.array(header.tip_mm, dtype=float),
             tip_std=tip_std(header, exact=exact),
             sigma=header.sigma_mm,
+            tip_stated=header.tip_sigma_mm is not None,
             direction=direction / np.linalg.norm(direction),
             range=header.range_mm or _RANGE,
         )

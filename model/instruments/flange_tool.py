@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from .kind import Flange, Instrument, Unknown
+from .kind import Assumption, Flange, Instrument, Unknown
+
+_SIGMA: dict[str, Literal["tilt_deg", "shift_mm"]] = {"deg": "tilt_deg", "mm": "shift_mm"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +24,7 @@ class FlangeTool(Instrument):
     In the flange frame, `tip` (3,) mm of a probe, or a point on the beam; `direction` (3,) unit, or None.
     `tilt_std` (rad) and `shift_std` (mm) are the prior stds of how far it is from that; of a calibrated one
     only if it is `tolerated`: else it is exact, and has no unknowns. `sigma_known` where the stds of one that
-    is not calibrated are knowledge.
+    is not calibrated are knowledge. `stated` has those of the header.
 
     Of the kind: `free_sigma` the tilt (degrees, of a beam) and shift (mm) of one that is not calibrated.
     """
@@ -38,6 +40,7 @@ class FlangeTool(Instrument):
     shift_std: float
     tolerated: bool = False
     sigma_known: bool = False
+    stated: frozenset[Literal["tilt_deg", "shift_mm"]] = frozenset()
 
     @classmethod
     def of(cls, label: str, entry: Any, *, exact: bool, sigma_known: bool = False) -> Self:
@@ -51,6 +54,7 @@ class FlangeTool(Instrument):
             shift_std=entry.sigma.shift_mm,
             tolerated=not exact or "sigma" in entry.model_fields_set,
             sigma_known=sigma_known,
+            stated=frozenset(entry.sigma.model_fields_set if "sigma" in entry.model_fields_set else ()),
         )
 
     @property
@@ -66,7 +70,33 @@ class FlangeTool(Instrument):
         if self.is_calibrated and not self.tolerated:
             return ()
         known = self.is_calibrated or self.sigma_known
-        return tuple(unknown._replace(tolerated=known) for unknown in self._free())
+        return tuple(
+            unknown._replace(tolerated=known, assumed=known and _SIGMA[unknown.unit] not in self.stated)
+            for unknown in self._free()
+        )
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        if not (self.is_calibrated or self.sigma_known):
+            return ()
+        stds = {"deg": float(np.degrees(self.tilt_std)), "mm": self.shift_std}
+        return tuple(
+            Assumption(
+                label=self.label,
+                of="tool",
+                kind=self.name,
+                part="mounting" if self.beam else "tip",
+                std=None if self.exact else stds[unit],
+                unit=unit,
+                stated=_SIGMA[unit] in self.stated,
+                key=f"{'' if self.label == 'tool' else 'instruments.'}{self.label}.sigma.{_SIGMA[unit]}",
+            )
+            for unit in dict.fromkeys(unknown.unit for unknown in self._free())
+        )
+
+    def freed(self) -> tuple[Self, Mapping[str, float]]:
+        """Of one that is exact all unknowns."""
+        return (replace(self, tolerated=True) if self.exact else self), {}
 
     @abstractmethod
     def _free(self) -> Iterator[Unknown]: ...

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 import casadi as ca
@@ -12,7 +13,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Vector, refusal
-from .kind import Station, Target, Unknown
+from .kind import Assumption, Station, Target, Unknown
 from .rotations import (
     Quaternion,
     rotation,
@@ -127,6 +128,27 @@ class FramedStation(Station):
         lengths = (Unknown(axis, "mm", 0.0, _FRAME_MM, self.label, "frame") for axis in "xyz")
         angles = (Unknown(axis, "deg", 0.0, FREE_RAD, self.label, "frame") for axis in ("rx", "ry", "rz"))
         return (*lengths, *angles)
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        """Where its frame is: nobody states how well that is known."""
+        if self.frame is None:
+            return ()
+        key = f"instruments.{self.label}.frame"
+        return tuple(
+            Assumption(self.label, self.label, self.name, "frame", None, unit, stated=False, key=key)
+            for unit in ("deg", "mm")
+        )
+
+    def freed(self) -> tuple[Self, Mapping[str, float]]:
+        """With a free frame, which is where it was known to be."""
+        if self.frame is None:
+            return self, {}
+        rotation, origin = self.frame
+        values = [*origin.tolist(), *rotation_vector(rotation).tolist()]
+        free = replace(self, frame=None)
+        names = (f"{unknown.of}.{unknown.axis}" for unknown in free.frame_unknowns)
+        return free, dict(zip(names, values, strict=True))
 
     def frame_at(self, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Rotation (3, 3) and origin (3, 1) mm of the instrument's frame in the base frame."""

@@ -62,7 +62,8 @@ class Unknown(NamedTuple):
     """An unknown of an instrument: what it belongs to and which number of that it is, its unit, and its
     prior's mean and std, rad or mm. A `tolerated` prior is knowledge; that of a guess is not.
 
-    The group is `frame` where it says where a station of the world is, else `tool`.
+    The group is `frame` where it says where a station of the world is, else `tool`. `assumed` where nobody
+    stated the prior of a tolerated one.
     """
 
     axis: str
@@ -72,6 +73,25 @@ class Unknown(NamedTuple):
     of: str = "tool"
     group: Literal["tool", "frame"] = "tool"
     tolerated: bool = False
+    assumed: bool = False
+
+
+class Assumption(NamedTuple):
+    """What the program takes as known of an instrument (its `label`, its `kind`).
+
+    The `part` (mounting, tip, frame, mount, or the name of a reflector) deviates by the standard deviation
+    `std` in its `unit`, or not at all (None). Its unknowns, if there are any, belong to `of`. `stated` where
+    the header says how well it is known, by its `key`.
+    """
+
+    label: str
+    of: str
+    kind: str
+    part: str
+    std: float | None
+    unit: Literal["deg", "mm"]
+    stated: bool
+    key: str
 
 
 @dataclass(frozen=True)
@@ -140,11 +160,13 @@ class PartRead(NamedTuple):
 
 class Misread(NamedTuple):
     """What may be wrong with all readings of the instrument `label`: they are in `metres`, or `mirrored`, in
-    a left-handed frame. `readings` (N, w) are put right; `axis` (1, 2, 3) is the one that has the wrong sign,
-    0 where any may be, as a rotation of a free frame makes one of another."""
+    a left-handed frame; of poses the `quaternion` has w last, the rotation is the `inverse`, or the whole
+    pose is (`inverse_pose`: that of the instrument as the body sees it). `readings` (N, w) are put right;
+    `axis` (1, 2, 3) is the one that has the wrong sign, 0 where any may be, as a rotation of a free frame
+    makes one of another."""
 
     label: str
-    wrong: Literal["metres", "mirrored"]
+    wrong: Literal["metres", "mirrored", "quaternion", "inverse", "inverse_pose"]
     readings: Matrix
     axis: int = 0
 
@@ -248,6 +270,18 @@ class Instrument(ABC):
     def calibrated(self) -> bool:
         """Whether what the flange carries is known to its tolerances."""
         return all(unknown.tolerated for unknown in self.unknowns if unknown.group == "tool")
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        """What is known of the tool or the frame only because somebody stated it, or because it is
+        assumed."""
+        return ()
+
+    def freed(self) -> tuple[Instrument, Mapping[str, float]]:
+        """The same as an instrument whose mounting, tip or frame may be anything, and the values of the
+        unknowns by name that it has besides: what `taken_as_known` does not stand for any more is judged with
+        it."""
+        return self, {}
 
     @property
     def exact(self) -> bool:

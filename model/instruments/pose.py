@@ -14,7 +14,7 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
-from .kind import Flange, Misread, TargetEntry, Unknown, Words
+from .kind import Assumption, Flange, Misread, TargetEntry, Unknown, Words
 from .proposal import Point, ProposedHeader, station_at
 from .rotations import (
     Quaternion,
@@ -31,6 +31,7 @@ from .rotations import (
 )
 
 _ROUNDS = 50
+_OPEN = 1e-3  # of the largest: what the measurements determine so little is left at the guess
 
 
 class StatedMount(FileModel):
@@ -158,6 +159,16 @@ class PoseStation(FramedStation):
         return (*shifts, *turns, *self.frame_unknowns)
 
     @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        """Besides the frame the mount as far as its sigmas are stated: without one it is free."""
+        key, (length, angle) = f"instruments.{self.label}.mount.sigma", self.mount_std
+        of = f"{self.label}.mount"
+        shift = Assumption(self.label, of, self.name, "mount", length, "mm", stated=True, key=f"{key}_mm")
+        rotation = shift._replace(std=float(np.degrees(angle)), unit="deg", key=f"{key}_deg")
+        parts = zip((shift, rotation), self.tolerated, strict=True)
+        return (*super().taken_as_known, *(part for part, stated in parts if stated))
+
+    @property
     def turns(self) -> bool:
         return not self.tolerated[1]
 
@@ -193,7 +204,8 @@ class PoseStation(FramedStation):
         }
 
     def misread(self, readings: Matrix) -> Iterator[Misread]:
-        """A mirror turns the axis of a rotation about, but for its part along the mirrored axis."""
+        """A mirror turns the axis of a rotation about, but for its part along the mirrored axis. Other
+        programs write w last, or the inverse."""
         metres = readings.copy()
         metres[:, :3] *= 1000
         yield Misread(self.label, "metres", metres)
@@ -202,6 +214,8 @@ class PoseStation(FramedStation):
             mirrored[:, which] *= -1
             mirrored[:, [4 + k for k in range(3) if k != which]] *= -1
             yield Misread(self.label, "mirrored", mirrored, axis)
+        for wrong in ("quaternion", "inverse", "inverse_pose"):
+            yield Misread(self.label, wrong, put_right(readings, wrong))
 
     def _measured(self, flange: Flange, unknowns: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Position (3, 1) mm and rotation (3, 3) of the body, in the instrument's frame."""
@@ -225,13 +239,17 @@ class PoseStation(FramedStation):
     def start_unknowns(
         self, poses: Matrix, readings: Matrix, unknowns: Matrix, variants: Sequence[str]
     ) -> Matrix:
-        """The hand-eye equation flange · mount = frame · measured in closed form: rotations by the singular
-        vectors of sum(measured ⊗ flange) (Shah 2013), then lengths by linear least squares."""
+        """The hand-eye equation flange · mount = frame · measured in closed form: rotations, then lengths by
+        linear least squares. Of what the measurements leave open the start is as near as can be to the guess.
+        """
         at, result = spread(len(poses)), np.array(unknowns, dtype=float)
         if not len(at) or (self.frame is not None and all(self.tolerated)):
             return result
         flange, measured = poses[at, :3, :3], np.array([rotation_of_quaternion(r[3:7]) for r in readings[at]])
         mount, frame = self._rotations(flange, measured, rotation(result[3:6]) @ self.mount_rotation)
+        if self.frame is None and not self.tolerated[1] and (axis := _one_axis(flange)) is not None:
+            turn = self._about(axis, flange, poses[at, :3, 3], readings[at, :3] @ frame.T)
+            mount, frame = rotation(turn * axis) @ mount, rotation(turn * flange[0] @ axis) @ frame
         if not self.tolerated[1]:
             result[3:6] = rotation_vector(mount @ self.mount_rotation.T)
         if self.frame is None:
@@ -246,16 +264,45 @@ class PoseStation(FramedStation):
         else:
             right += self.frame[1]
         if columns:
-            solution = np.linalg.lstsq(np.hstack(columns), right.ravel(), rcond=1e-9)[0]
+            solution = np.linalg.lstsq(np.hstack(columns), right.ravel(), rcond=_OPEN)[0]
             if self.frame is None:
                 result[6:9] = solution[-3:]
             if not self.tolerated[0]:
                 result[:3] += solution[:3]
         return result
 
+    def _about(self, axis: Matrix, flange: Matrix, origins: Matrix, measured: Matrix) -> float:
+        """By how much, rad, mount and frame are turned together about an axis (3,) that is the same in flange
+        and base of all poses: the rotations leave it open, the positions of the body determine it.
+
+        `measured` (N, 3) mm are in the axes of the base frame as far as is known.
+        """
+        in_base = flange[0] @ axis
+        along = np.outer(measured @ in_base, in_base)
+        across = measured - along
+        # sine · (axis x across) + cosine · across + along + f = flange x + origin, which is linear.
+        size = max(float(np.abs(across).max()), 1e-9)
+        columns = np.hstack(
+            [
+                np.cross(in_base, across).reshape(-1, 1) / size,
+                across.reshape(-1, 1) / size,
+                *([] if self.tolerated[0] else [-flange.reshape(-1, 3)]),
+                np.tile(np.eye(3), (len(flange), 1)),
+            ]
+        )
+        right = origins - along + (flange @ self.mount_point if self.tolerated[0] else 0.0)
+        sine, cosine = np.linalg.lstsq(columns, right.ravel(), rcond=_OPEN)[0][:2]
+        return float(np.arctan2(sine, cosine))
+
     def _rotations(self, flange: Matrix, measured: Matrix, mount: Matrix) -> tuple[Matrix, Matrix]:
         """Rotations (3, 3) of mount and frame from those of flange and measured body (N, 3, 3); what is known
-        stays as it is."""
+        stays as it is.
+
+        Where both are free: by the singular vectors of sum(measured ⊗ flange) (Shah 2013). Where several of
+        these fit as well, since all poses are turned about one axis or hardly at all, by the axes of the
+        rotations from the first pose to the others (Park and Martin 1994), which leave what is open of the
+        mount at its guess.
+        """
 
         def frame_of(mount: Matrix) -> Matrix:
             return nearest_rotation(np.einsum("nij,jk,nlk->il", flange, mount, measured))
@@ -268,14 +315,45 @@ class PoseStation(FramedStation):
         if self.tolerated[1]:
             return mount, frame_of(mount)
         # vec of rows: frame = flange · mount · measured', so (flange ⊗ measured) mount = frame.
-        left, _, right = np.linalg.svd(np.einsum("nij,nkl->ikjl", flange, measured).reshape(9, 9))
-        mount, frame = right[0].reshape(3, 3), left[:, 0].reshape(3, 3)
-        mount = nearest_rotation(mount * np.sign(np.linalg.det(mount) or 1.0))
-        frame = nearest_rotation(frame * np.sign(np.linalg.det(frame) or 1.0))
+        _, singular, right = np.linalg.svd(np.einsum("nij,nkl->ikjl", flange, measured).reshape(9, 9))
+        if singular[1] > (1 - _OPEN) * singular[0]:
+            axes = _sine_axes(flange).T @ _sine_axes(measured)
+            mount = nearest_rotation(axes + _OPEN * np.abs(axes).max() * mount)
+        else:
+            shah = right[0].reshape(3, 3)
+            mount = nearest_rotation(shah * np.sign(np.linalg.det(shah) or 1.0))
         for _ in range(_ROUNDS):
-            before = mount
-            frame = frame_of(mount)
+            before, frame = mount, frame_of(mount)
             mount = mount_of(frame)
             if np.abs(mount - before).max() < 1e-12:
                 break
         return mount, frame
+
+
+OtherPose = Literal["quaternion", "inverse", "inverse_pose"]
+
+
+def put_right(readings: Matrix, wrong: OtherPose) -> Matrix:
+    """Readings (N, 7 or more) of position and quaternion, recorded as another program writes them: its
+    `quaternion` has w last, its rotation is the `inverse`, or its whole pose is (`inverse_pose`)."""
+    right = readings.copy()
+    if wrong == "quaternion":
+        right[:, 3:7] = np.roll(readings[:, 3:7], 1, axis=1)
+        return right
+    right[:, 4:7] *= -1
+    if wrong == "inverse_pose":
+        turns = np.array([rotation_of_quaternion(q) for q in right[:, 3:7]]).reshape(-1, 3, 3)
+        right[:, :3] = -np.einsum("nij,nj->ni", turns, readings[:, :3])
+    return right
+
+
+def _one_axis(flange: Matrix) -> Matrix | None:
+    """(3,) in the flange frame, of rotations (N, 3, 3) that are all about one axis; None of others."""
+    left, singular, _ = np.linalg.svd(_sine_axes(flange).T, full_matrices=False)
+    return left[:, 0] if singular[0] > 0 and singular[1] < _OPEN * singular[0] else None
+
+
+def _sine_axes(turns: Matrix) -> Matrix:
+    """(N, 3) of the rotations from the first of `turns` (N, 3, 3) to each: the axis times the sine."""
+    by = turns[0].T @ turns
+    return np.stack([by[:, 2, 1] - by[:, 1, 2], by[:, 0, 2] - by[:, 2, 0], by[:, 1, 0] - by[:, 0, 1]], axis=1)

@@ -3,7 +3,8 @@ and how a target is fitted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import casadi as ca
@@ -23,7 +24,7 @@ from ..parsing.validation import (
     without_length,
 )
 from .frames import vector_unknowns
-from .kind import Station, Target, TargetEntry, Unknown
+from .kind import Assumption, Station, Target, TargetEntry, Unknown
 from .rotations import across, basis_across
 
 TIP_MM = 0.1  # prior std of a stated tip, each direction
@@ -75,19 +76,34 @@ def tip_std(header: StatedTip, *, exact: bool) -> float | None:
 @dataclass(frozen=True, eq=False)
 class TipStation(Station):
     """A tip on the flange at `tip` (3,) mm, known to `tip_std`; with None it is exact. `sigma` mm is the std
-    of a reading."""
+    of a reading; `tip_stated` where the header says how well the tip is known."""
 
     residual_size = 1
 
     tip: Matrix
     tip_std: float | None
     sigma: float
+    tip_stated: bool
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
         if self.tip_std is None:
             return ()
-        return vector_unknowns(f"{self.label}.tip", self.tip, self.tip_std, tolerated=True)
+        unknowns = vector_unknowns(f"{self.label}.tip", self.tip, self.tip_std, tolerated=True)
+        return tuple(unknown._replace(assumed=not self.tip_stated) for unknown in unknowns)
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        key = f"instruments.{self.label}.tip_sigma_mm"
+        return (
+            Assumption(
+                self.label, f"{self.label}.tip", self.name, "tip", self.tip_std, "mm", self.tip_stated, key
+            ),
+        )
+
+    def freed(self) -> tuple[Self, Mapping[str, float]]:
+        """Of an exact tip its unknowns."""
+        return (replace(self, tip_std=TIP_MM) if self.tip_std is None else self), {}
 
     @property
     def known_to(self) -> float:
@@ -151,6 +167,7 @@ class BallTipStation(TipStation):
             tip=np.array(entry.tip_mm, dtype=float),
             tip_std=tip_std(entry, exact=exact),
             sigma=entry.sigma_mm,
+            tip_stated=entry.tip_sigma_mm is not None,
             radius=entry.tip_diameter_mm / 2,
         )
 

@@ -8,7 +8,7 @@ do. Parts that read at one posture share the errors of its recorded joints.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from ..arrays import Matrix
 from .kind import (
+    Assumption,
     Flange,
     Instrument,
     Measurement,
@@ -97,6 +98,15 @@ class Together(Instrument):
     @property
     def each(self) -> tuple[Instrument, ...]:
         return self.instruments
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        return tuple(one for each in self.instruments for one in each.taken_as_known)
+
+    def freed(self) -> tuple[Self, Mapping[str, float]]:
+        every = [each.freed() for each in self.instruments]
+        values = {name: value for _, some in every for name, value in some.items()}
+        return replace(self, instruments=tuple(each for each, _ in every)), values
 
     @cached_property
     def residual_size(self) -> int:

@@ -25,7 +25,7 @@ from ..parsing.validation import (
     without_length,
 )
 from .frames import FREE_MM, FramedStation, StatedStand, known_frame, spread, vector_unknowns
-from .kind import Flange, Misread, Target, TargetEntry, Unknown, Words
+from .kind import Assumption, Flange, Misread, Target, TargetEntry, Unknown, Words
 from .proposal import ON_FLANGE, Point, ProposedHeader, station_at
 from .rotations import aligned, nearest_rotation, rotation, rotation_vector
 
@@ -219,6 +219,26 @@ class Tracker(FramedStation):
             for name, each in self.reflectors.items()
         )
         return (*chain.from_iterable(parts), *self.frame_unknowns)
+
+    @property
+    def taken_as_known(self) -> tuple[Assumption, ...]:
+        """Besides the frame the reflectors with a stated sigma: without one a reflector is free."""
+        key = f"instruments.{self.label}.reflectors.{{}}.sigma_mm"
+        stated = (
+            Assumption(
+                self.label,
+                f"{self.label}.{name}",
+                self.name,
+                name,
+                each.std,
+                "mm",
+                stated=True,
+                key=key.format(name),
+            )
+            for name, each in self.reflectors.items()
+            if each.tolerated
+        )
+        return (*super().taken_as_known, *stated)
 
     @property
     def turns(self) -> bool:

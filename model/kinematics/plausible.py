@@ -13,6 +13,10 @@ _SLOWEST = 20.0  # deg/s: some joint of any arm is faster
 _NEAR_DEG = 10.0
 _METRES = (0.05, 3.0)  # a link's length, if it was written in metres
 _DIGITS = range(2, 9)  # that people write of pi
+_BESIDE_DEG = 0.1  # so near to a right angle a twist is meant to be on it, if it has few decimals
+_ON_DEG = 1e-3
+_FEW = 5  # decimals of an angle in rad
+_SAME_RAD = 2e-8  # digits of a robot file, in degrees
 
 
 class DoubtfulRobot(UserWarning):
@@ -54,7 +58,13 @@ def doubtful_rows(
     doubts += [
         f"{called}: {value:.10g} is near {_quarter(value):g} and is not: correct, or mistyped?"
         for called, value in twists.items()
-        if _nearly_quarter(value) and not _fraction_of_pi(value)
+        if _nearly_quarter(value) and not _fraction_of_pi(value) and not _rounded_degrees(value)
+    ]
+    doubts += [
+        f"{called}: {value:.10g}° is {abs(value - _right(value)):.2g}° beside a right angle:"
+        f" was {_right(value):g}° meant?"
+        for called, value in {**twists, **angles}.items()
+        if _rounded_degrees(value) and not _fraction_of_pi(value)
     ]
     return tuple(doubts)
 
@@ -97,9 +107,50 @@ def _fraction_of_pi(value: float) -> bool:
     return any(abs(abs(value) - round(exact, d)) < 1e-10 for d in digits) or abs(abs(value) - exact) < 1e-8
 
 
+def rounded_angle(called: str, rad: float) -> str | None:
+    """A sentence where an angle of a URDF, rad (0 or more), is one to four right angles rounded or cut to so
+    few digits that it is off by more than 0.001°, or is near that by few digits; None for any other. Angles
+    that calibrations found have many digits."""
+    quarters = round(rad / (math.pi / 2))
+    exact = quarters * math.pi / 2
+    off = math.degrees(abs(rad - exact))
+    few = rad == round(rad, _FEW) or _rounding(math.radians(off))
+    near = off < _BESIDE_DEG or _fraction_of_pi(rad)
+    if not 1 <= quarters <= 4 or off <= _ON_DEG or not few or not near:
+        return None
+    meant = f"{exact:.10g} rad ({math.degrees(exact):g}°)"
+    return f"{called}: {rad:.10g} rad is {off:.2g}° beside a right angle: was {meant} meant?"
+
+
+def _rounding(off: float) -> bool:
+    """Whether an angle is as far from a right angle, rad, as a multiple of pi / 2 of few digits is."""
+    scale = (10.0**digits for digits in (2, 3))
+    cut = (
+        abs(k * math.pi / 2 - rounded(k * math.pi / 2 * by) / by)
+        for by in scale
+        for k in range(1, 5)
+        for rounded in (math.floor, math.ceil)
+    )
+    return any(abs(off - each) < _SAME_RAD for each in cut)
+
+
 def _quarter(value: float) -> float:
     """The nearest odd multiple of 90 degrees."""
     return 180.0 * math.floor(value / 180.0) + 90.0
+
+
+def _right(value: float) -> float:
+    """The nearest multiple of 90 degrees."""
+    return 90.0 * round(value / 90.0)
+
+
+def _rounded_degrees(value: float) -> bool:
+    """Whether an angle, degrees, is beside a right angle by few decimals, or as pi / 2 of few digits is.
+    Angles that calibrations found have many."""
+    off = abs(value - _right(value))
+    if not _ON_DEG < off < _BESIDE_DEG:
+        return False
+    return (bool(_right(value)) and _round(value, 3)) or _rounding(math.radians(off))
 
 
 def _nearly_quarter(value: float) -> bool:

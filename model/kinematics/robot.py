@@ -9,7 +9,7 @@ transform `flange`. Angles are radians and lengths millimetres.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Sized
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -102,6 +102,8 @@ class Robot(ByValue):
         Who makes it, as in robot files ("abb", "kuka", "universal-robots"); None where not stated.
     conventions
         How it is mounted and how its pendant counts. Joint positions here count joint 3 from link 2.
+    doubts
+        What looks wrong in its file, in sentences, such as an angle that is rounded.
 
     Examples
     --------
@@ -118,6 +120,7 @@ class Robot(ByValue):
     flange: Matrix
     vendor: str | None = None
     conventions: Conventions = NOTHING_STATED
+    doubts: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"

@@ -52,7 +52,7 @@ class Parameter:
 
     `of` is what it belongs to (joint1, a target's name, tool, noise) and `axis` which number of that it is
     (offset, x, tilt1, spot). The prior of a `tolerated` one is a tolerance that its maker or owner states:
-    knowledge, as a measurement is.
+    knowledge, as a measurement is; of an `assumed` one nobody stated it.
     """
 
     name: str
@@ -66,6 +66,7 @@ class Parameter:
     held: bool = False
     held_by: HeldBy | None = None
     tolerated: bool = False
+    assumed: bool = False
 
     @property
     def display(self) -> float:
@@ -136,6 +137,19 @@ class Parameters:
         rest = self.without("geometry").items
         geometry_items = _of_geometry(geometry, robot, tool, StatedTolerance())
         return Parameters((*rest[: robot.n], *geometry_items, *rest[robot.n :]))
+
+    def with_instrument(self, instrument: Instrument, *, keeping: Collection[str]) -> Parameters:
+        """These parameters with all unknowns of `instrument` in place of those of the tool and frames, free
+        without a tolerance but for the names in `keeping`."""
+        ours = {item.name: item for item in self.items}
+        unknowns = []
+        for item in _of_instrument(instrument, StatedTolerance()):
+            item = ours.get(item.name, item)
+            kept = item.name in keeping
+            unknowns.append(item if kept else replace(item, tolerated=False, assumed=False))
+        place = self.block("tool").start
+        rest = [item for item in self.items if item.group not in ("tool", "frame")]
+        return Parameters((*rest[:place], *unknowns, *rest[place:]))
 
     def holding(self, places: NDArray[np.bool_]) -> Parameters:
         """These parameters with those at `places` (p,) held at their prior means."""
@@ -374,8 +388,19 @@ def _coordinates(target: str, measured: Instrument, header: Header) -> Iterator[
 def _of_instrument(tool: Instrument, known: StatedTolerance) -> Iterator[Parameter]:
     """Those of the tool, then those of the frame; `known` is up to where one counts as identified."""
     enough = _enough(known)
-    for axis, unit, mean, std, of, group, tolerated in tool.unknowns:
-        yield Parameter(f"{of}.{axis}", group, of, axis, unit, mean, std, enough[unit], tolerated=tolerated)
+    for axis, unit, mean, std, of, group, tolerated, assumed in tool.unknowns:
+        yield Parameter(
+            f"{of}.{axis}",
+            group,
+            of,
+            axis,
+            unit,
+            mean,
+            std,
+            enough[unit],
+            tolerated=tolerated,
+            assumed=assumed,
+        )
 
 
 def _enough(known: StatedTolerance) -> dict[str, float]:

@@ -293,6 +293,25 @@ class Problem:
             functions=shot_functions(self.robot, self.tool, kind, geometry),
         )
 
+    def freed(self, x: Matrix, *, keep_stated: bool) -> tuple[Problem, Matrix]:
+        """The same measurements by a tool and frames that may be anything, but for what the header states if
+        that is kept; and x (p,) with the values of what is unknown then."""
+        tool, values = self.tool.freed()
+        stated = {
+            f"{unknown.of}.{unknown.axis}"
+            for unknown in tool.unknowns
+            if unknown.tolerated and not unknown.assumed
+        }
+        parameters = self.parameters.with_instrument(tool, keeping=stated if keep_stated else ())
+        functions = self.functions
+        if tool is not self.tool:
+            kind: Literal["none", "relative"] = "relative" if self.noise.separate else "none"
+            functions = shot_functions(self.robot, tool, kind, self.geometry)
+        there = parameters.with_values(parameters.prior_mean, self.parameters, x)
+        for name, value in values.items():
+            there[parameters.index(name)] = value
+        return replace(self, tool=tool, parameters=parameters, functions=functions), there
+
     def with_noise_of(self, x: Matrix) -> tuple[Problem, Matrix]:
         """The same problem with the noise as known: that of x (p,); and x without its noise factors."""
         if not self.noise.separate:
@@ -377,11 +396,15 @@ class Problem:
 
     def rms_deg(self, residual: Matrix) -> float | None:
         """Root mean square angle of the rotations among residuals (N, d); None where no angle is read."""
+        return self.angle_deg(residual**2)
+
+    def angle_deg(self, squares: Matrix) -> float | None:
+        """Degrees: the root mean square angle by `squares` (N, d) of components; None where none is read."""
         angles = self.active * (1 - self._length_parts[0])
         read = angles.any(axis=1)
         if not read.any():
             return None
-        return float(np.degrees(np.sqrt((residual[read] ** 2 * angles[read]).sum(axis=1).mean())))
+        return float(np.degrees(np.sqrt((squares[read] * angles[read]).sum(axis=1).mean())))
 
     def read_components(self, row: int, residual: Matrix) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Of the residual (d,) of a measurement what was read of it: lengths, mm, and angles, deg."""

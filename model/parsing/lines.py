@@ -1,4 +1,4 @@
-"""In which line a place of a text is."""
+"""In which line a position of a text is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import accumulate
 
 
 def line_numbers(text: str) -> Callable[[int], int]:
-    """A function that gives the line, from 1, of a place in the text; the text is looked through once.
+    """A function that gives the line, from 1, of a position in the text; the text is looked through once.
 
     Examples
     --------
@@ -18,4 +18,4 @@ def line_numbers(text: str) -> Callable[[int], int]:
     """
     starts = [0, *accumulate(len(line) for line in text.split("\n"))]
     starts = [start + k for k, start in enumerate(starts[:-1])]
-    return lambda place: bisect_right(starts, place)
+    return lambda position: bisect_right(starts, position)

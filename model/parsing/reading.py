@@ -6,6 +6,7 @@ date). Keys are text and unique; numbers are finite, everywhere.
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import hashlib
 import json
@@ -13,6 +14,7 @@ import math
 import os
 import re
 import stat
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,6 +80,11 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     return content
 
 
+def real_path(path: Path) -> Path:
+    """The path with all links followed; links in a circle stay, and are refused when the file is read."""
+    return Path(os.path.realpath(path))
+
+
 def require_regular(path: Path) -> None:
     """BadInput for what is no regular file. It is not opened: a device has no end, a pipe may never begin."""
     require_within(path)
@@ -103,12 +110,52 @@ def read_text(path: Path, most: int = LARGEST) -> tuple[str, str]:
     return decode(content, file=path, line=None), hashlib.sha256(content).hexdigest()
 
 
+class NotUtf8(UserWarning):
+    """A file of another program whose text is not UTF-8, and how it was read."""
+
+
+def read_other_text(path: Path, most: int = LARGEST) -> str:
+    """Text of a file of another program, of at most `most` bytes: UTF-8, else as `decode_other`."""
+    return decode_other(read_bytes(path, most), file=path)
+
+
+def decode_other(content: bytes, *, file: Path) -> str:
+    """UTF-8 text, or that of an older program with national letters: Windows-1252, else Latin-1, which a
+    NotUtf8 warning says. BadInput for UTF-16, and for what is no text."""
+    try:
+        return decode(content, file=file, line=None)
+    except BadInput:
+        if b"\0" in content or content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            raise
+    name = "Windows-1252"
+    try:
+        text = content.decode("cp1252")
+    except UnicodeDecodeError:
+        text, name = content.decode("latin-1"), "Latin-1"
+    at = next(i for i, byte in enumerate(content) if byte > 127)
+    line = content.count(b"\n", 0, at) + 1
+    warnings.warn(
+        f"{file.name} is not UTF-8 (line {line}). It is read as {name}: letters in its names may be others",
+        NotUtf8,
+        stacklevel=2,
+    )
+    return text
+
+
 def decode(content: bytes, *, file: Path, line: int | None) -> str:
     """UTF-8 text (a byte order mark is left out); BadInput with the line of the first bad byte.
 
     `line` is the number of the line that `content` is; None for a whole file.
     """
     try:
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or _is_utf16(content):
+            raise BadInput(
+                "the text is UTF-16",
+                allowed="text in UTF-8",
+                remedy="save the file as UTF-8 (Excel: CSV UTF-8)",
+                file=file,
+                line=line,
+            )
         if b"\0" in content:
             raise BadInput("this is a binary file, not text", file=file, line=line, allowed="text in UTF-8")
         return content.decode("utf-8-sig")
@@ -122,6 +169,13 @@ def decode(content: bytes, *, file: Path, line: int | None) -> str:
             file=file,
             line=at,
         ) from None
+
+
+def _is_utf16(content: bytes) -> bool:
+    """Whether nearly every other byte of the beginning is 0, as of Latin letters in UTF-16 without a mark."""
+    head = content[:128]
+    zeros = head[::2].count(0), head[1::2].count(0)
+    return len(head) >= 8 and min(zeros) == 0 and max(zeros) > 0.8 * (len(head) // 2)
 
 
 def _near_file(path: Path) -> str | None:

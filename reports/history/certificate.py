@@ -184,9 +184,12 @@ def _offset(row: Json, geometry: Json, k: float) -> Json:
     """`expanded` is U = k u; `considered_std` is u if the arm deviates from the nominal geometry that was
     assumed."""
     determined = known(row["status"])
+    # What is only as good as an assumption has no number on a certificate, but its reason.
+    numbers = {} if row["status"] != "assumed" else dict.fromkeys(("estimate", "std", "interval95"))
     considered = geometry["consider"].get(row["name"]) if geometry["tolerance"] is None else None
     return {
         **{key: row[key] for key in _OFFSET},
+        **numbers,
         "expanded": k * row["std"] if determined else None,
         "considered_std": considered if determined else None,
         "reason": row["reason"],

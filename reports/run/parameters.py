@@ -105,7 +105,7 @@ def offsets_worth(result: Result) -> str | None:
     """What U is worth if the geometry is not as it was taken. A misfit has found it wrong already: None."""
     if result.misfit is not None:
         return None
-    offsets = [row for row in result.parameters if row.group == "offset"]
+    offsets = [row for row in result.parameters if row.group == "offset" and row.status != "assumed"]
     return worth_sentence(result.geometry, offsets, result.coverage_factor)
 
 
@@ -199,6 +199,10 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
     meaning: dict[Status, str] = {
         "identified": f"the measurements determine it, standard uncertainty u within {within}",
         "weak": f"weakly observable: the measurements determine it, u beyond {within}",
+        "assumed": (
+            "the measurements determine it only with what is assumed of tool or instruments, and neither"
+            " stated nor measured: no part of a pass, and not entered"
+        ),
         "unvalidated": (
             "the data determine a number, but the model does not describe the measurements: neither estimate"
             " nor uncertainty can be relied on"
@@ -211,7 +215,7 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
 
 
 def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
-    """Why parameters are held, weak or without an answer; one reason once."""
+    """Why parameters are held, weak or without an answer, or what they rest on; one reason once."""
     grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
         if row.cause is not None:

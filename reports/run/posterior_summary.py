@@ -265,7 +265,9 @@ def _pair(axes: Axes, x: Matrix, y: Matrix, across: ParameterResult, up: Paramet
     mass = np.cumsum(ranked) / ranked.sum()
     levels = [float(ranked[np.searchsorted(mass, level)]) for level in _LEVELS]
     statuses = (across.status, up.status)
-    worst = next((status for status in ("unvalidated", "weak") if status in statuses), "identified")
+    worst = next(
+        (status for status in ("unvalidated", "assumed", "weak") if status in statuses), "identified"
+    )
     top = float(heights.max()) * 1.01
     if levels[0] < levels[1] < top:
         middles = (xs[:-1] + xs[1:]) / 2, (ys[:-1] + ys[1:]) / 2

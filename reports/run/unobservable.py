@@ -8,7 +8,7 @@ from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
 from ...words.geometry import geometry_title
-from ...words.observability import combination_words, direction_kind, rank_facts, reason, remedy
+from ...words.observability import combination_words, direction_kind, direction_remedy, rank_facts, reason
 from ...words.wording import NOT_DETERMINED, be, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 from .parameters import ParameterRow
@@ -59,5 +59,5 @@ def direction_words(direction: NullDirection) -> Direction:
         combination=combination_words(direction.combination),
         kind=direction_kind(direction),
         reason=sentence(reason(direction.cause, person)),
-        remedy=sentence(remedy(direction.cause, person)),
+        remedy=sentence(direction_remedy(direction, person)),
     )

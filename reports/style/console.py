@@ -18,10 +18,18 @@ STYLE = {
     "identified": "blue",
     "weak": "yellow",
     "unidentifiable": "magenta",
+    "assumed": "dim",
     "held": "dim",
     "unvalidated": "dim",
 }
-MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■", "unvalidated": "?"}
+MARK = {
+    "identified": "●",
+    "weak": "◆",
+    "assumed": "○",
+    "unidentifiable": "✕",
+    "held": "■",
+    "unvalidated": "?",
+}
 VERDICT_STYLE = {
     "pass": "bold blue",
     "weak": "bold yellow",

@@ -28,6 +28,7 @@ PALETTE: dict[str, Colour] = {
     "weak": Colour("#a84a00", "#f0a35c"),
     "unidentifiable": Colour("#963072", "#e08fc0"),
     "held": Colour("#5b636d", "#a6aeb8"),
+    "assumed": Colour("#666c72", "#9aa2aa"),
     "unvalidated": Colour("#6b6157", "#b3a99e"),
     "misfit": Colour("#b3261e", "#f2908a"),
 }
@@ -37,6 +38,7 @@ SHAPES: dict[str, str] = {
     "identified": "o",
     "weak": "D",
     "unidentifiable": "x",
+    "assumed": "h",
     "held": "s",
     "unvalidated": "^",
 }

@@ -78,6 +78,8 @@ def print_message(console: Console, message: Message) -> None:
     console.print(Text("To do: ", style="bold") + Text(sentence(message.action.text)))
     if message.action.command is not None:
         print_commands(console, (message.action.command,))
+    for text in message.basis:
+        console.print(Text(sentence(text), style="dim"))
     print_notes(console, message.cautions)
 
 

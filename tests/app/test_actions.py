@@ -58,6 +58,25 @@ def test_the_suggested_posture_makes_the_plan_better(client: TestClient, content
     assert largest == pytest.approx(answer["advice"]["worst_std_after"], rel=0.02)
 
 
+def test_the_suggested_postures_make_joint_2_known(client: TestClient, content: dict[str, Any]) -> None:
+    """Of an X-Pattern all postures are changed, as the message says."""
+    content["postures_deg"] = np.degrees(pattern_plan("x").postures).tolist()
+    answer = checked(client, content)
+    action = answer["action"]
+    assert (answer["verdict"], action["label"]) == ("degenerate", "Apply the suggested postures")
+    assert action["text"].startswith("Vary joint 1 by 90°")
+    (tried,) = (
+        each["tried"]
+        for each in answer["identifiability"]["null_space"]
+        if each["combination"].get("delta2") == 1.0
+    )
+    (row,) = tried["predicted"]
+    assert row["before"] is None
+    after = checked(client, content | {"postures_deg": action["does"]["postures_deg"]})
+    (delta2,) = (each for each in after["parameters"] if each["name"] == "delta2")
+    assert delta2["std"] == pytest.approx(row["after"], rel=0.01)
+
+
 def test_an_advice_names_the_posture_of_the_plan(client: TestClient, content: dict[str, Any]) -> None:
     """A posture that gives no measurement is counted all the same: here one with the target behind it."""
     content["noise"]["joint_deg"] = 0.3

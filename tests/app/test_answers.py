@@ -257,7 +257,7 @@ def test_what_the_command_says_besides_is_said_to_the_page(
 ) -> None:
     from command_line import zerobeam
 
-    content["noise"]["joint_deg"] = 0.3  # so that there is an advice
+    content["postures_deg"] = np.degrees(pattern_plan("x").postures).tolist()  # so that there is an advice
     assert client.put("/api/plan", json={"file": "noisy.yaml", "plan": content}).status_code == 200
     said = client.post("/api/check", json={"plan": content, "scene": True}).json()["said"]
     printed = " ".join(zerobeam("check", root / "noisy.yaml").out.split())

@@ -254,12 +254,16 @@ def test_what_is_not_determined_has_no_number_and_the_arm_moves_along_it(address
 
 
 def test_the_suggested_posture_is_applied_by_the_button_of_the_message(address: str) -> None:
+    word = "document.querySelector('.message .word').textContent"
     with plan(address) as tab:
         before = tab.value("document.querySelectorAll('.strip li').length")
+        assert "Weak" in tab.value(word)
+        assert "Replace posture" in tab.value("document.querySelector('.message').innerText")
         tab.on(lambda page: page.locator(".message .do button").click())
-        wait(tab, f"document.querySelectorAll('.strip li').length > {before} && {CHECKED}")
+        wait(tab, f"{word}.includes('Pass') && {CHECKED}")
+        assert tab.value("document.querySelectorAll('.strip li').length") == before
         press(tab, "Undo")
-        wait(tab, f"document.querySelectorAll('.strip li').length === {before}")
+        wait(tab, f"{word}.includes('Weak') && {CHECKED}")
 
 
 def test_suggested_postures_keep_their_targets_and_a_command_its_file(address: str) -> None:

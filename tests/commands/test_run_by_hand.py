@@ -35,7 +35,8 @@ def plan(tmp_path: Path) -> Path:
     path = tmp_path / "plan.yaml"
     path.write_text(
         "schema: zerobeam/plan/1\nrobot: irb1600\ngeometry: exact\n"
-        "tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}\n"
+        "tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0],"
+        " sigma: {tilt_deg: 0.00001, shift_mm: 0.00001}}\n"
         "noise: {joint_deg: 0.01, spot_mm: 0.05}\ntargets: {psd: {guess_mm: [900, 0, 0], sigma_mm: 200}}\n"
         "postures_deg:\n" + "".join(f"  - {posture}\n" for posture in POSTURES),
         encoding="utf-8",

@@ -74,7 +74,7 @@ def test_the_offsets_are_a_data_frame(x_pattern: zb.Analysed) -> None:
 
 def test_what_is_unidentifiable_has_no_row_in_the_covariance(x_pattern: zb.Analysed) -> None:
     covariance = x_pattern.covariance
-    known = [row.name for row in x_pattern.parameters if row.status in ("identified", "weak")]
+    known = [row.name for row in x_pattern.parameters if row.status in ("identified", "weak", "assumed")]
     assert list(covariance.names) == known
     assert "delta2" not in known
     frame = covariance.to_frame()

@@ -158,7 +158,7 @@ def test_a_refit_is_the_analysis_of_what_is_left(good: zb.Analysed) -> None:
         assert again[name].u == pytest.approx(expected[name].u, rel=1e-6)
     assert again.run.header.provenance["refit without measurements"] == "3"
     assert good.run.sha256 in again.run.header.provenance["refit of"]
-    assert good["delta6"].status == "identified"
+    assert good["delta6"].status == "assumed"
 
 
 @pytest.mark.parametrize(

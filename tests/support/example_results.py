@@ -66,11 +66,13 @@ def _with_forbidden(found: Analysis) -> Analysis:
     """The posterior's rows of what only the prior says, with numbers that are found nowhere else. (A real
     run has the prior's own there, 0 and 5°, which a report may well say elsewhere.)"""
     posterior = found.result.posterior
+    if posterior.parameters is None:
+        return found
     rows = tuple(
         replace(row, mean=FORBIDDEN, q50=FORBIDDEN, std=4.987, q2_5=-9.77, q97_5=9.79)
         if row.source == "prior"
         else row
-        for row in posterior.parameters or ()
+        for row in posterior.parameters
     )
     return replace(found, result=replace(found.result, posterior=replace(posterior, parameters=rows)))
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from cells import irb1600
 from measured_arms import CELLS, Recorded, recorded
+from scipy.spatial.transform import Rotation
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
 from zerobeam.analysis.ladder import solve_run
@@ -145,11 +146,28 @@ def mirrored(measured: list[list[Measurement]]) -> list[list[Measurement]]:
     return [[right(item) for item in some] for some in measured]
 
 
+def as_other_programs(wrong: str) -> Callable[[list[list[Measurement]]], list[list[Measurement]]]:
+    """Poses with w last, inverse rotations, or inverse poses: computed plainly."""
+
+    def right(item: Measurement) -> Measurement:
+        w, x, y, z = item.measured["measured_quat"]
+        position = item.measured["measured_mm"]
+        turned = {"quaternion": (x, y, z, w)}.get(wrong, (w, -x, -y, -z))
+        if wrong == "inverse_pose":
+            back = Rotation.from_quat([x, y, z, w]).inv()
+            position = tuple((-back.apply(position)).tolist())
+        return item._replace(measured={"measured_mm": position, "measured_quat": turned})
+
+    return lambda measured: [[right(item) for item in some] for some in measured]
+
+
 def one_row_off(measured: list[list[Measurement]]) -> list[list[Measurement]]:
     return [*measured[1:], measured[0]]
 
 
 SPOILED = {"metres": in_metres, "mirrored": mirrored, "rows": one_row_off}
+POSES = {wrong: as_other_programs(wrong) for wrong in ("quaternion", "inverse", "inverse_pose")}
+SPOILED |= POSES
 
 
 def arm_of(kind: str, *, exact: bool) -> Recorded:
@@ -191,7 +209,8 @@ def test_readings_that_are_wrong_alike_are_named(kind: str, cause: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "cause"),
     [
-        *((kind, cause) for kind in ("tracker, frame known", "pose") for cause in SPOILED),
+        *(("tracker, frame known", cause) for cause in SPOILED if cause not in POSES),
+        *(("pose", cause) for cause in SPOILED),
         *((kind, cause) for kind in ("ballbar", "dial") for cause in ("metres", "rows")),
         *(("tracker", cause) for cause in ("metres", "mirrored")),
         ("laser + tracker", "metres"),
@@ -208,6 +227,20 @@ def test_a_joint_with_the_wrong_sign_is_no_fault_of_the_readings() -> None:
     joints = arm.joints * [1, 1, 1, -1, 1, 1]
     (best, *_) = explained("dial", joints, arm.measured, exact=True)
     assert (best.cause, best.joints) == ("sign", (4,))
+
+
+def test_poses_as_other_programs_write_them_are_named() -> None:
+    require_named("pose", "quaternion", exact=True)
+
+
+@pytest.mark.parametrize("wrong", POSES)
+def test_poses_put_right_are_those_that_were_measured(wrong: str) -> None:
+    arm, header = arm_of("pose", exact=True), CELLS["pose"].header(geometry="exact", joint_deg=JOINT_DEG)
+    spoiled = Problem.of_measured(header, irb1600(), arm.joints, POSES[wrong](arm.measured))
+    measured = Problem.of_measured(header, irb1600(), arm.joints, arm.measured)
+    assert np.abs(spoiled.readings - measured.readings).max() > 0.1
+    (right,) = (one for one in spoiled.tool.misread(spoiled.readings) if one.wrong == wrong)
+    np.testing.assert_allclose(right.readings, measured.readings, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["tracker", "pose", "ballbar", "dial", "tracker + plane + ballbar"])

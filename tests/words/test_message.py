@@ -127,7 +127,7 @@ def test_a_degenerate_run_names_the_mechanism_and_plans_with_its_own_header() ->
     said = message(analysed("x").result)
     assert said.verdict.startswith("Simulated: degenerate. J2 (δ2) is unidentifiable")
     assert said.cause is not None
-    assert said.cause.startswith("Joint 1 varies by no more than")
+    assert said.cause.startswith("Joint 1 varies by only")
     assert said.worst is not None
     assert (said.worst.name, said.worst.value) == ("delta2", None)
     words = shlex.split(said.action.command or "")

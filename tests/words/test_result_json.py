@@ -58,7 +58,7 @@ def test_the_keys_are_those_of_the_design() -> None:
         "robust",
         "hold_out",
         *("placements", "scene", "misfit", "diagnosis", "enter", "enter_geometry", "conformity"),
-        *("power", "notes", "next_steps", "inputs"),
+        *("power", "taken_as_known", "notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std"),

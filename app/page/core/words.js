@@ -20,7 +20,7 @@ export function sentence(text) {
 /** The words of verdicts and the shapes of statuses, as in the reports. @type {Record<string, string>} */
 export const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit", violated: "Constraints violated" };
 /** @type {Record<string, string>} */
-export const SHAPES = { identified: "●", weak: "◆", unidentifiable: "✕", held: "■", unvalidated: "▲" };
+export const SHAPES = { identified: "●", weak: "◆", assumed: "○", unidentifiable: "✕", held: "■", unvalidated: "▲" };
 /** @param {string} status */
 export const marked = (status) => `${SHAPES[status] ?? ""} ${status}`;
 

@@ -79,7 +79,8 @@ const OPTIONS = {
   "--quaternion-columns": { label: "Of poses: columns of the quaternion w, x, y, z", help: "with commas; or angles, below" },
   "--rotation-columns": { label: "Of poses: columns of three angles", help: "with commas, in the order of the axes" },
   "--rotation-units": { label: "Unit of these angles", words: () => ANGLES, none: "choose" },
-  "--euler": { label: "Axes of the angles", help: "in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find: the order that fits the nominal arm" },
+  "--euler": { label: "Axes of the angles", help: "in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; vector: a rotation vector; find: the order that fits the nominal arm" },
+  "--inverse": { label: "The poses of the table are", help: "the inverse rotation, or the inverse pose, where the table says how the instrument lies as the body sees it", words: () => [["none", "as they are"], ["rotation", "inverse rotations"], ["pose", "inverse poses"]], none: "looked at" },
   "--uncertainty": { label: "Level of the uncertainty columns", words: () => [["1sigma", "one standard uncertainty"], ["95", "95 %"], ["none", "they are not used"]], none: "there are none" },
   "--instrument": { label: "Instrument of the header", help: "if it states several" },
   "--reflector": { label: "Reflector of all points", help: "if there are several" },
@@ -127,6 +128,7 @@ export const shown = computed(() => {
     if (key === "--match") return has("--joints");
     if (key in BY_TIME) return has("--joints") && values.value["--match"] === BY_TIME[key];
     if (key === "--rotation-units" || key === "--euler") return has("--rotation-columns");
+    if (key === "--inverse") return has("--rotation-columns") || has("--quaternion-columns");
     return true;
   });
 });

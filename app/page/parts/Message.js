@@ -6,7 +6,7 @@ import { attempt } from "../core/store.js";
 import { JobProgress } from "./JobProgress.js";
 
 /**
- * @typedef {{verdict: string, grade?: string | null, worst: {text: string} | null, cause: string | null, action: {text: string, command: string | null}, cautions: string[]}} MessageFacts
+ * @typedef {{verdict: string, grade?: string | null, worst: {text: string} | null, cause: string | null, action: {text: string, command: string | null}, cautions: string[], basis?: string[]}} MessageFacts
  * @typedef {import("../core/actions.js").ActionFacts} ActionFacts
  */
 
@@ -33,6 +33,7 @@ export function Message({ verdict, message, action = null, simulated = false, pe
         ${!action?.does && message.action.command && html`<pre class="commands" tabindex="0" aria-label="Command"><code>${message.action.command}</code></pre>`}
       </div>
       ${job.value && html`<${JobProgress} job=${job.value} title=${action?.label ?? ""} />`}
+      ${(message.basis ?? []).map((line) => html`<p class="basis muted" key=${line}>${line}</p>`)}
       ${cautions.length > 0 && html`<details><summary>${cautions.length === 1 ? "1 caution" : `${cautions.length} cautions`}</summary><ul>${cautions.map((one) => html`<li>${one}</li>`)}</ul></details>`}
       ${children}
     </section>`;

@@ -60,7 +60,7 @@ export function draw(canvas, data, shown) {
   pen.scale(ratio, ratio);
   const limits = Object.entries(shown.ranges), within = (/** @type {number} */ k) => limits.every(([name, [low, high]]) => { const v = data.draws[data.names.indexOf(name)][k]; return v >= low && v <= high; });
   const chosen = data.draws[0].map((_, k) => limits.length > 0 && within(k));
-  const tones = Object.fromEntries(["ink", "line", "muted", "misfit", "unvalidated", "weak", "identified"].map((name) => [name, colour(name)]));
+  const tones = Object.fromEntries(["ink", "line", "muted", "misfit", "unvalidated", "assumed", "weak", "identified"].map((name) => [name, colour(name)]));
   data.pairs.forEach((pair, number) => drawPanel(pen, data, pair, panelOf(data, pair, size), { ...shown, chosen, any: limits.length > 0, current: number === shown.panel, tones }));
   pen.fillStyle = tones.ink;
   pen.font = `700 12px ${FONT}`;
@@ -89,7 +89,7 @@ function drawPanel(pen, data, [j, i], at, of) {
   pen.beginPath();
   pen.rect(at.left, at.top, at.right - at.left, at.bottom - at.top);
   pen.clip();
-  pen.fillStyle = statuses.includes("unvalidated") ? tones.unvalidated : statuses.includes("weak") ? tones.weak : tones.identified;
+  pen.fillStyle = statuses.includes("unvalidated") ? tones.unvalidated : statuses.includes("assumed") ? tones.assumed : statuses.includes("weak") ? tones.weak : tones.identified;
   if (i === j) {
     histogram(pen, data, at, j, null, any ? 0.3 : 0.6);
     pen.fillStyle = tones.misfit;

@@ -10,11 +10,11 @@ from typing import Literal
 from pydantic import Field
 
 from ....analysis.answer.message import Action
-from ....analysis.observability.check import Check
-from ....analysis.observability.outlook import advised_joints
+from ....analysis.observability.check import Check, carried_out
 from ....experiments.makers.maker import makers
 from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
+from ....words.plan_message import tried_change
 from ..folder import Folder
 from ..job_commands import job_command
 
@@ -69,14 +69,15 @@ def action_of_plan(check: Check, action: Action) -> OfferedAction:
             does = _postures([rows[i] for i in kept], [targets[i] for i in kept])
     elif check.verdict == "pass":
         label, does = "Measure", DoesStep(step="measure")
-    elif check.advice is not None and simple:
-        joints = (advised_joints(check.aimed, check.advice) * plan.robot.display).round(_DECIMALS).tolist()
-        at = check.advice.posture
-        if check.advice.add:
-            rows, targets = [*rows, joints], [*targets, targets[at]]
-        else:
-            rows[at] = joints
-        label, does = "Apply the suggested posture", _postures(rows, targets)
+    elif simple and (tried := tried_change(check)) is not None:
+        new, like = carried_out(check, tried)
+        for at, joints in zip(like, (new * plan.robot.display).round(_DECIMALS).tolist(), strict=True):
+            if tried.how == "add":
+                rows, targets = [*rows, joints], [*targets, targets[at]]
+            else:
+                rows[at] = joints
+        noun = "postures" if tried.how == "vary" else "posture"
+        label, does = f"Apply the suggested {noun}", _postures(rows, targets)
     return OfferedAction(text=action.text, label=label, does=does)
 
 

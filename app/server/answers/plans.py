@@ -30,7 +30,6 @@ from ....model.parsing.validation import FileModel, as_tuple, validate
 from ....reports.plan.plan_page import postures_of
 from ....reports.run.parameters import worth_column
 from ....words.geometry import check_lines
-from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.plan_message import plan_message
 from ....words.result_json import check_json
@@ -330,14 +329,13 @@ def _among(aimed: AimedPlan, obstacles: Obstacles) -> AimedPlan:
 
 def _remarks(checked: Check) -> CheckRemarks:
     head, of = worth_column(checked.geometry)
-    units = {row.name: unit_of(row.unit) for row in checked.parameters}
-    offsets, over = [row for row in checked.parameters if row.group == "offset"], checked.over_target
+    offsets = [row for row in checked.parameters if row.group == "offset"]
     return CheckRemarks(
         worth=WorthColumn(head=head, of={row.name: of(row) for row in offsets}),
         tolerated=[row.name for row in checked.parameters if row.tolerated],
         lines=list(check_lines(checked)),
-        advice=None if checked.advice is None else advice_sentence(checked.advice),
-        over_target=None if over is None else over_target_sentence(over, units),
+        advice=advice_sentence(checked),
+        over_target=over_target_sentence(checked),
     )
 
 

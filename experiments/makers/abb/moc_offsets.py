@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple
 from ....model.errors import BadInput, located
 from ....model.kinematics.pendant import require_link_encoder
 from ....model.parsing.lines import line_numbers
-from ....model.parsing.reading import did_you_mean, read_text, shown
+from ....model.parsing.reading import did_you_mean, read_other_text, shown
 from ..calibration import JointOffset, RobotCalibration
 from ..maker import numbers_of, one_line, require_vendor
 
@@ -103,7 +103,7 @@ def moc_text(
     _require_turning(calibration)
     if against is None:
         return _table(calibration, gears)
-    text, _ = read_text(against)
+    text = read_other_text(against)
     if gears.signs is None:
         raise BadInput(
             "the sign must be stated: it is not published whether a reading rises or falls with cal_offset",
@@ -265,14 +265,20 @@ def _instructions(changes: dict[str, tuple[JointOffset, _Value, _Change]]) -> li
 
 def _table(calibration: RobotCalibration, gears: Gears) -> str:
     """Without the controller's file: by how much, at the joint and, as far as it is stated, at the motor."""
-    lines = [*_head(calibration), "", "joint; offset deg; offset rad; change of cal_offset, rad at the motor"]
+    lines = [
+        *_head(calibration),
+        "",
+        "joint; offset deg; u deg; offset rad; change of cal_offset, rad at the motor",
+    ]
     for i, offset in enumerate(calibration.offsets):
         if not offset.exported:
             continue
         at_motor = "unknown: state --ratio and --motor-sign"
         if gears.ratios is not None and gears.signs is not None:
             at_motor = f"{gears.signs[i] * gears.ratios[i] * offset.internal:+.6f}"
-        lines.append(f"{i + 1}; {offset.applied:+.6f}; {offset.internal:+.9f}; {at_motor}")
+        lines.append(
+            f"{i + 1}; {offset.applied:+.6f}; {offset.applied_u:.2g}; {offset.internal:+.9f}; {at_motor}"
+        )
     lines.append("A cal_offset stays within one turn: take whole turns (2 pi) off, then update the counters.")
     return "".join(f"# {line}".rstrip() + "\n" for line in lines)
 

@@ -172,7 +172,10 @@ def _read_points(
         str | None, Option("Columns of x,y,z, by name or number (default: by these names).")
     ] = None,
     instrument: Annotated[str | None, Option("Instrument of the header, if it states several.")] = None,
-    reflector: Annotated[str | None, Option("Reflector of all points, if there are several.")] = None,
+    reflector: Annotated[
+        str | None,
+        Option("Reflector of all points, if there are several; or of each marker in a row: R1,R2,…"),
+    ] = None,
     reflector_column: Annotated[str | None, Option("Column with each point's reflector, instead.")] = None,
     joints: Annotated[
         Path | None, Option("Table of the joints, if they are not in the same table as the points.")
@@ -201,10 +204,16 @@ def _read_points(
         str | None,
         Option(
             "Axes in the order of the columns, fixed or moving with the body: XYZ-fixed, ZYX-moving, …; find:"
-            " the order that fits the nominal arm."
+            " the order that fits the nominal arm; vector: a rotation vector, as of UR."
         ),
     ] = None,
     quaternion_columns: Annotated[str | None, Option("Of poses: columns w,x,y,z instead of angles.")] = None,
+    inverse: Annotated[
+        str | None,
+        Option(
+            "Of poses: the table has the inverse rotation, the inverse pose, or none. Default: looked at."
+        ),
+    ] = None,
     uncertainty: Annotated[
         Literal["1sigma", "95", "none"] | None,
         Option("Level of the uncertainty columns; none: they are not used."),
@@ -244,6 +253,7 @@ def _read_points(
         rotation_units,
         euler,
         names_of(quaternion_columns),
+        inverse,
         uncertainty,
         names_of(uncertainty_columns),
         lengths,

@@ -16,8 +16,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from ruamel.yaml import YAML, AliasToken
+from ruamel.yaml.error import YAMLError
+
 from ....model.errors import BadInput, missing_extra
-from ....model.parsing.reading import require_regular
+from ....model.parsing.reading import read_text, require_regular
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -186,6 +189,7 @@ def require_plain_tables(path: Path) -> None:
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TEXT = "std_msgs/msg/String"
 _READ = (JOINT_STATE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time", TEXT)
+_LARGEST_METADATA = 10**6  # bytes
 _LARGEST_MESSAGE = 10**6  # bytes, of what is read: a JointState of six joints has 300
 _MAGIC = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP0": "an mcap file", b"SQLite format 3": "a .db3 of ROS 2"}
 
@@ -253,6 +257,7 @@ def opened(path: Path) -> Iterator[Bag]:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise missing_extra("reading ROS bags", "ros", needed="the library rosbags") from None
+    _require_plain_metadata(path)
     try:
         # Older ROS 2 bags hold no definitions; those of JointState and std_msgs are the same in all of them.
         ros2 = get_typestore(Stores.LATEST)
@@ -271,6 +276,27 @@ def opened(path: Path) -> Iterator[Bag]:
             remedy="repair it with the tools of ROS (rosbag reindex, ros2 bag reindex, mcap recover)",
             file=path,
         ) from None
+
+
+def _require_plain_metadata(path: Path) -> None:
+    """BadInput where the description of a bag's folder is too large, or refers to parts of itself: a few
+    lines of that grow without bound when they are read."""
+    file = path / "metadata.yaml"
+    if not path.is_dir() or not file.exists():
+        return
+    text, _ = read_text(file, _LARGEST_METADATA)
+    try:
+        for token in YAML(typ="safe", pure=True).scan(text):
+            if isinstance(token, AliasToken):
+                raise BadInput(
+                    "the description of the bag refers to parts of itself; no recorder writes that",
+                    found=f"*{token.value}",
+                    remedy="take the metadata.yaml that was recorded, or make one: ros2 bag reindex",
+                    file=file,
+                    line=token.start_mark.line + 1,
+                )
+    except YAMLError as error:
+        raise BadInput("the description of the bag is no YAML", found=str(error)[:100], file=file) from None
 
 
 def _require_definitions(in_bag: Any, in_ros: Any) -> None:

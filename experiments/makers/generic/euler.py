@@ -1,4 +1,5 @@
-"""Orders of Euler angles: rotations of a stated order, or the order by which the flange's rotations fit."""
+"""Orientations of tables: rotations of a stated order of Euler angles, or the order by which the flange's
+rotations fit; and whether poses fit as they are stated."""
 
 from __future__ import annotations
 
@@ -8,11 +9,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
+from ....model.instruments.pose import put_right
 from ....model.instruments.rotations import nearest_rotation
 
+VECTOR = "vector"  # an orientation by a rotation vector, in place of an order
 _PLAIN = ["".join(axes) for axes in itertools.permutations("XYZ")]
 _SAME_TWICE = [f"{a}{b}{a}" for a in "XYZ" for b in "XYZ" if a != b]
 ORDERS = [f"{axes}-{way}" for axes in (*_PLAIN, *_SAME_TWICE) for way in ("fixed", "moving")]
@@ -21,6 +25,7 @@ _AGREEING = 0.3  # of pairs of poses, at least, turn by the same angle
 _STEPS = (1, 2, 3, 5, 7)  # how far apart the poses of a pair are
 _CLEARLY = 20.0  # log likelihood ratio to the next order, a component of each pose (Laplace)
 _LEAST = 5  # poses
+_ACROSS_MM = 500.0  # an arm: a degree there is as wrong as a rotation by one
 
 
 class FittingOrder(NamedTuple):
@@ -31,17 +36,20 @@ class FittingOrder(NamedTuple):
 
 
 def rotations(angles: Matrix, order: str) -> Matrix:
-    """(N, 3, 3) of angles (N, 3), rad, about the axes of an order such as XYZ-fixed or ZYX-moving.
+    """(N, 3, 3) of angles (N, 3), rad, about the axes of an order such as XYZ-fixed or ZYX-moving; of
+    rotation vectors (axis times angle) where the order is `vector`.
 
     The first angle is about the first axis, and is the first rotation; fixed axes stay, moving ones turn with
     the body. BadInput for an order that there is not.
     """
+    if order.lower() == VECTOR:
+        return np.asarray(Rotation.from_rotvec(angles).as_matrix())
     match = re.fullmatch(r"([xyz]{3})-(fixed|moving)", order, re.IGNORECASE)
     if match is None or f"{match[1].upper()}-{match[2].lower()}" not in ORDERS:
         raise BadInput(
             "there is no such order of Euler angles",
             found=order,
-            allowed="XYZ-fixed, ZYX-moving, ZYZ-moving, … or find",
+            allowed="XYZ-fixed, ZYX-moving, ZYZ-moving, …, vector (a rotation vector) or find",
             remedy="state the axes in the order of the columns, and whether they stay or turn with the body",
         )
     turns = [_about(axis, angle) for axis, angle in zip(match[1].upper(), angles.T, strict=True)]
@@ -60,13 +68,15 @@ def _about(axis: str, angles: Matrix) -> Matrix:
     return result
 
 
-def found_order(angles: Matrix, columns: Sequence[str], flange: Matrix) -> FittingOrder:
+def found_order(
+    angles: Matrix, columns: Sequence[str], flange: Matrix, *, inverse: bool = False
+) -> FittingOrder:
     """The order by which angles (N, 3), rad, are those of something on the flange, whose rotations (N, 3, 3)
     are nominal, as seen from anywhere.
 
-    The columns are angles about x, y and z; tried are all orders of these rotations. Another naming of the
-    axes would be a change of frames, which are not known. BadInput where no order fits, or where another one
-    fits nearly as well.
+    The columns are angles about x, y and z; tried are all orders of these rotations, and rotation vectors.
+    Another naming of the axes would be a change of frames, which are not known. `inverse`: the inverse of
+    each rotation is what fits. BadInput where no order fits, or where another one fits nearly as well.
     """
     if len(angles) < _LEAST:
         raise BadInput(
@@ -75,14 +85,19 @@ def found_order(angles: Matrix, columns: Sequence[str], flange: Matrix) -> Fitti
             allowed=f"{_LEAST} or more",
             remedy="state the order, such as --euler XYZ-fixed",
         )
-    tried: list[tuple[float, str, Matrix]] = []
+
+    def misfit(turned: Matrix) -> float:
+        return _misfit(turned.transpose(0, 2, 1) if inverse else turned, flange)
+
+    vectors = rotations(angles, VECTOR)
+    tried = [(misfit(vectors), f"{VECTOR} of {', '.join(columns)}", vectors)]
     for axes in _PLAIN:
         at = ["XYZ".index(axis) for axis in axes]
         turned = rotations(angles[:, at], f"{axes}-fixed")
         # The same rotations backwards about axes that move are named by the columns as they are.
         name = "XYZ-moving" if axes == "ZYX" else f"{axes}-fixed"
         named = columns if axes == "ZYX" else [columns[i] for i in at]
-        tried.append((_misfit(turned, flange), f"{name} of {', '.join(named)}", turned))
+        tried.append((misfit(turned), f"{name} of {', '.join(named)}", turned))
     tried.sort(key=lambda one: one[0])
     (best, name, turned), (next_best, other, _) = tried[:2]
     fits = f"{name} to {best:.3g}° (median); the next is {other} to {next_best:.3g}°"
@@ -99,6 +114,53 @@ def found_order(angles: Matrix, columns: Sequence[str], flange: Matrix) -> Fitti
     return FittingOrder(turned, f"the order that fits: {fits}")
 
 
+def require_as_stated(as_read: Matrix, flange: Matrix, columns: Sequence[str] | None) -> None:
+    """BadInput where poses (N, 7), mm and quaternion, fit the nominal poses (N, 4, 4) of the flange no better
+    as they are stated than in another way: inverted, or (of quaternion `columns`) with w last.
+
+    Where nothing fits, nothing is said here: the joints may be wrong.
+    """
+    if len(as_read) < _LEAST:
+        return
+    tried: dict[str, Matrix] = {
+        "as inverse rotations": put_right(as_read, "inverse"),
+        "as inverse poses": put_right(as_read, "inverse_pose"),
+    }
+    if columns is not None:
+        tried["with w last"] = put_right(as_read, "quaternion")
+    as_stated = _misfit_of_poses(as_read, flange)
+    scores = {name: _misfit_of_poses(poses, flange) for name, poses in tried.items()}
+    other = min(scores, key=scores.__getitem__)
+    clear = len(as_read) * np.log(scores[other] / max(as_stated, 1e-6)) > _CLEARLY
+    if scores[other] > _LARGEST_DEG or clear:
+        return
+    remedies = {"as inverse rotations": "--inverse rotation", "as inverse poses": "--inverse pose"}
+    if columns is not None:
+        remedies["with w last"] = f"--quaternion-columns {columns[3]},{columns[0]},{columns[1]},{columns[2]}"
+    both = as_stated <= _LARGEST_DEG
+    raise BadInput(
+        f"the poses fit the nominal arm {'both as stated and ' if both else ''}{other}"
+        + ("" if both else ", and not as stated"),
+        found=f"as stated to {as_stated:.3g}° (median), {other} to {scores[other]:.3g}°",
+        remedy=f"state {remedies[other]}" + ("; or --inverse none, where they are as stated" if both else ""),
+    )
+
+
+def _misfit_of_poses(poses: Matrix, flange: Matrix) -> float:
+    """Degrees: how far poses (N, 7) are from the nominal poses (N, 4, 4) of the flange, by their rotations
+    and by their positions as seen across half a metre, whichever is more."""
+    measured = Rotation.from_quat(poses[:, 3:7], scalar_first=True).as_matrix()
+    misfit, world = _aligned(measured, flange[:, :3, :3])
+    if misfit > _LARGEST_DEG:
+        return misfit
+    # world' p - o = F x - t, of which x and t are sought.
+    right = poses[:, :3] @ world - flange[:, :3, 3]
+    columns = np.hstack([flange[:, :3, :3].reshape(-1, 3), np.tile(np.eye(3), (len(poses), 1))])
+    left = right.ravel() - columns @ np.linalg.lstsq(columns, right.ravel(), rcond=1e-3)[0]
+    off = float(np.median(np.linalg.norm(left.reshape(-1, 3), axis=1)))
+    return max(misfit, float(np.degrees(off / _ACROSS_MM)))
+
+
 def _misfit(measured: Matrix, flange: Matrix) -> float:
     """Degrees, median: how far M_i is from A F_i B, with the rotations A and B that fit best.
 
@@ -106,20 +168,25 @@ def _misfit(measured: Matrix, flange: Matrix) -> float:
     calibration; Park and Martin 1994). Only pairs whose angles agree count, so that wrong rows do not; A is
     then the mean of those M_i B^T F_i^T that are near most others.
     """
+    return _aligned(measured, flange)[0]
+
+
+def _aligned(measured: Matrix, flange: Matrix) -> tuple[float, Matrix]:
+    """`_misfit`, and A."""
     m, f = (
         np.concatenate([np.swapaxes(r[:-step], 1, 2) @ r[step:] for step in _STEPS if step < len(r)])
         for r in (measured, flange)
     )
     agreeing = np.abs(_angles(m) - _angles(f)) < _LARGEST_DEG
     if agreeing.sum() < max(3, _AGREEING * len(agreeing)):
-        return 180.0
+        return 180.0, np.eye(3)
     mount = nearest_rotation(_axes(f[agreeing]).T @ _axes(m[agreeing]))
     worlds = measured @ np.swapaxes(flange @ mount, 1, 2)
     tried = worlds[:: max(1, len(worlds) // 50)]
     off = np.array([_angles(world.T @ worlds) for world in tried])
     nearest = off[int(np.argmin(np.median(off, axis=1)))]
     world = nearest_rotation(worlds[nearest <= np.median(nearest)].sum(axis=0))
-    return float(np.median(_angles(world.T @ worlds)))
+    return float(np.median(_angles(world.T @ worlds))), world
 
 
 def _angles(r: Matrix) -> Matrix:

@@ -25,6 +25,7 @@ _KEYS = (
     "reason",
     "exported",
     "applied",
+    "applied_u",
 )
 
 _OF_ROW = {"unit", "estimate", "std", "interval95"}
@@ -46,6 +47,7 @@ def _row(offset: JointOffset, calibration: RobotCalibration) -> dict[str, object
         "status": offset.status,
         "exported": "yes" if offset.exported else "no",
         "applied": offset.applied,
+        "applied_u": offset.applied_u,
         "estimate": offset.row.estimate,
         "std": offset.row.std,
         "low95": low,

@@ -16,15 +16,16 @@ from typing import Literal
 
 import numpy as np
 
-from ....model.arrays import Matrix
+from ....model.arrays import Index, Matrix
 from ....model.errors import BadInput, located
 from ....model.files.limits import like_radians
+from ....model.instruments.pose import put_right
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3
-from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_text, shown
+from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
 from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
-from .euler import found_order, rotations
+from .euler import found_order, require_as_stated, rotations
 from .tables import DELIMITERS, TextTable, check_signs, columns_of_joints, found_delimiter, number, table_of
 
 Unit = Literal["mm", "m", "inch"]
@@ -41,6 +42,8 @@ _WORDS = {
 }
 _UNIT = re.compile(r"\bunits?\b\s*[:=,]?\s*([a-z]+)", re.IGNORECASE)
 _COMMENT = ("//", "#")
+_MARKER = re.compile(r"([xyz])[ _.-]?(\d{1,3})|[a-z]{0,8}(\d{1,3})[ _.-]([xyz])", re.IGNORECASE)
+_UNSEEN = ("", "nan", "-", "null", "none")
 _UNIT_OF_NAME = re.compile(r"[\[(_ ](mm|m|inch|in)[\])]?$", re.IGNORECASE)
 _UNCERTAINTY = re.compile(
     r"(?:^|[^a-z])(?:u|std|sd|sigma|unc[a-z]*)[-_ .]*([xyz])(?:[^a-z]|$)", re.IGNORECASE
@@ -54,8 +57,12 @@ class PointLayout:
     `columns` are those of x, y and z, by default of these names; `units` may be in the file. The joints are
     in the table of points itself, or in `joints`, by `match`: the same number or the nearest time, within
     `within_s`. A time is in `time_units`: s, ms, us, ns, iso, or a pattern with % as strptime
-    takes it. `rotation_columns` are angles by `euler` (find: the order that fits), `quaternion_columns` w, x,
-    y, z. `uncertainty_columns` are of x, y, z, at the level `uncertainty`.
+    takes it. `rotation_columns` are angles by `euler` (find: the order that fits; vector: a rotation vector),
+    `quaternion_columns` w, x, y, z. `inverse`: the `rotation` in the table is the inverse one, or the whole
+    `pose` is; None: it is looked at whether another reading of the poses fits. `uncertainty_columns` are of
+    x, y, z, at the level `uncertainty`.
+
+    Several markers in a row: `columns` are three for each, and `reflector` names them in that order.
     """
 
     joint_columns: Sequence[str]
@@ -78,6 +85,7 @@ class PointLayout:
     rotation_units: Literal["deg", "rad"] | None = None
     euler: str | None = None
     quaternion_columns: Sequence[str] | None = None
+    inverse: str | None = None
     uncertainty: Level | None = None
     uncertainty_columns: Sequence[str] | None = None
     lengths: Literal["mm", "m"] | None = None
@@ -130,8 +138,27 @@ class PointLayout:
                 found="--rotation-columns and --quaternion-columns",
                 allowed="one of them",
             )
+        poses = self.rotation_columns is not None or self.quaternion_columns is not None
+        if self.inverse not in (None, "none", "rotation", "pose"):
+            raise BadInput(
+                "no such inverse of poses",
+                found=f"--inverse {self.inverse}",
+                allowed="none, rotation or pose",
+            )
+        if self.inverse is not None and not poses:
+            raise BadInput(
+                "an inverse is stated, but no orientation",
+                found=f"--inverse {self.inverse}",
+                allowed="--inverse with --quaternion-columns or --rotation-columns",
+            )
+        if poses and len(self.markers) > 1:
+            raise BadInput(
+                "poses of several markers in a row are not read",
+                found=f"{len(self.columns or ())} columns",
+                allowed="three columns of one position",
+            )
         for flag, names, count in (
-            ("--columns", self.columns, 3),
+            ("--columns", self.columns, 3 * len(self.markers)),
             ("--rotation-columns", self.rotation_columns, 3),
             ("--quaternion-columns", self.quaternion_columns, 4),
             ("--uncertainty-columns", self.uncertainty_columns, 3),
@@ -146,6 +173,14 @@ class PointLayout:
             raise BadInput(
                 "reflectors are stated both by name and by a column", remedy="state one of the two"
             )
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """The reflectors of the positions in a row, in their order; "" of one without a name."""
+        names = [name.strip() for name in (self.reflector or "").split(",")]
+        if len(set(names)) != len(names):
+            raise BadInput("a reflector is named twice", found=self.reflector, argument="reflector")
+        return tuple(names)
 
 
 def import_points(job: ImportJob, layout: PointLayout) -> Imported:
@@ -164,23 +199,28 @@ def import_points(job: ImportJob, layout: PointLayout) -> Imported:
     with uncollected():
         job.progress("reading", 0.1)
         table, head = read_points(path, layout.delimiter, layout.decimal)
-        points, unit, notes = _points(table, head, layout)
-        count = len(points)
+        points, visible, unit, notes = _points(table, head, layout)
         joints, rows, matched = _joints(table, pendant, layout)
-        more: list[dict[str, object]] = [{"measured_mm": row} for row in points.tolist()]
         if layout.quaternion_columns is not None or layout.rotation_columns is not None:
-            quaternions, how = _quaternions(table, job, joints, layout)
-            for one, quaternion in zip(more, quaternions, strict=True):
-                one["measured_quat"] = quaternion
+            points, quaternions, how = _poses(table, job, points, joints, layout)
+            more: list[dict[str, object]] = [
+                {"measured_mm": row, "measured_quat": quaternion}
+                for row, quaternion in zip(points.tolist(), quaternions, strict=True)
+            ]
             notes += how
+        else:
+            more = [{"measured_mm": row} for row in points.tolist()]
         sigmas, how = _sigmas(table, unit, layout)
-        for one, sigma in zip(more, sigmas, strict=False):
-            one["sigma_mm"] = sigma
+        for one, i in zip(more, visible.tolist() if sigmas else [], strict=False):
+            one["sigma_mm"] = sigmas[i // len(layout.markers)]
         notes += how
         if layout.reflector_column is not None:
             reflectors = table.texts(table.column(layout.reflector_column))
         else:
-            reflectors = [layout.reflector or ""] * count
+            reflectors = [layout.markers[i % len(layout.markers)] for i in visible.tolist()]
+        # Of each measurement the row of the table, and with that the joints.
+        of = [i // len(layout.markers) for i in visible.tolist()]
+        joints, rows, count = joints[of], [rows[i] for i in of], len(of)
         shared = {row for row, times in Counter(rows).items() if times > 1}
         for one, row, reflector in zip(more, rows, reflectors, strict=True):
             if layout.instrument is not None:
@@ -192,13 +232,13 @@ def import_points(job: ImportJob, layout: PointLayout) -> Imported:
         times = None
         if layout.time_column is not None and layout.time_units is not None:
             clock = _times(table, layout.time_column, layout.time_units)
-            times = clock - clock[0]
+            times = (clock - clock[0])[of]
         part = FileMeasurements(
             path,
             "row",
             joints,
             [job.names[0] if job.names else None] * count,
-            lines=table.lines,
+            lines=[table.lines[i] for i in of],
             times=times,
             notes=[*matched, f"  delimiter: {DELIMITERS.get(table.delimiter, table.delimiter)}"],
             more=more,
@@ -210,7 +250,7 @@ def import_points(job: ImportJob, layout: PointLayout) -> Imported:
 def read_points(path: Path, delimiter: str | None, decimal: str) -> tuple[TextTable, list[str]]:
     """A table and its lines of remarks. The names of columns are in the first row, if no cell of it is a
     number, or in the last remark before it, if it has as many cells."""
-    text, _ = read_text(path, LARGEST_TABLE)
+    text = read_other_text(path, LARGEST_TABLE)
     lines = text.splitlines()
     remarks = [i for i, line in enumerate(lines) if line.lstrip().startswith(_COMMENT)]
     head = [lines[i].lstrip().lstrip("/#").strip() for i in remarks]
@@ -240,9 +280,12 @@ def _cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in (line.split() if delimiter == " " else line.split(delimiter))]
 
 
-def _points(table: TextTable, head: Sequence[str], layout: PointLayout) -> tuple[Matrix, str, list[str]]:
-    """(N, 3) mm, the unit that they have in the table, and how they were understood."""
-    names = [_axis_column(table, axis) for axis in "xyz"] if layout.columns is None else layout.columns
+def _points(
+    table: TextTable, head: Sequence[str], layout: PointLayout
+) -> tuple[Matrix, Index, str, list[str]]:
+    """(N, 3) mm, which of all markers of all rows each is, the unit that they have in the table, and how they
+    were understood."""
+    names = _columns_of_markers(table, layout) if layout.columns is None else layout.columns
     columns = [table.column(name) for name in names]
     in_file = {
         _WORDS[word.lower()] for line in head for word in _UNIT.findall(line) if word.lower() in _WORDS
@@ -262,7 +305,46 @@ def _points(table: TextTable, head: Sequence[str], layout: PointLayout) -> tuple
     (unit,) = units
     where = "as the file says" if in_file else "as stated"
     notes = [f"points: columns {', '.join(names)} in {unit}, {where}"]
-    return table.numbers(columns) * MILLIMETRES[unit], unit, notes
+    count = len(layout.markers)
+    if count == 1:
+        return table.numbers(columns) * MILLIMETRES[unit], np.arange(len(table.rows)), unit, notes
+    # A marker that was not seen has no numbers.
+    groups = [columns[3 * k : 3 * k + 3] for k in range(count)]
+    visible = np.array(
+        [
+            count * i + k
+            for i, row in enumerate(table.rows)
+            for k, group in enumerate(groups)
+            if any(row[column].lower() not in _UNSEEN for column in group)
+        ],
+        dtype=np.int64,
+    )
+    points = np.array([table.numbers_at(i // count, groups[i % count]) for i in visible.tolist()])
+    notes.append(f"  {count} markers in a row, {', '.join(layout.markers)}: {len(visible)} measurements")
+    return points.reshape(-1, 3) * MILLIMETRES[unit], visible, unit, notes
+
+
+def _columns_of_markers(table: TextTable, layout: PointLayout) -> list[str]:
+    """The columns of x, y and z of each marker by their names: x, y, z, or x1, y1, z1, x2, … of several."""
+    by_marker: dict[str, dict[str, str]] = {}
+    for name in table.names or ():
+        if match := _MARKER.fullmatch(_UNIT_OF_NAME.sub("", name).strip()):
+            by_marker.setdefault(match[2] or match[3], {})[(match[1] or match[4]).lower()] = name
+    numbered = [
+        axes for _, axes in sorted(by_marker.items(), key=lambda item: int(item[0])) if len(axes) == 3
+    ]
+    if len(numbered) < 2:
+        return [_axis_column(table, axis) for axis in "xyz"]
+    if len(numbered) != len(layout.markers) or not all(layout.markers):
+        raise BadInput(
+            "a row has the positions of several markers, and it is not stated which reflector each is",
+            found=", ".join(name for axes in numbered for name in axes.values()),
+            allowed=f"--reflector with {len(numbered)} names of the header's reflectors, in their order",
+            remedy="state --reflector R1,R2,…; or --columns with the three of one marker",
+            file=table.path,
+            line=table.header_line or table.lines[0],
+        )
+    return [axes[axis] for axes in numbered for axis in "xyz"]
 
 
 def _axis_column(table: TextTable, axis: str) -> str:
@@ -435,6 +517,26 @@ def _times(table: TextTable, name: str, units: str) -> Matrix:
     return np.array(seconds)
 
 
+def _poses(
+    table: TextTable, job: ImportJob, points: Matrix, joints: Matrix, layout: PointLayout
+) -> tuple[Matrix, list[list[float]], list[str]]:
+    """(N, 3) mm and [w, x, y, z] of each pose, and how the orientation was understood."""
+    quaternions, notes = _quaternions(table, job, joints, layout)
+    if layout.inverse in ("rotation", "pose"):
+        as_read = np.hstack([points, quaternions])
+        right = put_right(as_read, "inverse_pose" if layout.inverse == "pose" else "inverse")
+        what = "rotations inverted" if layout.inverse == "rotation" else "poses inverted, positions with them"
+        return right[:, :3], right[:, 3:7].tolist(), [*notes, f"  {what}, as stated"]
+    if layout.inverse is None and layout.euler != "find":
+        with located(table.path):
+            require_as_stated(
+                np.hstack([points, quaternions]),
+                job.robot.fk(joints, "deg"),
+                layout.quaternion_columns,
+            )
+    return points, quaternions, notes
+
+
 def _quaternions(
     table: TextTable, job: ImportJob, joints: Matrix, layout: PointLayout
 ) -> tuple[list[list[float]], list[str]]:
@@ -460,7 +562,7 @@ def _quaternions(
     if layout.euler == "find":
         flange = job.robot.fk(joints, "deg")[:, :3, :3]
         with located(table.path):
-            fitting = found_order(angles, names, flange)
+            fitting = found_order(angles, names, flange, inverse=layout.inverse in ("rotation", "pose"))
         turned, sentence = fitting.rotations, sentence + fitting.sentence
     else:
         turned, sentence = rotations(angles, layout.euler), sentence + layout.euler

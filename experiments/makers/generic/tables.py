@@ -15,7 +15,7 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
 from ....model.kinematics.robot import Robot
-from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_text, shown
+from ....model.parsing.reading import LARGEST_TABLE, did_you_mean, read_other_text, shown
 
 _LINES = 50  # of a file, to find its delimiter in
 _LINE_LENGTH = 100_000
@@ -149,6 +149,10 @@ class TextTable:
             return np.array([[self._value(i, column) for column in columns] for i in range(len(self.rows))])
         return np.array(parts).T
 
+    def numbers_at(self, row: int, columns: Sequence[int]) -> list[float]:
+        """Finite numbers of one row, as `numbers`."""
+        return [self._value(row, column) for column in columns]
+
     def texts(self, column: int) -> list[str]:
         return [row[column] for row in self.rows]
 
@@ -216,7 +220,7 @@ def read_table(
 ) -> TextTable:
     """The table of a file; without `delimiter` it is found. Without a header row `joints_of` means: its
     columns are a robot's joints."""
-    text, _ = read_text(path, LARGEST_TABLE)
+    text = read_other_text(path, LARGEST_TABLE)
     return table_of(
         text, path, header_row=header_row, delimiter=delimiter, decimal=decimal, joints_of=joints_of
     )

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ....analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than
+from ....analysis.status import Status, UnsoundResult, Verdict, has_numbers, require_no_more_than
 from ....model.likelihood.parameters import Group
 from ..answer import StudyAnswer
 from .study_file import Settings, SettingValues
@@ -70,7 +70,7 @@ class CaseParameter:
 
     @property
     def is_known(self) -> bool:
-        return known(self.status)
+        return has_numbers(self.status)
 
     @property
     def is_angular_offset(self) -> bool:

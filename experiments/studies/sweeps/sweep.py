@@ -21,7 +21,7 @@ from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, fit_lik
 from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
-from ....analysis.status import known as is_known
+from ....analysis.status import has_numbers as is_known
 from ....analysis.status import verdict_of
 from ....model.arrays import Index, Matrix, Progress, normal_half_width
 from ....model.errors import BadInput

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from cells import (
 )
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
-from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose
+from zerobeam.analysis.diagnostics.cause import Cause
+from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose, undecided
 from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes
 from zerobeam.analysis.diagnostics.robot_variants import file_variants, with_axes_along_z
 from zerobeam.analysis.solution import Solution, solve
@@ -28,7 +30,7 @@ from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import Run
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.misfit import explanation_sentence
+from zerobeam.words.misfit import cause_sentence, explanation_sentence
 
 FAST = {"starts": 0}
 
@@ -270,3 +272,34 @@ def test_what_leaves_no_number_over_is_no_explanation() -> None:
     assert solution.verdict == "misfit"
     named = {each.cause for each in diagnose(solution)}
     assert not {"placement", "moved_target"} & named
+
+
+def _explained(cause: Cause, odds: float, **more: Any) -> Explanation:
+    numbers: dict[str, Any] = {"joints": (3,), "targets": (), "measurements": (3, 4), "amount": 0.1}
+    numbers |= {"factor": 1.0, "before": 3.0, "farthest": 1.0, "farthest_before": 1.0}
+    return Explanation(cause, **numbers | more, freed=1.0, p_value=1e-6, agrees=True, odds=odds)
+
+
+def test_a_cause_is_named_only_where_it_is_twenty_times_as_likely_as_the_next() -> None:
+    best = _explained("jump", 1.0)
+    near, far = _explained("drift", 0.9, measurements=()), _explained("drift", 0.04, measurements=())
+    assert undecided((best, near)) == (best, near)
+    assert undecided((best, far)) == undecided((best,)) == undecided(()) == ()
+    asked = cause_sentence((best, near, far))
+    assert "Most likely" not in asked
+    assert asked.startswith("The measurements do not decide what is wrong: ")
+    assert "(evidence 1 : 1.1)" in asked
+    assert cause_sentence((best, far)).startswith("Most likely: zero of a joint that jumped.")
+
+
+def test_exact_geometry_is_named_first() -> None:
+    links = _explained("geometry", 0.5, amount=1.0)
+    assert undecided((links, _explained("jump", 1.0))) == ()
+    assert "geometry: exact" in cause_sentence((links, _explained("jump", 1.0)))
+    base = HypothesisFit(None, 500.0, 500.0, 50, 50, 1.0)
+    fits = [
+        HypothesisFit("length", 48.0, 48.0, 50, 50, 1.0, freed=2),
+        HypothesisFit("geometry", 50.0, 50.0, 50, 50, 1.0, freed=10),
+    ]
+    assert [one.cause for one in _explanations(base, fits, 1.0, exact=True)] == ["geometry", "length"]
+    assert [one.cause for one in _explanations(base, fits, 1.0, exact=False)] == ["length", "geometry"]

@@ -23,15 +23,18 @@ def rows(answer):
 def test_a_good_plan():
     answer = check(good_plan())
     assert answer.verdict == "pass"
-    assert check_headline(answer) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+    assert check_headline(answer) == (
+        "delta2, delta3, delta4 and delta5 are identified. delta6 is as good as the laser's mounting: that it"
+        " is exactly as stated is assumed, not measured."
+    )
     assert check_notes(answer) == ()
     first = rows(answer)["delta1"]
     assert (first.status, first.held, first.data_std, first.std) == ("held", True, None, None)
     assert "base frame" in reason(first.cause)
     for name, row in rows(answer).items():
         if name != "delta1":
-            assert row.status == "identified"
-            assert row.cause is None
+            assert row.status == ("assumed" if name == "delta6" else "identified")
+            assert (row.cause is None) == (name != "delta6")
             # The prior can only add to what the data say, and adds next to nothing here.
             assert 0.99 * row.data_std < row.std <= row.data_std * (1 + 1e-9)
 

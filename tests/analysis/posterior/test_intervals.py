@@ -93,7 +93,7 @@ def test_the_three_ways_are_about_the_same_thing(weak):
 def test_on_a_good_run_there_is_nothing_to_tell():
     _, run = simulated(good_plan(12), TABLE_2, seed=2)
     result = analyse(run, ess=2000).result
-    assert {row.status for row in result.parameters} == {"held", "identified"}
+    assert {row.status for row in result.parameters} == {"held", "identified", "assumed"}
     assert result.intervals == ()
 
 

@@ -12,7 +12,7 @@ from example_results import x_pattern
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.accuracy import spread_postures, tool_point
 from zerobeam.analysis.repeatability.compare import compare
-from zerobeam.analysis.status import UnsoundResult, known
+from zerobeam.analysis.status import UnsoundResult, has_numbers
 from zerobeam.model.files.run import Run
 
 
@@ -37,7 +37,7 @@ def test_they_are_what_compare_takes(run: Run) -> None:
 
 def test_nothing_that_is_not_determined_is_in_it() -> None:
     result = x_pattern()
-    names = {row.name for row in result.parameters if row.group == "offset" and known(row.status)}
+    names = {row.name for row in result.parameters if row.group == "offset" and has_numbers(row.status)}
     assert set(result.without_prior.names) == names
     with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
         replace(

@@ -113,7 +113,7 @@ def test_columns_aligned_with_blanks_and_names_that_cannot_be_stated(tmp_path: P
 BAD = {
     "empty": (b"", "the file is empty"),
     "blank lines": (b"\n\n \n", "the file is empty"),
-    "latin-1": ("Größe;1\n1;2\n".encode("latin-1"), "not UTF-8"),
+    "utf-16": ("a;1\n1;2\n".encode("utf-16"), "the text is UTF-16"),
     "binary": (b"\x00\x01\x02" * 100, "binary file"),
     "ragged": (b"1,2,3\n1,2\n", "wrong number of values"),
     "prose": (b"Dear all,\nplease find\n", "no column of numbers"),

@@ -354,7 +354,8 @@ from zerobeam.model.files.shot import Shot
 HEADER = Header.model_validate(json.loads({json.dumps(json.dumps(CONTENT))}))
 
 def made_shot(number):
-    return Shot(shot=number, target="psd", joints_deg=tuple(value + number % 30 for value in {JOINTS}))
+    joints = tuple(value + number % 30 for value in {JOINTS})
+    return Shot(shot=number, target="psd", joints_deg=joints, spot_mm=(0.5, -0.25 * number))
 
 class Careless(RunJournal):
     "Keeps the shots in memory until the end."

@@ -132,7 +132,7 @@ def test_a_rung_that_is_asked_for_needs_the_numbers_for_it(tmp_path, key, unknow
     few = (
         POSTURES[: unknowns // 2 - 1]
         if unknowns < 12
-        else np.repeat(POSTURES, 2, axis=0)[: unknowns // 2 - 1]
+        else np.vstack([POSTURES, POSTURES + 0.5])[: unknowns // 2 - 1]
     )
     run = from_arrays(key, few)
     errors = [

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import re
 import warnings
 from pathlib import Path
@@ -7,8 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import zerobeam as zb
+from zerobeam.experiments.urdf_robot import UrdfChain, content_of_chain
 from zerobeam.model.files.header import UrdfRef
-from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, doubts, load_robot, stated_rows
+from zerobeam.model.files.robot_file import (
+    BUILT_IN,
+    RobotFile,
+    built_in_robots,
+    doubts,
+    load_robot,
+    stated_rows,
+)
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
 
 # Each change of a UR5e, and what must be said of it.
@@ -24,7 +34,11 @@ CHANGES = {
     "limits in radians": ({"360": "6.28319"}, "all limits are within"),
     "speeds in radians": ({"speed_deg_s: 180": "speed_deg_s: 3.14"}, "makes 3.14 degrees a second"),
     "a twist that is mistyped": ({"alpha_deg: -90": "alpha_deg: -99"}, "joint 5: -99 is near -90"),
-    "a twist with few decimals": ({"alpha_deg: -90": "alpha_deg: -89.95"}, "-89.95 is near -90"),
+    "a twist with few decimals": ({"alpha_deg: -90": "alpha_deg: -89.95"}, "was -90° meant?"),
+    "three decimals": ({"alpha_deg: -90": "alpha_deg: -90.046"}, "-90.046° is 0.046° beside a right angle"),
+    "1.57 as degrees": ({"alpha_deg: 90": "alpha_deg: 89.9543738"}, "was 90° meant?"),
+    "3.141 as degrees": ({"alpha_deg: -90": "alpha_deg: -179.9660431"}, "was -180° meant?"),
+    "the rest of 3.141": ({"alpha_deg: -90": "alpha_deg: 0.0339569"}, "was 0° meant?"),
     "micrometres": ({"-392.2": "-392200"}, "beyond any real arm"),
 }
 
@@ -88,3 +102,75 @@ def test_a_urdf_in_millimetres_is_said(tmp_path: Path) -> None:
         DoubtfulRobot, match="700 m long, beyond any real arm: lengths are in metres in a URDF"
     ):
         load_robot(UrdfRef(urdf=str(path), base="a", tip="c"))
+
+
+def arm_of(path: Path, *turns: str) -> Path:
+    """A URDF of joints one after the other, each with its rpy."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(len(turns) + 1))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="0.3 0 0.1" rpy="{turn}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-3" upper="3" velocity="1" effort="0"/></joint>\n'
+        for i, turn in enumerate(turns)
+    )
+    path.write_text(f'<robot name="arm">{links}\n{joints}</robot>', encoding="utf-8")
+    return path
+
+
+ROUNDED = {"1.57": "1.570796327 rad (90°)", "-1.57": "1.570796327 rad", "3.141": "3.141592654 rad (180°)"}
+ROUNDED |= {"3.14": "(180°)", "1.571": "(90°)", "-4.71": "(270°)", "1.5705": "(90°)"}
+EXACT = (
+    "0",
+    "1.5707963267948966",
+    "1.5708",
+    "-3.14159",
+    "0.7853981634",
+    "1.5702837465",
+    "0.5",
+    "1.6",
+    "0.0008",
+)
+
+
+@pytest.mark.parametrize("angle", ROUNDED)
+def test_a_rounded_angle_of_a_urdf_is_said_with_the_value_that_is_meant(angle: str, tmp_path: Path) -> None:
+    path = arm_of(tmp_path / "arm.urdf", "0 0 0", f"0 {angle} 0")
+    with pytest.warns(DoubtfulRobot) as result:
+        robot = load_robot(UrdfRef(urdf=str(path), base="l0", tip="l2"))
+    (said,) = map(str, (each.message for each in result))
+    assert said.startswith(f"robot arm: arm.urdf, pitch of joint 'j1' (line 3): {angle.strip('-')} rad is ")
+    assert ROUNDED[angle] in said
+    assert robot.doubts == (said,)
+
+
+@pytest.mark.parametrize("angle", EXACT)
+def test_an_angle_that_is_exact_or_calibrated_is_not_doubted(angle: str, tmp_path: Path) -> None:
+    path = arm_of(tmp_path / "arm.urdf", "0 0 0", f"0 {angle} 0")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert load_robot(UrdfRef(urdf=str(path), base="l0", tip="l2")).doubts == ()
+
+
+def test_a_rounded_urdf_is_said_of_its_rows_and_by_every_run_and_plan(tmp_path: Path) -> None:
+    """`robot new` writes degrees of seven decimals: what was rounded in the URDF is still seen in them."""
+    path = arm_of(tmp_path / "arm.urdf", "0 0 0", "-1.57 0 0", "1.57 0 0")
+    run, plan = tmp_path / "run.jsonl", tmp_path / "plan.yaml"
+    header = {
+        "robot": {"urdf": "arm.urdf", "base": "l0", "tip": "l3"},
+        "instruments": {"cam": {"kind": "pose", "sigma_mm": 0.1, "sigma_deg": 0.03}},
+        "noise": {"joint_deg": 0.01},
+    }
+    readings = {"measured_mm": [1, 2, 3], "measured_quat": [1, 0, 0, 0]}
+    shots = [{"shot": i, "joints_deg": [i, 20 * i, 5], **readings} for i in range(6)]
+    lines = [{"schema": "zerobeam/run/1", **header}, *shots]
+    run.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    joints = [shot["joints_deg"] for shot in shots]
+    plan.write_text(json.dumps({"schema": "zerobeam/plan/1", **header, "postures_deg": joints}), "utf-8")
+    with warnings.catch_warnings(action="ignore", category=DoubtfulRobot):
+        robot = load_robot(UrdfRef(urdf=str(path), base="l0", tip="l3"))
+        read = [zb.read_run(run), zb.read_plan(plan)]
+        content = content_of_chain("arm", "abb", UrdfChain(path, "l0", "l3"))
+    (said,) = robot.doubts
+    assert "roll of joint 'j1' (line 3), roll of joint 'j2' (line 4): 1.57 rad" in said
+    assert all(said in each.warnings for each in read)
+    assert any("° meant?" in doubt for doubt in doubts(RobotFile.model_validate(content)))

@@ -94,6 +94,10 @@ def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
     assert (found["sha256"], found["document_sha256"]) == (answer["inputs"]["sha256"], own.document_sha256)
     assert (found["verdict"], found["misfit"], found["not_determined"]) == ("pass", None, [])
     for row, of in zip(found["offsets"], answer["parameters"], strict=False):
+        if row["status"] == "assumed":
+            assert (row["name"], row["estimate"], row["std"], row["expanded"]) == ("delta6", None, None, None)
+            assert row["reason"].startswith("as good as the laser's mounting")
+            continue
         assert [row[key] for key in ("name", "status", "estimate", "std", "interval95")] == [
             of[key] for key in ("name", "status", "estimate", "std", "interval95")
         ]
@@ -287,7 +291,7 @@ def test_what_is_not_determined_has_no_number_anywhere(tmp_path: Path) -> None:
     assert (cells[1], cells[-1]) == ("not determined by these data", "unidentifiable")
     assert not re.search(r"\d", "".join(cells[1:]))
     text = pdf_text(folder / "certificate.pdf")
-    (between,) = re.findall(r"J2 \(δ2\)([^J]*?)J3 \(δ3\)\s*−0\.36", text)
+    between, *_ = re.findall(r"J2 \(δ2\)([^J]*?)J3 \(δ3\)", text)
     assert "not determined" in between
     assert not re.search(r"\d", between)
     whole = (folder / "certificate.json").read_text(encoding="utf-8") + shown.words + text

@@ -101,8 +101,8 @@ def test_the_unknown_names_combination_kind_reason_and_remedy() -> None:
     item = directions.items[0]
     assert item.combination == "J2 (δ2) \u2212 0.32\u00a0psd.z \u2212 0.22\u00a0psd.x"
     assert item.kind.startswith("exact null-space direction")
-    assert item.reason.startswith("joint 1 varies by no more than 0.030")
-    assert item.remedy.startswith("vary joint 1")
+    assert item.reason.startswith("joint 1 varies by only 0.030")
+    assert item.remedy.startswith("measure again and vary joint 1 by 90°")
     assert "Nothing that was asked for" in paragraphs(section(good(), "What cannot be determined"))
     assert not has(misfit(), "What cannot be determined")  # nothing that follows from a wrong model
 
@@ -112,7 +112,8 @@ def test_the_unknown_names_combination_kind_reason_and_remedy() -> None:
     [
         ({}, None, "agree with the stated noise"),
         ({"chi2": 60.0, "p_value": 1e-9}, LackOfFit(60.0, 6, 1e-9), "Lack of fit: residuals are 3.2 times"),
-        ({"chi2": 0.1, "p_value": 0.9999}, None, "smaller than the stated noise"),
+        ({"chi2": 0.1, "p_value": 0.9999, "p_small": 1e-4}, None, "smaller than the stated noise"),
+        ({"chi2": 0.1, "p_value": 0.9999, "p_small": 0.2}, None, "agree with the stated noise"),
         ({"converged": False, "reason": "too many steps"}, None, "did not converge (too many steps)"),
     ],
 )

@@ -118,7 +118,7 @@ def test_what_is_not_determined_is_named_and_has_no_number():
     (legend,) = (block for block in section.blocks if block.kind == "legend")
     (row,) = (row for row in legend.reasons if row.status == "unidentifiable")
     assert row.word == "J2 (δ2):"
-    assert row.text.startswith("joint 1 varies by no more than 0.030° over the measurements")
+    assert row.text.startswith("joint 1 varies by only 0.030° over the measurements")
     # No number that could be taken for one of the offset: that one is a range of joint 1.
     assert row.text.count("°") == 1
 

@@ -26,7 +26,7 @@ def test_text_has_the_contrast_that_wcag_aa_asks_for(theme: str, role: str, grou
 
 
 def test_every_status_has_a_shape_and_a_colour_of_its_own() -> None:
-    assert set(SHAPES) == {"identified", "weak", "unidentifiable", "held", "unvalidated"}
-    assert len(set(SHAPES.values())) == 5
+    assert set(SHAPES) == {"identified", "weak", "assumed", "unidentifiable", "held", "unvalidated"}
+    assert len(set(SHAPES.values())) == 6
     # `themed` finds a role by its light colour: no two may share one.
     assert len({colour.light for colour in PALETTE.values()}) == len(PALETTE)

@@ -53,7 +53,7 @@ def test_a_check_that_is_degenerate_with_notes() -> None:
     found = replace(
         check(pattern_plan("x")),
         findings=(OutsideLimits(3, 5, 118.0, "deg", (-115.0, 115.0)),),
-        advice=Advice(6, 1, 30.0, "deg", True, 4.9998, 0.6308),
+        advice=Advice(6, 1, 30.0, "deg", True, None, 0.6308),
         over_target=OverTarget(16, 0.964, {"delta2": 4.99, "delta3": 0.61}),
     )
     print_check(to, found)

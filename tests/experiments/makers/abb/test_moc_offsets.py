@@ -218,7 +218,7 @@ def test_without_the_controllers_file_a_table(told: tuple[Run, RobotCalibration,
     bare = moc_text(answer, Gears())
     whole = moc_text(answer, Gears(RATIOS, SIGNS))  # type: ignore[arg-type]
     for i, offset in enumerate(answer.offsets[1:], start=1):
-        row = rf"^# {i + 1}; ([-+.\d]+); ([-+.\d]+); (.*)$"
+        row = rf"^# {i + 1}; ([-+.\d]+); \S+; ([-+.\d]+); (.*)$"
         told_bare, told_whole = (re.search(row, text, re.MULTILINE) for text in (bare, whole))
         assert float(told_bare[2]) == pytest.approx(offset.internal, abs=6e-10)
         assert told_bare[3].startswith("unknown")

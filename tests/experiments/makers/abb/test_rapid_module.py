@@ -60,7 +60,7 @@ def test_what_is_held_or_left_out_is_zero_and_said_so(tmp_path: Path) -> None:
     assert (moved == 0).tolist() == [True, False, False, True, False, False]
     comments = " ".join(line.strip(" !") for line in text.splitlines() if line.strip().startswith("!"))
     assert re.search(r"delta1 \(joint1\): HELD at 0", comments)
-    assert re.search(r"delta4 \(joint4\): \+0\.\d+ deg, std \S+ deg, identified, EXCLUDED", comments)
+    assert re.search(r"delta4 \(joint4\): \+0\.\d+ deg, u \S+ deg, identified, EXCLUDED", comments)
     assert answer.sha256 in comments
 
 

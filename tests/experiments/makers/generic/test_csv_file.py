@@ -34,7 +34,8 @@ def read(header, out):
 
 
 def test_several_files_go_into_one_run_numbered_on(tmp_path, read, out):
-    files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2]), csv(tmp_path, "c.csv", ROWS[1:])]
+    last = ROWS[1:] + 0.25  # rows that are there already would be copies
+    files = [csv(tmp_path, "a.csv", ROWS), csv(tmp_path, "b.csv", ROWS[:2]), csv(tmp_path, "c.csv", last)]
     found = read(files, ["one", "two", "one"], CsvLayout("deg"))
     assert [shot.shot for shot in found.shots] == list(range(7))
     assert [shot.target for shot in found.shots] == ["one"] * 3 + ["two"] * 2 + ["one"] * 2
@@ -42,7 +43,7 @@ def test_several_files_go_into_one_run_numbered_on(tmp_path, read, out):
     write_run(out, found.header, found.shots)
     run = read_run(out)
     run.require_analysable()
-    expected = np.radians(np.concatenate([ROWS, ROWS[:2], ROWS[1:]]))
+    expected = np.radians(np.concatenate([ROWS, ROWS[:2], last]))
     np.testing.assert_allclose(run.joints, expected, rtol=1e-15)
 
 

@@ -234,3 +234,11 @@ def test_poses_of_a_tracker_at_a_ur10(series, count, shared_data, tmp_path):
     assert (answer.status, answer.err) == (0, "")
     assert "the order that fits: XYZ-moving" in answer.out
     assert len(read_run(tmp_path / "run.jsonl").shots) == count
+
+
+def test_copied_rows_are_one_measurement_and_said(imported):
+    rows = SA.splitlines()
+    answer, run = imported("\n".join([*rows, *rows[3:6]]), *SA_OPTIONS, *NUMBERED)
+    assert len(run.shots) == 4
+    (said,) = [line for line in answer.out.splitlines() if "copies" in line]
+    assert said.startswith("note: 3 of 7 measurements are copies, such as row 8 of points.txt of row 4 of")

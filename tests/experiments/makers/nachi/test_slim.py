@@ -118,7 +118,8 @@ def test_damaged_programs_are_refused_or_read_as_they_are(tmp_path: Path, files:
     """A position whose line is as it was is read, and corrected, as it was."""
     (tmp_path / "mine.yaml").write_text(controller.robot_text())
     (tmp_path / "header.yaml").write_text(HEADER.replace("robot: irb1600", "robot: mine.yaml"))
-    text = program(varied(arm(), 4)[[0, 0, 1, 1]])
+    # Hardly apart: rows that are the same would be one measurement.
+    text = program(varied(arm(), 4)[[0, 0, 1, 1]] + [[0.0], [1e-3], [0.0], [1e-3]])
     path = tmp_path / "MZ07-01-A.001"
 
     def lines(content: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""The place where walkers live: coordinates in which a posterior is nearly a unit normal."""
+"""Where the walkers live: coordinates in which a posterior is nearly a unit normal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..estimation.coordinates import flange_coordinates
 from .sheet import Local, sheet_of
 
 
-class Place:
+class Whitening:
     """u (W, f) of the posterior of data set `of` of a density, around its fit (x (p,), covariance (f, f)).
 
     w = L^-1 (v - centre) whitens the coordinates v by the fit: near it a unit normal. Where the posterior is
@@ -22,7 +22,7 @@ class Place:
         self._coordinates = flange_coordinates(density)
         rows = self._rows(x[None])
         of_v = self._coordinates.covariance(x[None], covariance[None], rows)[0]
-        self.centre = self._coordinates.from_parameters(x[None], rows)[0]
+        self.centre: Matrix = self._coordinates.from_parameters(x[None], rows)[0]
         self.factor = np.asarray(np.linalg.cholesky(of_v), dtype=float)
         self._sheet = sheet_of(self._local, len(self.centre))
         self.curved = 0 if self._sheet is None else self._sheet.curved
@@ -43,12 +43,11 @@ class Place:
         return np.full(len(points), self._of)
 
     def _undone(self, w: Matrix) -> Matrix:
-        return self.centre + w @ self.factor.T
+        return np.asarray(self.centre + w @ self.factor.T)
 
     def _local(self, w: Matrix) -> Local:
         rows = self._rows(w)
         at = self._coordinates.at(self._undone(w), rows)
         slopes = self._density.slopes(at.x, rows)
-        information = at.information(slopes.information)
-        gradient = at.gradient(slopes.gradient) @ self.factor
-        return Local(slopes.value, gradient, self.factor.T @ information @ self.factor)
+        information = self.factor.T @ at.information(slopes.information) @ self.factor
+        return Local(slopes.value, at.gradient(slopes.gradient) @ self.factor, information)

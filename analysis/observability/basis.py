@@ -1,0 +1,121 @@
+"""What an answer takes as known besides the measurements, stated in the header or assumed, and what each does
+to the uncertainties."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from ...model.arrays import Mask, Matrix
+from ...model.files.header import Header
+from ...model.instruments.kind import Assumption
+from ...model.likelihood.problem import Problem
+from ..status import Status, has_numbers
+from .geometry import GeometryResult, Tolerance
+
+_VARIANCE = 1e-12  # of a tolerance: what the data know better is not known by it
+
+
+@dataclass(frozen=True)
+class Size:
+    """How far something may be from what is taken as known: a standard deviation in its unit."""
+
+    std: Tolerance
+    unit: str
+
+
+@dataclass(frozen=True)
+class Basis:
+    """One thing that is taken as known: a `part` (mounting, tip, frame, mount, reflector, links) of what has
+    the label `of`, an instrument of that `kind`, or the arm.
+
+    `stated` where the header says how well it is known, by its `keys`; else that is assumed. It is known to
+    the `sizes`, or exactly where there are none. Of all offsets it does most to `offset`: its standard
+    uncertainty is `u`, and would be `u_if_exact` if this were known exactly (all None where there is no such
+    number).
+    """
+
+    of: str
+    kind: str
+    part: str
+    stated: bool
+    keys: tuple[str, ...]
+    sizes: tuple[Size, ...]
+    offset: str | None = None
+    unit: str | None = None
+    u: float | None = None
+    u_if_exact: float | None = None
+
+
+def bases(
+    problem: Problem, covariance: Matrix, status: Sequence[Status], header: Header, geometry: GeometryResult
+) -> tuple[Basis, ...]:
+    """Of the tool and the instruments, then of the arm; `covariance` (f, f) is that of the scaled free
+    parameters, not finite without an answer."""
+    rows = [(basis, _marked(problem, basis)) for basis in _of_instruments(problem.tool.taken_as_known)]
+    rows.append((_of_arm(header, geometry), problem.parameters.group("geometry")))
+    return tuple(_with_effect(problem, covariance, status, basis, places) for basis, places in rows)
+
+
+def _of_instruments(every: Sequence[Assumption]) -> Iterator[Basis]:
+    def of(one: Assumption) -> tuple[str, str, str, bool]:
+        return one.label, one.kind, one.part, one.stated
+
+    for (label, kind, part, stated), some in groupby(sorted(every, key=of), of):
+        group = list(some)
+        sizes = tuple(Size(one.std, one.unit) for one in group if one.std is not None)
+        yield Basis(label, kind, part, stated, tuple(dict.fromkeys(one.key for one in group)), sizes)
+
+
+def _of_arm(header: Header, geometry: GeometryResult) -> Basis:
+    sizes = (Size(geometry.length_mm, "mm"), Size(geometry.angle_deg, "deg")) if geometry.stated else ()
+    return Basis("arm", "arm", "links", header.geometry is not None, ("geometry",), sizes)
+
+
+def _marked(problem: Problem, basis: Basis) -> Mask:
+    """(p,) the parameters whose tolerances it is."""
+    named = {
+        (one.of, one.unit)
+        for one in problem.tool.taken_as_known
+        if (one.label, one.part, one.stated) == (basis.of, basis.part, basis.stated)
+    }
+    return np.array([(item.of, item.unit) in named for item in problem.parameters.items], dtype=bool)
+
+
+def _with_effect(
+    problem: Problem, covariance: Matrix, status: Sequence[Status], basis: Basis, places: Mask
+) -> Basis:
+    """With the offset whose variance would fall by the largest share."""
+    parameters = problem.parameters
+    known = np.flatnonzero(places & parameters.tolerated)
+    offsets = [
+        i
+        for i, item in enumerate(parameters.items)
+        if item.group == "offset" and not item.held and has_numbers(status[i])
+    ]
+    if not len(known) or not offsets or not np.isfinite(covariance).all():
+        return basis
+    of, among = parameters.among_free[offsets], parameters.among_free[known]
+    values, vectors = np.linalg.eigh(covariance[np.ix_(among, among)])
+    kept = values > _VARIANCE
+    by_known = covariance[np.ix_(of, among)] @ vectors[:, kept]
+    before = np.diag(covariance)[of]
+    after = np.maximum(before - (by_known**2 / values[kept]).sum(axis=1), 0.0)
+    most = int(np.argmin(after / before))
+    item = parameters.items[offsets[most]]
+    u, exact = (item.prior_std * item.display * float(np.sqrt(each[most])) for each in (before, after))
+    return Basis(
+        basis.of,
+        basis.kind,
+        basis.part,
+        basis.stated,
+        basis.keys,
+        basis.sizes,
+        offset=item.name,
+        unit=item.unit,
+        u=u,
+        u_if_exact=exact,
+    )

@@ -1,0 +1,95 @@
+"""`analyse --drop` and `report --drop`: rows are named as people count them, and what is advised works."""
+
+import json
+import os
+import re
+
+import pytest
+from command_line import zerobeam
+
+from zerobeam.model.files.run import read_run
+
+HEADER = """\
+robot: irb1600
+tool: {kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}
+noise: {joint_deg: 0.01, spot_mm: 0.05}
+"""
+# Simulated: joint 3 of the fifth row is 0.9 degrees wrong.
+MISTYPED = """\
+-93.511,-20.819,52.475,112.605,18.032,-70.014
+-99.839,-62.164,-115.380,6.670,-55.651,138.086
+-5.824,106.378,-194.624,-47.996,-87.705,-192.517
+98.562,-51.611,-24.397,-133.898,82.166,36.509
+-13.848,-19.992,-143.834,-150.243,-108.381,-160.247
+-20.525,-3.731,-63.169,53.578,57.182,-21.016
+-6.649,69.723,-38.957,95.301,67.313,-67.287
+154.883,-62.800,-166.349,-20.646,43.950,-109.312
+158.216,89.777,-189.743,193.811,25.575,-0.139
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drop")
+    (folder / "header.yaml").write_text(HEADER, encoding="utf-8")
+    (folder / "shots.csv").write_text(MISTYPED, encoding="utf-8")
+    files = [folder / "shots.csv", "--header", folder / "header.yaml", "--target", "psd"]
+    assert zerobeam("import", "csv", "--units", "deg", *files, "-o", folder / "run.jsonl").status == 0
+    return folder
+
+
+def text_of(answer):
+    return " ".join(answer.out.split())
+
+
+@pytest.fixture(scope="module")
+def advised(folder):
+    return zerobeam("analyse", folder / "run.jsonl")
+
+
+def test_a_row_is_named_as_people_count_it_with_the_command(advised, folder):
+    text = text_of(advised)
+    assert advised.status == 1
+    assert "Without row 5 of shots.csv (measurement 4) the residuals are" in text
+    assert "Analyse without row 5 of shots.csv (measurement 4) (--drop)" in text
+    unbroken = "".join(advised.out.replace("\\\n", "").split())
+    assert f"zerobeamanalyse{folder.as_posix()}/run.jsonl--drop4" in unbroken
+
+
+@pytest.mark.parametrize("which", ["4", "shots.csv:5", "some/where/shots.csv:5", "run.jsonl:6"])
+def test_what_is_advised_leaves_the_measurement_out(which, folder):
+    answer = zerobeam("analyse", folder / "run.jsonl", "--drop", which, "--ess", "100", "--json")
+    assert answer.status == 0, answer.err
+    result = json.loads(answer.out)
+    assert result["verdict"] == "pass"
+    assert [row["shot"] for row in result["shots"]] == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert result["inputs"]["header"]["provenance"]["without measurements"] == "4"
+
+
+def test_a_run_without_it_is_saved_and_what_is_printed_then_works_where_one_stands(folder, monkeypatch):
+    (folder / "elsewhere").mkdir()
+    monkeypatch.chdir(folder / "elsewhere")
+    answer = zerobeam("analyse", "../run.jsonl", "--drop", "4", "--ess", "100", "--save", "../right.jsonl")
+    assert answer.status == 0, answer.err
+    assert len(read_run(folder / "right.jsonl").shots) == 8
+    (command,) = re.findall(r"zerobeam (export rapid \S+ -o \S+)", text_of(answer))
+    assert zerobeam(*command.split()).status == 0
+    assert os.path.exists("offsets.mod")
+
+
+def test_a_measurement_that_is_not_there_is_refused(folder):
+    for which in ("77", "shots.csv:77", "x", ""):
+        answer = zerobeam("analyse", folder / "run.jsonl", "--drop", which)
+        assert answer.status == 2
+        assert "a number (0 to 8), or FILE:LINE such as shots.csv:1" in answer.err
+    assert zerobeam("analyse", folder / "run.jsonl", "--save", folder / "x.jsonl").status == 2
+
+
+@pytest.mark.long
+def test_a_report_without_it(folder):
+    answer = zerobeam(
+        "report", folder / "run.jsonl", "--drop", "4,5", "--ess", "100", "-o", folder / "report"
+    )
+    assert answer.status in (0, 1)
+    result = json.loads((folder / "report" / "result.json").read_text("utf-8"))
+    assert len(result["shots"]) == 7
