@@ -229,7 +229,8 @@ def _changes(offsets: Sequence[float | None], backup: FanucBackup | None) -> lis
     """By how much the encoder of each joint is to read more, deg: where the coupling is known, so that each
     joint reads more by its own offset alone."""
     wanted = np.array([offset or 0.0 for offset in offsets])
-    return (wanted if backup is None else np.linalg.solve(backup.coupling, wanted)).tolist()
+    changes: list[float] = (wanted if backup is None else np.linalg.solve(backup.coupling, wanted)).tolist()
+    return changes
 
 
 def _as_fanuc(calibration: RobotCalibration, encoder: J3) -> list[float | None]:
