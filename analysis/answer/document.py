@@ -690,7 +690,10 @@ class ResultDocument(DocumentPart):
             "best explanation, of a degenerate run the mechanism, of a weak one the limit, of a pass the "
             "evidence against it; else null), `action` (`text`, and `command`, the command to type, or "
             "null), `cautions` (the gravest first), `basis` (what was stated, and what was assumed with what "
-            "it does to U). Of a misfit it has nothing that follows from the wrong model"
+            "it does to U), `grade` (`pass`, `weak`, `degenerate`, `misfit`, `held`: how it is coloured; a "
+            "pass that something speaks against is `weak`, one of a simulated run `held`), `may` (`enter`, "
+            "`certify`, `export`: what may be done with it). Of a misfit it has nothing that follows from "
+            "the wrong model"
         )
     )
     coverage_factor: float = Field(
