@@ -168,8 +168,8 @@ def robot(
         elif base is not None or tip is not None:
             raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
         else:
-            stated = (row or [], convention, below, sheet, ranges or [])
-            read = _write_new(file, maker, *stated, angles, fanuc_backup)
+            answers = (row or [], convention, below, sheet, ranges or [])
+            read = _write_new(file, maker, *answers, angles, fanuc_backup)
         base = tip = None
         joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)

@@ -207,12 +207,12 @@ def with_fanuc_backup(content: Mapping[str, object], folder: Path | None) -> Map
     rows = content["joints"]
     assert isinstance(rows, list)
     backup = read_fanuc_backup(folder, len(rows))
-    stated = content.get("encoder") or {}
-    assert isinstance(stated, dict)
-    if stated.get("joint3", backup.encoder3) != backup.encoder3:
+    encoder = content.get("encoder") or {}
+    assert isinstance(encoder, dict)
+    if encoder.get("joint3", backup.encoder3) != backup.encoder3:
         raise BadInput(
             "the backup and the robot file disagree on what the encoder of joint 3 measures",
-            found=f"backup of {backup.model}: {backup.encoder3}; robot file: {stated['joint3']}",
+            found=f"backup of {backup.model}: {backup.encoder3}; robot file: {encoder['joint3']}",
             remedy="is it the backup of this arm? If so, write the file of its rows: robot new",
         )
     model = {} if content.get("model") else {"model": backup.model}

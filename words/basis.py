@@ -18,9 +18,9 @@ def basis_lines(
     bases: Sequence[Basis], header: Mapping[str, object], k: float, name: Namer, *, effects: bool
 ) -> tuple[str, ...]:
     """The lines; with `effects` what each does to the expanded uncertainties, of coverage factor `k`."""
-    stated = [*_noise(header), *(_words(one, k, name, effects) for one in bases if one.stated)]
+    by_header = [*_noise(header), *(_words(one, k, name, effects) for one in bases if one.stated)]
     assumed = [_words(one, k, name, effects) for one in bases if not one.stated]
-    lines = [f"Stated: {'; '.join(stated)}."] if stated else []
+    lines = [f"Stated: {'; '.join(by_header)}."] if by_header else []
     return (*lines, *([f"Assumed, not stated or measured: {'; '.join(assumed)}."] if assumed else []))
 
 

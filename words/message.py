@@ -525,17 +525,17 @@ def _action(case: _Case) -> Action:
 
 def _assumed(case: _Case) -> list[Assumption]:
     """What offsets rest on that nobody stated or measured."""
-    of = [row.cause.of for row in case.offsets if isinstance(row.cause, AsGoodAs) and not row.cause.stated]
+    of = [row.cause.of for row in case.offsets if isinstance(row.cause, AsGoodAs) and not row.cause.by_header]
     return list(dict.fromkeys(one for some in of for one in some))
 
 
 def _mend(case: _Case) -> str:
     assert case.misfit is not None
     if case.diagnosis:
-        asked = undecided(case.diagnosis)[:_MOST_ASKED]
-        if not asked:
+        questions = undecided(case.diagnosis)[:_MOST_ASKED]
+        if not questions:
             return mend(case.diagnosis[0])
-        return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in asked)
+        return " ".join(f"If it is {CAUSES[one.cause]}: {mend(one)}" for one in questions)
     match _sharpest(case.misfit):
         case Displacement(station=True, at=at):
             return (

@@ -237,10 +237,10 @@ def cause_sentence(explanations: Sequence[Explanation]) -> str:
     """The best explanation of a misfit with its rivals, and what it leaves."""
     best, *rivals = explanations
     if open_ := undecided(explanations):
-        asked = [f"{CAUSES[one.cause]} ({changed(one)})" for one in open_[:_MOST_ALTERNATIVES]]
+        questions = [f"{CAUSES[one.cause]} ({changed(one)})" for one in open_[:_MOST_ALTERNATIVES]]
         ratios = [numbers.significant(best.odds / one.odds, 2) for one in open_[1:_MOST_ALTERNATIVES]]
         text = (
-            f"The measurements do not decide what is wrong: {', or '.join(asked)} (evidence"
+            f"The measurements do not decide what is wrong: {', or '.join(questions)} (evidence"
             f" {' : '.join(['1', *ratios])})."
         )
         return text if best.agrees else f"{text} None of these alone explains the residuals."

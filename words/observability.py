@@ -265,12 +265,12 @@ def size_of(one: Assumption) -> str:
 def _as_good_as(cause: AsGoodAs) -> str:
     parts = list(dict.fromkeys(map(part_of, cause.of)))
     sizes = list(dict.fromkeys(size_of(one) for one in cause.of if one.std is not None))
-    if cause.stated:
-        stated = [
+    if cause.by_header:
+        parts_of_header = [
             f"the stated {one.part} of {f'the {one.kind}' if one.label == 'tool' else clipped(one.label)}"
             for one in cause.of
         ]
-        return f"by {listed(list(dict.fromkeys(stated)))}: {listed(sizes)}"
+        return f"by {listed(list(dict.fromkeys(parts_of_header)))}: {listed(sizes)}"
     if not sizes:
         return f"as good as {listed(parts)}: that it is exactly as stated is assumed, not measured"
     return f"as good as {listed(parts)}: {listed(sizes)} {be(sizes)} assumed, not stated or measured"

@@ -55,10 +55,10 @@ def resting(rows: Sequence[_WithStatus], name: Namer = str) -> list[str]:
     for row in rows:
         cause = getattr(row, "cause", None)
         if isinstance(cause, AsGoodAs) and row.status in ("assumed", "identified"):
-            grouped.setdefault((cause.stated, reason(cause, name)), []).append(row.name)
+            grouped.setdefault((cause.by_header, reason(cause, name)), []).append(row.name)
     return [
-        f"{_are(names, name)} {'identified ' if stated else ''}{why}."
-        for (stated, why), names in sorted(grouped.items())
+        f"{_are(names, name)} {'identified ' if by_header else ''}{why}."
+        for (by_header, why), names in sorted(grouped.items())
     ]
 
 

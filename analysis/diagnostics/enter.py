@@ -87,7 +87,7 @@ class Entered:
         return self.worse is not None and self.worse > MOST_WORSE
 
 
-class EnteredOffset(NamedTuple):
+class ValueToEnter(NamedTuple):
     """A value to enter, deg (mm), and its own standard uncertainty `u`."""
 
     value: float
@@ -114,14 +114,14 @@ def values_to_enter(solution: Solution, left_out: Collection[str] = ()) -> dict[
 
 def offsets_to_enter(
     solution: Solution, left_out: Collection[str] = (), *, assumed: bool = False
-) -> dict[str, EnteredOffset]:
+) -> dict[str, ValueToEnter]:
     """What to enter into a controller with nominal geometry, deg (mm) by name: of each offset that is
     determined, but for those `left_out`, which neither the arm nor the controller then has. What is as good
     as what is assumed is among them only if that is asked for. Export, next steps, report and verification
     use these; of an exact arm they are the estimates."""
     fitted = _Fitted(solution, left_out, assumed=assumed)
     values, u = fitted.shown(fitted.offsets), fitted.shown(fitted.std)
-    return {name: EnteredOffset(value, u[name]) for name, value in values.items()}
+    return {name: ValueToEnter(value, u[name]) for name, value in values.items()}
 
 
 def entered(

@@ -176,10 +176,10 @@ class _BiasInformation:
         for size, members in alike.items():
             upper, lower = np.triu_indices(size)
             numbers = np.empty((len(members), _RATES, size + len(upper)))
-            for place, i in enumerate(members):
+            for row, i in enumerate(members):
                 k = np.array(kept[i], dtype=np.int64)
-                numbers[place, :, :size] = arms[i].vector[:, k]
-                numbers[place, :, size:] = arms[i].matrix[:, k[upper], k[lower]]
+                numbers[row, :, :size] = arms[i].vector[:, k]
+                numbers[row, :, size:] = arms[i].matrix[:, k[upper], k[lower]]
             at = np.array([[rows[arms[i].columns[k]] for k in kept[i]] for i in members], dtype=np.int64)
             together.append(_BiasInformation(np.array(members), at, numbers))
         return together
@@ -208,9 +208,9 @@ class _BiasInformation:
 
     def choose(self, bias: Matrix, shares: Matrix) -> Index:
         """(A,) rates drawn given all biases: each where its cumulated weight exceeds its share (A,)."""
-        own, (upper, lower) = bias[self.at], self.corners
-        pairs = -own[:, upper] * own[:, lower] * np.where(upper == lower, 0.5, 1.0)
-        log_weights = (self.numbers @ np.concatenate([own, pairs], axis=1)[:, :, None])[:, :, 0]
+        biases, (upper, lower) = bias[self.at], self.corners
+        pairs = -biases[:, upper] * biases[:, lower] * np.where(upper == lower, 0.5, 1.0)
+        log_weights = (self.numbers @ np.concatenate([biases, pairs], axis=1)[:, :, None])[:, :, 0]
         cumulated = np.cumsum(normalised(log_weights.T), axis=0)
         return np.asarray(np.minimum((cumulated < shares).sum(axis=0), len(cumulated) - 1))
 

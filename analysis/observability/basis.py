@@ -64,10 +64,10 @@ def _of_instruments(every: Sequence[Assumption]) -> Iterator[Basis]:
     def of(one: Assumption) -> tuple[str, str, str, bool]:
         return one.label, one.kind, one.part, one.stated
 
-    for (label, kind, part, stated), some in groupby(sorted(every, key=of), of):
+    for (label, kind, part, by_header), some in groupby(sorted(every, key=of), of):
         group = list(some)
         sizes = tuple(Size(one.std, one.unit) for one in group if one.std is not None)
-        yield Basis(label, kind, part, stated, tuple(dict.fromkeys(one.key for one in group)), sizes)
+        yield Basis(label, kind, part, by_header, tuple(dict.fromkeys(one.key for one in group)), sizes)
 
 
 def _of_arm(header: Header, geometry: GeometryResult) -> Basis:

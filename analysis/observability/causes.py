@@ -69,7 +69,7 @@ class AsGoodAs:
     of: tuple[Assumption, ...]
 
     @property
-    def stated(self) -> bool:
+    def by_header(self) -> bool:
         return all(one.stated for one in self.of)
 
 

@@ -276,12 +276,12 @@ def _taken_as_known(
     every = problem.tool.taken_as_known
     if not offsets or not every:
         return {}
-    stated, assumed = ([one for one in every if one.stated == as_stated] for as_stated in (True, False))
+    by_header, assumed = ([one for one in every if one.stated == is_stated] for is_stated in (True, False))
     resting = _lost(problem, x, weight, offsets, data_std, keep_stated=False)
-    without = resting if not stated else []
-    if resting and stated and assumed:
+    without = resting if not by_header else []
+    if resting and by_header and assumed:
         without = _lost(problem, x, weight, resting, data_std, keep_stated=True)
-    return {items[i].name: _of_unit(problem, assumed if i in without else stated) for i in resting}
+    return {items[i].name: _of_unit(problem, assumed if i in without else by_header) for i in resting}
 
 
 def _lost(
@@ -310,8 +310,8 @@ def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, 
     """Of each instrument what a rotation of the last joint is equivalent to, if there is such; all of what a
     frame is."""
     unit = {each.label: each.words.unit for each in problem.tool.each}
-    told = [one for one in some if one.part == "frame" or one.unit == unit[one.label]]
-    return tuple(told or some)
+    of_unit = [one for one in some if one.part == "frame" or one.unit == unit[one.label]]
+    return tuple(of_unit or some)
 
 
 def rank(problem: Problem, x: Matrix) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...analysis.answer.findings import on_the_model
 from ...analysis.covariance import Covariance
-from ...analysis.diagnostics.enter import EnteredOffset, offsets_to_enter
+from ...analysis.diagnostics.enter import ValueToEnter, offsets_to_enter
 from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
@@ -243,7 +243,7 @@ class JointOffset(Correction):
 
     joint: str
     kind: JointKind
-    to_enter: EnteredOffset | None = None
+    to_enter: ValueToEnter | None = None
 
     @property
     def applied(self) -> float:

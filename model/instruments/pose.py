@@ -166,7 +166,7 @@ class PoseStation(FramedStation):
         shift = Assumption(self.label, of, self.name, "mount", length, "mm", stated=True, key=f"{key}_mm")
         rotation = shift._replace(std=float(np.degrees(angle)), unit="deg", key=f"{key}_deg")
         parts = zip((shift, rotation), self.tolerated, strict=True)
-        return (*super().taken_as_known, *(part for part, stated in parts if stated))
+        return (*super().taken_as_known, *(part for part, by_header in parts if by_header))
 
     @property
     def turns(self) -> bool:

@@ -224,7 +224,7 @@ class Tracker(FramedStation):
     def taken_as_known(self) -> tuple[Assumption, ...]:
         """Besides the frame the reflectors with a stated sigma: without one a reflector is free."""
         key = f"instruments.{self.label}.reflectors.{{}}.sigma_mm"
-        stated = (
+        reflectors = (
             Assumption(
                 self.label,
                 f"{self.label}.{name}",
@@ -238,7 +238,7 @@ class Tracker(FramedStation):
             for name, each in self.reflectors.items()
             if each.tolerated
         )
-        return (*super().taken_as_known, *stated)
+        return (*super().taken_as_known, *reflectors)
 
     @property
     def turns(self) -> bool:

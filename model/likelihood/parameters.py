@@ -147,9 +147,9 @@ class Parameters:
             item = ours.get(item.name, item)
             kept = item.name in keeping
             unknowns.append(item if kept else replace(item, tolerated=False, assumed=False))
-        place = self.block("tool").start
+        first = self.block("tool").start
         rest = [item for item in self.items if item.group not in ("tool", "frame")]
-        return Parameters((*rest[:place], *unknowns, *rest[place:]))
+        return Parameters((*rest[:first], *unknowns, *rest[first:]))
 
     def holding(self, places: NDArray[np.bool_]) -> Parameters:
         """These parameters with those at `places` (p,) held at their prior means."""

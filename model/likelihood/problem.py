@@ -297,12 +297,12 @@ class Problem:
         """The same measurements by a tool and frames that may be anything, but for what the header states if
         that is kept; and x (p,) with the values of what is unknown then."""
         tool, values = self.tool.freed()
-        stated = {
+        kept = {
             f"{unknown.of}.{unknown.axis}"
             for unknown in tool.unknowns
             if unknown.tolerated and not unknown.assumed
         }
-        parameters = self.parameters.with_instrument(tool, keeping=stated if keep_stated else ())
+        parameters = self.parameters.with_instrument(tool, keeping=kept if keep_stated else ())
         functions = self.functions
         if tool is not self.tool:
             kind: Literal["none", "relative"] = "relative" if self.noise.separate else "none"

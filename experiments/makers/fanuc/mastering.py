@@ -95,17 +95,17 @@ class FanucCounts:
     ) -> FanucCounts | None:
         """As the options state them; None where none is stated."""
         by_hand = {"--master-counts": master, "--pulses-per-degree": per_degree, "--mosign": mosign}
-        stated = [option for option, value in by_hand.items() if value is not None]
+        given_by_hand = [option for option, value in by_hand.items() if value is not None]
         if backup is not None:
-            if stated:
+            if given_by_hand:
                 raise BadInput(
                     "the counts are stated twice",
-                    found=f"--backup and {', '.join(stated)}",
+                    found=f"--backup and {', '.join(given_by_hand)}",
                     allowed="one of them",
                 )
             read = read_fanuc_backup(backup, joints)
             return cls(read.master, read.per_degree, read)
-        if not stated:
+        if not given_by_hand:
             return None
         if master is None or per_degree is None:
             raise BadInput(
@@ -228,8 +228,8 @@ def _encoder_of(backup: FanucBackup, robot: Robot) -> J3:
 def _changes(offsets: Sequence[float | None], backup: FanucBackup | None) -> list[float]:
     """By how much the encoder of each joint is to read more, deg: where the coupling is known, so that each
     joint reads more by its own offset alone."""
-    wanted = np.array([offset or 0.0 for offset in offsets])
-    changes: list[float] = (wanted if backup is None else np.linalg.solve(backup.coupling, wanted)).tolist()
+    values = np.array([offset or 0.0 for offset in offsets])
+    changes: list[float] = (values if backup is None else np.linalg.solve(backup.coupling, values)).tolist()
     return changes
 
 

@@ -97,7 +97,9 @@ def by_hamiltonian(solution: Solution, *, chains: int, warm: int, steps: int) ->
 
     draws = hamiltonian(slopes, len(centre), chains=chains, warm=warm, steps=steps, leaps=40, seed=3)
     x = coordinates.to_parameters(centre + draws.reshape(-1, len(centre)) @ factor.T)
-    which = [solution.problem.parameters.index(name) for name in OFFSETS]
+    parameters = solution.problem.parameters
+    # The last one is part of a free tool.
+    which = [i for i in map(parameters.index, OFFSETS) if parameters.free[i]]
     return np.asarray(np.degrees(x[:, which]).std(axis=0))
 
 
