@@ -163,8 +163,8 @@ def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
         _, jacobian_mm = aimed.linearise(x)
         root = np.linalg.cholesky(aimed.noise_information(x, jacobian_mm, whitened.factor)).T
         noise = parameters.group("noise")
-        jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
-        jacobian[-2:, noise] = root * parameters.prior_std[noise]
+        jacobian = np.vstack([jacobian, np.zeros((len(root), len(noise)))])
+        jacobian[-len(root) :, noise] = root * parameters.prior_std[noise]
     # A tolerance of the geometry is knowledge, as a measurement is; an offset's prior is not.
     known = np.eye(len(parameters))[aimed.tolerated]
     return np.asarray(np.vstack([jacobian, known])[:, parameters.free])

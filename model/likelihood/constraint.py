@@ -69,7 +69,7 @@ class ShotFunctions:
     terms     (turns, data, weight, arm, target, tool, variances, stated) -> quad, logdet: weight times
               m' S^-1 m, and the log det of `log_det`
     slopes    the same -> quad, logdet, their gradients (f,), the lower triangle of the information on the
-              logarithms of the noise factors of joints and instruments, root_weight, and root (d, a + 3 + k),
+              logarithms of the noise factors of joints and readings, root_weight, and root (d, a + 3 + k),
               the whitened Jacobian: its kernel has weight root' root, the lower triangle row by row, in place
               of the last two. f = a + 3 + k, and 1 + I for the noise factors where `log_det` is "relative"
     seen      (q, arm, target) -> y (3,), the target seen from the flange
@@ -87,7 +87,7 @@ class ShotFunctions:
     midpoint  of two shots of a beam: see `_midpoint`
 
     `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + I,) those of the
-    joints and of the I instruments, `stated` (n + I,) what the header says of them.
+    joints and of the I noises of the instruments, `stated` (n + I,) what the header says of them.
 
     `log_det` says which determinant goes with the residuals. The recorded joints are the data; the residual
     is made of them with the parameters, and log det S alone would change with what the residual is measured
@@ -238,7 +238,7 @@ class _Weighted(_Shot):
     def __init__(self, functions: ShotFunctions) -> None:
         super().__init__(functions)
         n, layout = functions.robot.n, functions.tool.layout
-        sources = n + len(functions.tool.each)
+        sources = n + len(functions.tool.noises)
         self.weight = ca.SX.sym("weight")
         self.variances, self.stated_variances = (ca.SX.sym(name, sources) for name in ("variances", "stated"))
         relative = [self.reading[at] ** 2 if at >= 0 else ca.SX(1) for at in layout.relative.tolist()]
@@ -249,7 +249,7 @@ class _Weighted(_Shot):
             ca.vertcat(
                 *(
                     a * r if source == k else 0
-                    for a, r, source in zip(active, relative, layout.source.tolist(), strict=True)
+                    for a, r, source in zip(active, relative, layout.noise.tolist(), strict=True)
                 )
             )
             for k in range(sources - n)

@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Standard deviations of one reading: `joint` (n,) rad or mm, `readings` (I,) mm of each instrument.
+    """Standard deviations of one reading: `joint` (n,) rad or mm, `readings` (I,) mm or rad of each of the
+    noises of the instruments (`Instrument.noises`: one of each, of poses two).
 
     With `estimated` they are right up to one common factor, which is integrated out; with `separate` up to
-    one factor for all joints and one for each instrument, which are parameters like any other: `factors` are
-    their names. A factor beyond `plausible`, or below 1 over it, is not taken for noise.
+    one factor for all joints and one for each of the others, which are parameters like any other: `factors`
+    are their names. A factor beyond `plausible`, or below 1 over it, is not taken for noise.
     """
 
     joint: Matrix
@@ -36,8 +37,8 @@ class NoiseModel:
     def from_header(cls, header: Header, robot: Robot, tool: Instrument) -> NoiseModel:
         """The noise that a header and its instruments state; BadInput if that does not suit the robot."""
         noise = header.noise
-        stds = [noise.spot_mm if each.std is None else each.std for each in tool.each]
-        names = ["spot" if each.std is None else each.label for each in tool.each]
+        stds = [noise.spot_mm if each.std is None else each.std for each in tool.noises]
+        names = [each.name for each in tool.noises]
         return cls(
             noise.of_joints(robot),
             np.array(stds, dtype=float),
@@ -61,5 +62,5 @@ class NoiseModel:
 
     @cached_property
     def variances(self) -> Matrix:
-        """(n + I,): the joints' variances, then the instruments'."""
+        """(n + I,): the joints' variances, then those of the readings."""
         return np.append(self.joint**2, self.readings**2)

@@ -467,7 +467,7 @@ class Problem:
         return target in self.targets[len(self.targets) - self.stations :]
 
     def variances(self, x: Matrix) -> Matrix:
-        """(..., n + I) of joints and instruments at parameter vectors (..., p), or (n + I,) as stated."""
+        """(..., n + I) of joints and readings at parameter vectors (..., p), or (n + I,) as stated."""
         if not self.noise.separate:
             return self.noise.variances
         with np.errstate(over="ignore"):  # what overflows is -inf in the density
@@ -476,15 +476,16 @@ class Problem:
         return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
 
     def of_sources(self, variances: Matrix) -> Matrix:
-        """(I, N, d) what each instrument adds to the variance of a component, from `variances` (n + I,)."""
+        """(I, N, d) what each noise of the readings adds to the variance of a component, from `variances`
+        (n + I,)."""
         return np.asarray(self._unit_variances * variances[self.robot.n :][:, None, None])
 
     @cached_property
     def _unit_variances(self) -> Matrix:
-        """(I, N, d) the same of instruments whose variance is 1."""
-        layout, count = self.tool.layout, len(self.tool.each)
+        """(I, N, d) the same of noises whose variance is 1."""
+        layout, count = self.tool.layout, len(self.tool.noises)
         unit = self.active * self._read(layout.relative) ** 2
-        by_source = np.equal(layout.source, np.arange(count)[:, None])
+        by_source = np.equal(layout.noise, np.arange(count)[:, None])
         return np.asarray(by_source[:, None, :] * unit)
 
     def _read(self, columns: Index) -> Matrix:
