@@ -228,10 +228,11 @@ def _noise_sources(solution: Solution, std: Matrix) -> list[BudgetRow]:
         status = dict(zip(problem.parameters.names, solution.status, strict=True))
         variance = np.diag(log_scales(solution.fit))
         factors = problem.noise.factors
-        joint_kind, *reading_kinds = (
+        of_factors = [
             _of_factor(status[f"noise.{name}"], float(value))
             for name, value in zip(factors, variance, strict=True)
-        )
+        ]
+        joint_kind, *reading_kinds = (of_factors[k] for k in problem.noise.of_factor)
         kinds = [joint_kind] * robot.n + reading_kinds
     angles = [each.unit == "deg" for each in noises]
     display = np.append(robot.display, np.where(angles, np.degrees(1.0), 1.0))
