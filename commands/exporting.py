@@ -17,6 +17,7 @@ from ..experiments.makers.maker import (
     program_languages,
 )
 from ..model.errors import BadInput, NotWritten
+from ..words.controllers import no_offsets_words
 from .console import EXIT_STATUS, out, print_json, say
 from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
@@ -73,8 +74,8 @@ class _Exports(TyperGroup):
         if maker is not None and args[0].lower() not in self.commands:
             programs = ", ".join(files.about for files in maker.correct)
             raise BadInput(
-                f"there is no file of offsets for controllers of {maker.name}: no published way is known by"
-                " which they take them"
+                f"there is no file of offsets for controllers of {maker.name}:"
+                f" {no_offsets_words(maker.vendor)}"
                 if maker.takes != "offsets"
                 else f"a file for {maker.name} has another name",
                 found=f"export {args[0]}",

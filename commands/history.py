@@ -173,37 +173,40 @@ def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
 @histories.command("list")
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
-    from ..experiments.history.store import arms, results
+    from ..experiments.history.store import arms, judgement_of, results
     from ..reports.history.lists import arms_table, history_text
 
     with damage_named() as damaged, opened(db) as history:
         if as_json:
-            print_json_pieces(history_text(results(history, damaged=damaged)))
+            stored = results(history, damaged=damaged)
+            print_json_pieces(history_text((one, judgement_of(history, one.sha256)) for one in stored))
         else:
-            _print(None, [arms_table(arms(history, damaged))])
+            rows = arms(history, damaged)
+            _print(None, [arms_table(rows, [judgement_of(history, row.sha256) for row in rows])])
 
 
 @histories.command("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
     from ..experiments.history.documents import HistoryDocument, HistoryEvent, HistoryResult
-    from ..experiments.history.store import events, find_arm, results
+    from ..experiments.history.store import events, find_arm, judgement_of, results
     from ..reports.history.lists import events_table, results_table
 
     with damage_named() as damaged:
         with opened(db) as history:
             arm = find_arm(history, serial, model)
             stored, logged = list(results(history, arm, damaged)), events(history, arm, damaged)
+            judged = [judgement_of(history, one.sha256) for one in stored]
         if as_json:
             answer = HistoryDocument(
                 serial=arm[0],
                 model=arm[1],
-                results=[HistoryResult.of(result) for result in stored],
+                results=[HistoryResult.of(*each) for each in zip(stored, judged, strict=True)],
                 events=[HistoryEvent.of(event) for event in logged],
             )
             print_json(answer.to_json())
         else:
-            _print(arm, (results_table(stored), events_table(logged)))
+            _print(arm, (results_table(stored, judged), events_table(logged)))
 
 
 def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
@@ -255,7 +258,7 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the results as a table (a row for each offset) or as JSON."""
-    from ..experiments.history.store import events, find_arm, results
+    from ..experiments.history.store import events, find_arm, judgement_of, results
     from ..model.files.whole_file import write_whole
     from ..reports.history.lists import history_text, offset_rows
 
@@ -274,7 +277,9 @@ def export(
         text = (
             csv_lines(offset_rows(counted_results()))
             if csv
-            else history_text(counted_results(), events(history, arm))
+            else history_text(
+                ((one, judgement_of(history, one.sha256)) for one in counted_results()), events(history, arm)
+            )
         )
         write_whole(file, text, force=force)
     say(f"{count} results: {file}")

@@ -74,7 +74,7 @@ def demo(
     from ..reports.run.report import check_target, write_report
     from ..reports.terminal.answers import print_side_by_side
     from ..reports.terminal.check import print_message
-    from ..words.message import message, tone
+    from ..words.message import message
 
     cases = demo_runs()
     for case in cases:
@@ -88,7 +88,7 @@ def demo(
     print_side_by_side(out, [case.title for case in cases], answers)
     for case, answer in zip(cases, answers, strict=True):
         out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
-        print_message(out, tone(answer), message(answer))
+        print_message(out, message(answer))
         say(f"Report: {folder / case.name / 'report.html'}")
 
 

@@ -122,6 +122,15 @@ def robot(
             show_default=False,
         ),
     ] = None,
+    fanuc_backup: Annotated[
+        Path | None,
+        typer.Option(
+            help="With -o, of a FANUC: folder of a backup (SYSMAST.VA, SYMOTN.VA), which says what the"
+            " encoder of joint 3 measures.",
+            metavar="FOLDER",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
@@ -155,21 +164,23 @@ def robot(
                 raise BadInput(
                     "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
                 )
-            read = _write_of_urdf(file, maker, urdf, base, tip, below, angles)
+            read = _write_of_urdf(file, maker, urdf, base, tip, below, angles, fanuc_backup)
         elif base is not None or tip is not None:
             raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
         else:
-            read = _write_new(file, maker, row or [], convention, below, sheet, ranges or [], angles)
+            stated = (row or [], convention, below, sheet, ranges or [])
+            read = _write_new(file, maker, *stated, angles, fanuc_backup)
         base = tip = None
         joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)
         if picture is None:
             picture = file.with_suffix(".html")
     elif file is not None:
-        copy_robot(name, file, pulses)
+        copy_robot(name, file, pulses, fanuc_backup)
         name = str(file)
-    elif pulses is not None:
-        raise BadInput("--pulses-per-deg is written into a robot file", remedy="name the file: -o mine.yaml")
+    elif pulses is not None or fanuc_backup is not None:
+        option = "--pulses-per-deg" if pulses is not None else "what --fanuc-backup says"
+        raise BadInput(f"{option} is written into a robot file", remedy="name the file: -o mine.yaml")
     if (base is None) != (tip is None):
         raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
@@ -196,6 +207,7 @@ def _write_new(
     sheet: str | None,
     ranges: list[str],
     angles: PoseAngles | None,
+    backup: Path | None,
 ) -> tuple[list[str], list[str]]:
     """The robot file of options, or of questions where these state neither rows nor a sheet; then the joint
     values and poses of two postures, if a person states them."""
@@ -204,6 +216,7 @@ def _write_new(
         asked_entries,
         content_of,
         typed_lengths,
+        with_fanuc_backup,
         write_robot,
     )
     from ..model.files.whole_file import refuse_existing
@@ -212,10 +225,11 @@ def _write_new(
     if rows or sheet is not None:
         lengths = None if sheet is None else typed_lengths(sheet)
         entries = RobotEntries(file.stem, vendor, rows, convention, lengths, ranges, below)
-        write_robot(file, content_of(entries))
+        write_robot(file, with_fanuc_backup(content_of(entries), backup))
         return [], []
 
-    write_robot(file, content_of(asked_entries(file.stem, vendor, _ask)))
+    content = content_of(asked_entries(file.stem, vendor, _ask))
+    write_robot(file, with_fanuc_backup(content, backup))
     return _asked_postures(file, angles)
 
 
@@ -227,19 +241,22 @@ def _write_of_urdf(
     tip: str | None,
     below: float,
     angles: PoseAngles | None,
+    backup: Path | None,
 ) -> tuple[list[str], list[str]]:
     """As `_write_new`, of a URDF: questions where the two links are not stated."""
-    from ..experiments.new_robot import write_robot
+    from ..experiments.new_robot import with_fanuc_backup, write_robot
     from ..experiments.urdf_robot import UrdfChain, asked_chain, content_of_chain
     from ..model.files.whole_file import refuse_existing
 
     refuse_existing(file, or_else="choose another name, or remove it first")
     if base is None or tip is None:
         chain = asked_chain(urdf, base, tip, below, _ask)
-        write_robot(file, content_of_chain(file.stem, vendor, chain), chain.head)
+        content = with_fanuc_backup(content_of_chain(file.stem, vendor, chain), backup)
+        write_robot(file, content, chain.head)
         return _asked_postures(file, angles)
     chain = UrdfChain(urdf, base, tip, below)
-    write_robot(file, content_of_chain(file.stem, vendor, chain), chain.head)
+    content = with_fanuc_backup(content_of_chain(file.stem, vendor, chain), backup)
+    write_robot(file, content, chain.head)
     return [], []
 
 

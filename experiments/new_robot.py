@@ -15,6 +15,7 @@ from ..model.files.whole_file import flow, refuse_existing, write_whole, yaml_te
 from ..model.parsing.confinement import BUILT_IN
 from ..model.parsing.reading import did_you_mean, read_yaml, shown
 from ..model.parsing.validation import validate
+from .makers.fanuc.backup import read_fanuc_backup
 
 # Lengths as data sheets of arms with six axes draw them, with the arm's own words for each.
 LENGTHS: Mapping[str, str] = {
@@ -195,6 +196,31 @@ def _numbers(text: str, counts: range, what: str, allowed: str | None = None) ->
     return values
 
 
+def with_fanuc_backup(content: Mapping[str, object], folder: Path | None) -> Mapping[str, object]:
+    """The content of a robot file with what the encoder of joint 3 measures by a backup (see
+    `fanuc/backup.py`), and the controller's model where it states none. BadInput for an arm of another maker,
+    and where the content says otherwise."""
+    if folder is None:
+        return content
+    if content.get("vendor") != "fanuc":
+        raise BadInput("--fanuc-backup is for arms of FANUC", found=f"vendor: {content.get('vendor')}")
+    rows = content["joints"]
+    assert isinstance(rows, list)
+    backup = read_fanuc_backup(folder, len(rows))
+    stated = content.get("encoder") or {}
+    assert isinstance(stated, dict)
+    if stated.get("joint3", backup.encoder3) != backup.encoder3:
+        raise BadInput(
+            "the backup and the robot file disagree on what the encoder of joint 3 measures",
+            found=f"backup of {backup.model}: {backup.encoder3}; robot file: {stated['joint3']}",
+            remedy="is it the backup of this arm? If so, write the file of its rows: robot new",
+        )
+    model = {} if content.get("model") else {"model": backup.model}
+    with_encoder = {**content, **model, "encoder": {"joint3": backup.encoder3}}
+    validate(RobotFile, with_encoder, file=None, line=lambda _: None)
+    return with_encoder
+
+
 def write_robot(path: Path, content: Mapping[str, object], head: str = "") -> None:
     """The robot file, below the remarks of its `head`; never over another one."""
     refuse_existing(path, or_else="choose another name, or remove it first")
@@ -208,9 +234,10 @@ def write_robot(path: Path, content: Mapping[str, object], head: str = "") -> No
     write_whole(path, head + text)
 
 
-def copy_robot(name: str, path: Path, pulses: str | None) -> None:
+def copy_robot(name: str, path: Path, pulses: str | None, fanuc_backup: Path | None = None) -> None:
     """A robot file of one's own of a built-in robot or another file, with `pulses` for a degree of each joint
-    (P1,P2,…) where the pendant shows pulses. BadInput where these do not fit the robot."""
+    (P1,P2,…) where the pendant shows pulses, and what a FANUC backup says. BadInput where these do not fit
+    the robot."""
     if name not in built_in_robots() and not name.lower().endswith((".yaml", ".yml")):
         raise BadInput(
             "only a robot file can be copied",
@@ -220,7 +247,7 @@ def copy_robot(name: str, path: Path, pulses: str | None) -> None:
     source = BUILT_IN / f"{name}.yaml" if name in built_in_robots() else Path(name)
     document = read_yaml(source)
     validate(RobotFile, document.data, file=source, line=document.line)
-    content = dict(document.data)
+    content = dict(with_fanuc_backup(document.data, fanuc_backup))
     if pulses is not None:
         rows = content["joints"]
         assert isinstance(rows, list)

@@ -417,7 +417,7 @@ def _answer(
     if result.missing:
         notes.append(f"The run ended before the plan was through: --resume goes on with {file.name}")
     # Of a plan that moves a robot there are none.
-    broken = violations(aim_plan(plan)) if plan.constraints.model_fields_set else ()
+    broken = violations(aim_plan(plan))
     notes += [f"Posture {each.posture}: {violation_words(each)}" for each in broken]
     done = {*(shot.shot for shot in result.shots), *(refused.shot for refused in result.refused)}
     saved = set(range(len(plan.postures))) - done - set(result.missing)

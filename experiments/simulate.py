@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.observability.aim import aim, servo_joints
+from ..analysis.observability.outlook import GUESSED
 from ..model.arrays import Matrix
 from ..model.errors import RigFault
 from ..model.files.plan import Plan
@@ -18,7 +19,6 @@ from ..model.likelihood.problem import Problem
 
 _DIGITS = {"mm": 6}  # of a reading; those without a unit, as a quaternion, have more
 _MORE_DIGITS = 12
-_MOST = {"mm": 50.0, "deg": float(np.radians(30.0))}  # std of what is only guessed, drawn at random
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Truth:
         drawn = rng.normal(size=len(x))
         offsets, others = parameters.group("offset"), parameters.group("tool") | parameters.group("geometry")
         x = x + np.where(offsets, drawn * offset_deg / parameters.display, 0.0)
-        most = np.array([_MOST.get(item.unit, np.inf) for item in parameters.items])
+        most = np.array([GUESSED.get(item.unit, np.inf) for item in parameters.items])
         x = x + np.where(others, drawn * np.minimum(parameters.prior_std, most), 0.0)
         x[parameters.block("frame")] = problem.tool.placed(rng)
         return cls(plan, problem, np.where(parameters.free, x, parameters.prior_mean))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from ..analysis.answer.document import ReadResult
-from ..analysis.status import Verdict
+from ..analysis.answer.message import Grade
 from . import numbers
+from .judgement import read_judgement
 from .provenance import is_simulated
 from .verdict import VERDICT_WORDS
 from .wording import clipped, counted
-
-Tone = Verdict | Literal["held"]
 
 
 def planned_words(measurements: int) -> str:
@@ -37,6 +34,8 @@ def result_words(result: ReadResult) -> str:
     word = VERDICT_WORDS[result.verdict]
     if simulated(result):
         word = f"Simulated: {word.lower()}"
+    if result.verdict == "pass" and read_judgement(result).against:
+        return f"{word} of this run alone: enter nothing"
     if result.verdict == "misfit":
         return f"{word}: the model does not describe the measurements"
     worst = None if result.message is None else result.message.worst
@@ -48,14 +47,9 @@ def result_words(result: ReadResult) -> str:
     return f"{word}: U ≤ {numbers.spread(worst.value, numbers.unit_of(worst.unit))} ({name})"
 
 
-def result_tone(result: ReadResult) -> Tone:
-    """How it is coloured: a pass is one of a robot that was measured, and that meets what it must."""
-    if result.verdict != "pass":
-        return result.verdict
-    if simulated(result):
-        return "held"
-    judged = result.conformity
-    return "pass" if judged is None or judged.decision == "conforms" else "weak"
+def result_tone(result: ReadResult) -> Grade:
+    """How it is coloured."""
+    return read_judgement(result).grade
 
 
 def simulated(result: ReadResult) -> bool:

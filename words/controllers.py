@@ -23,6 +23,21 @@ _PROGRAMS = ("denso", "doosan", "kawasaki", "mitsubishi", "nachi", "staubli", "t
 _MODEL_ALONE = ("franka",)
 
 
+# What public material says of a controller's own zeros; to enter values by it is not worked out here.
+_ZEROS = {
+    "staubli": "arm.cfx holds its calibration offsets",
+    "kawasaki": "its zeroing values are shown and set on the pendant, and ZZERO of a saved file has them",
+    "denso": "it has CALSET, with the RANG values of the arm",
+}
+
+
+def no_offsets_words(vendor: str | None) -> str:
+    """That there is no file of offsets for a controller, and what exists."""
+    zeros = _ZEROS.get(vendor or "")
+    exists = "" if zeros is None else f" ({zeros})"
+    return f"how this controller takes offsets is not worked out here{exists}"
+
+
 def taken_by(vendor: str | None) -> Takes:
     """What there is for the controllers of this vendor; offsets where it is not known who made the robot."""
     if vendor in _PROGRAMS:
@@ -42,6 +57,6 @@ def export_sentence(vendor: str | None) -> str:
         return "Write the values to enter into a file for this robot."
     programs = ", or correct its programs (zerobeam export program)" if taken == "programs" else ""
     return (
-        "Enter nothing: no published way is known by which this controller takes offsets. Export the"
-        f" corrected robot model for what computes with one (export robot, export urdf){programs}."
+        f"Enter nothing: {no_offsets_words(vendor)}. Export the corrected"
+        f" robot model for what computes with one (export robot, export urdf){programs}."
     )

@@ -10,7 +10,6 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from ..analysis.answer.findings import (
     FileWarning,
@@ -43,7 +42,7 @@ from ..analysis.observability.changes import ChangeAt, RunChange
 from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
-from ..analysis.status import LACK_OF_FIT, Status, Verdict
+from ..analysis.status import LACK_OF_FIT, Status, Verdict, known
 from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.files.run import in_no_file
@@ -56,6 +55,7 @@ from .controllers import export_command, export_sentence, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
+from .judgement import Judgement, against, judgement
 from .misfit import (
     UNVALIDATED,
     cause_sentence,
@@ -82,14 +82,11 @@ from .wording import (
     shown,
 )
 
-Tone = Verdict | Literal["held"]
-
 _SAFE = re.compile(r"[\w./+@-]+")
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
 _MOST_ASKED = 2  # causes between which the measurements do not decide
 _IN_THE_HEADER = (BaseFrame, Held, NoiseSplit, OnAxis, ToolRotation)  # mended there, not by a plan
-_DOUBTS = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)  # what comes before a pass
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -169,7 +166,20 @@ class _Case:
     @property
     def doubt(self) -> Finding | HoldOut | None:
         """What comes before a pass: large residuals, other optima, targets or a placement that are off."""
-        return next((one for one in (*self.findings, *self.off) if isinstance(one, _DOUBTS)), None)
+        return against((*self.findings, *self.off))
+
+    @property
+    def judged(self) -> Judgement:
+        """Its grade, and what may be done with it."""
+        return judgement(
+            self.verdict,
+            contradicted=self.doubt is not None,
+            converged=self.stopped is None,
+            determined=any(known(row.status) for row in self.offsets),
+            simulated=self.simulated,
+            unmet=self.unmet,
+            vendor=self.vendor,
+        )
 
 
 def message(result: Result) -> Message:
@@ -181,14 +191,9 @@ def message(result: Result) -> Message:
     return replace(_message(_case(result), person), basis=basis)
 
 
-def tone(result: Result) -> Tone:
-    """How a message is coloured: a pass is one of a robot that was measured, and that meets what it must."""
-    case = _case(result)
-    if case.verdict != "pass":
-        return case.verdict
-    if prediction_failed(case.findings) is not None:
-        return "weak"
-    return "held" if case.simulated else "weak" if case.unmet else "pass"
+def judged(result: Result) -> Judgement:
+    """The grade of an answer, and what may be done with it."""
+    return _case(result).judged
 
 
 def message_so_far(solution: Solution, run: str, header: Header) -> Message:
@@ -317,6 +322,8 @@ def _message(case: _Case, name: Namer) -> Message:
         cause=_cause(case, name),
         action=_saved_first(case, _action(case)),
         cautions=tuple(ended(sentence(text)) for text in _cautions(case, name))[:_MOST_CAUTIONS],
+        grade=case.judged.grade,
+        may=case.judged.may,
     )
 
 

@@ -261,8 +261,10 @@ def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
     """How far to trust the explanations of a result; there is at least one."""
     if not explanations[0].agrees:
         return "None of these alone explains the residuals to the noise: something else is wrong too."
+    if undecided(explanations):
+        return "The measurements do not decide between the first of these: check each. Nothing was applied."
     if len(explanations) > 1:
-        return "The measurements do not decide between these: check each. Nothing was applied."
+        return "The first is at least 20 times as likely as each other one. Nothing was applied."
     return "No other cause that was tried is within an evidence ratio of 1:1000. Nothing was applied."
 
 

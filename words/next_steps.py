@@ -5,7 +5,6 @@ What the data do not determine is never offered: values are offered of a pass al
 
 from __future__ import annotations
 
-from ..analysis.answer.findings import HeldOutMisfit, OtherBasins
 from ..analysis.answer.message import Message
 from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.enter import Entered
@@ -19,7 +18,7 @@ from .enter import (
     geometry_sentence,
     model_sentence,
 )
-from .message import run_argument
+from .message import judged, run_argument
 
 
 def next_steps(result: Result, message: Message) -> NextSteps:
@@ -52,8 +51,7 @@ def _alone(result: Result) -> tuple[NextStep, ...]:
 
 def offered(result: Result) -> Entered | None:
     """The values to enter, where they may be entered: one rule for all who show them."""
-    against = any(isinstance(finding, OtherBasins | HeldOutMisfit) for finding in result.findings)
-    return None if result.verdict != "pass" or against else result.entered
+    return None if result.verdict != "pass" or judged(result).against else result.entered
 
 
 def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:

@@ -436,10 +436,10 @@ def over_target_sentence(check: Check) -> str | None:
     over = check.over_target
     if over is None:
         return None
-    hit = (
-        f"With the target anywhere within its stated sigma ({over.draws} draws), {over.hit:.0%} of the"
-        " measurements hit"
-    )
+    where = "the target anywhere within its stated sigma"
+    if over.mounts:
+        where = "reflectors, mounts and targets where they may be (std 50 mm and 30° where only guessed)"
+    hit = f"With {where} ({over.draws} draws), {over.hit:.0%} of the measurements hit"
     rows = [row for row in check.parameters if row.name in over.worst_std and row.std is not None]
     if not rows:
         return f"{hit}."
@@ -447,7 +447,8 @@ def over_target_sentence(check: Check) -> str | None:
     u = numbers.spread(over.worst_std[worst.name], numbers.unit_of(worst.unit))
     of = "" if len(rows) == len(over.worst_std) else " of the offsets that are determined"
     largest = f"the largest standard uncertainty{of}, priors included, is that of {label(worst.name)}: {u}"
-    return f"{hit}, and {largest}."
+    typical = ". The predicted u of the plan are those at a typical place" if over.mounts else ""
+    return f"{hit}, and {largest}{typical}."
 
 
 def outlook_lines(check: Check) -> list[str]:

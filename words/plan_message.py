@@ -107,7 +107,10 @@ def _action(check: Check) -> str:
     if check.violations:
         broken = sorted({each.posture for each in check.violations})
         noun = "posture" if len(broken) == 1 else "postures"
-        return f"Change or remove {noun} {listed([str(i) for i in broken])}, or loosen the constraint"
+        loosen = (
+            "" if all(each.condition == "arm" for each in check.violations) else ", or loosen the constraint"
+        )
+        return f"Change or remove {noun} {listed([str(i) for i in broken])}{loosen}"
     row = _limiting(check)
     if row is None:
         assumed = [row.cause.of for row in _offsets(check, "assumed") if isinstance(row.cause, AsGoodAs)]

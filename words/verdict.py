@@ -33,7 +33,7 @@ _BROKEN: dict[Condition, str] = {
     "itself": "the arm hits itself",
     "cell": "the arm hits the floor or a box",
     "beam": "a box is in the beam's way",
-    "sight": "the arm or a box is in the line of sight",
+    "sight": "a box is in the line of sight",
 }
 
 
@@ -120,6 +120,14 @@ def violation_words(violation: Violation) -> str:
     where = "" if violation.via is None else f"intermediate posture {violation.via}: "
     if violation.why is not None:
         return f"{where}{violation.why}"
+    if violation.condition == "arm" and at_value is not None and lowest is not None:
+        link = f"link {violation.joint}" if violation.joint else "the base"
+        apart, radius = (numbers.exact(round(value), "mm") for value in (at_value, lowest))
+        assumed = ", assumed: `bodies` of the robot file states it" if violation.assumed else ""
+        return (
+            f"{where}{link} of the arm is in the way: the line to the target passes {apart} from its axis"
+            f" (radius {radius}{assumed})"
+        )
     if at_value is None or lowest is None or highest is None:
         planned = ", before the wrist is turned onto the target" if violation.planned else ""
         return f"{where}{_BROKEN[violation.condition]}{planned}"

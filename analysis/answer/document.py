@@ -697,7 +697,10 @@ class ResultDocument(DocumentPart):
             "best explanation, of a degenerate run the mechanism, of a weak one the limit, of a pass the "
             "evidence against it; else null), `action` (`text`, and `command`, the command to type, or "
             "null), `cautions` (the gravest first), `basis` (what was stated, and what was assumed with what "
-            "it does to U). Of a misfit it has nothing that follows from the wrong model"
+            "it does to U), `grade` (`pass`, `weak`, `degenerate`, `misfit`, `held`: how it is coloured; a "
+            "pass that something speaks against is `weak`, one of a simulated run `held`), `may` (`enter`, "
+            "`certify`, `export`: what may be done with it). Of a misfit it has nothing that follows from "
+            "the wrong model"
         )
     )
     coverage_factor: float = Field(
@@ -885,9 +888,11 @@ class CheckDocument(DocumentPart):
             "list of `posture` (from 0), `constraint` (`acceptance_deg`, `beam_mm`, `margin_deg`, "
             "`obstacles`, `instrument`: it cannot measure there), `condition` (`facing`, `beam_mm`, "
             "`limits`: too near to a joint limit, `itself`: the arm touches itself, `cell`: the floor or "
-            "a box, `beam`: a box is in its way, `sight`: the arm or a box is in the line of sight, "
-            "`unfit`: `why`, a clause, is null else), the value `at`, `lowest` and `highest` allowed, in "
-            "`unit` (null for what is touched), `joint` (from 1), `via` (from 0: an intermediate posture "
+            "a box, `beam`: a box is in its way, `sight`: a box is in the line of sight, `arm`: a link of "
+            "the arm is in the way of either: `at` from its axis, `lowest` its radius, which is `assumed` "
+            "where nothing states it, `unfit`: `why`, a clause, is null else), the value `at`, `lowest` and "
+            "`highest` allowed, in `unit` (null for what is touched), `joint` (from 1; of `arm` the link "
+            "that it moves, 0 the base), `via` (from 0: an intermediate posture "
             "before the posture), `planned` (broken by the posture as written, not with the wrist rotated "
             "onto the target)"
         )
@@ -902,8 +907,11 @@ class CheckDocument(DocumentPart):
         description=(
             "the plan with its targets at random positions by their `sigma_mm`: `draws` (how many "
             "positions), `hit` (share of the postures that can be rotated onto them), `worst_std` (of "
-            "each offset, the largest over the positions); null where no target has both `guess_mm` and "
-            "`sigma_mm`"
+            "each offset, the largest over the positions), `mounts`: also with reflectors, mounts and tips "
+            "at random places on the flange, by their sigma, of 50 mm and 30° where they are only guessed; "
+            "null where no target has both `guess_mm` and `sigma_mm` and no such place is open. With "
+            "`mounts` every predicted `std` is that at a typical place: the one whose std are nearest to "
+            "the root mean squares over 256"
         )
     )
     advice: Advice | None = Field(

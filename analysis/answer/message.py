@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
+
+from ..status import Verdict
+
+# How an answer is coloured: a pass is one of a robot that was measured, that meets what it must, and that
+# nothing speaks against. `held`: no robot was measured, or no offset is estimated.
+Grade = Verdict | Literal["held"]
 
 
 @dataclass(frozen=True)
@@ -25,10 +32,21 @@ class Action:
 
 
 @dataclass(frozen=True)
+class May:
+    """What may be done with an answer: values entered in a controller, a certificate signed,
+    files written."""
+
+    enter: bool = False
+    certify: bool = False
+    export: bool = False
+
+
+@dataclass(frozen=True)
 class Message:
     """What is known (`verdict`), how well (`worst`, None for a misfit), what is wrong or limits it (`cause`,
     None where nothing is), what to do, and what a reader must not miss, the gravest first. `basis`: what was
-    stated, and what was assumed with what it does to U."""
+    stated, and what was assumed with what it does to U. `grade` and `may` (`words/judgement.py`) are None and
+    nothing of a plan, and of results of earlier versions."""
 
     verdict: str
     worst: WorstOffset | None
@@ -36,3 +54,5 @@ class Message:
     action: Action
     cautions: tuple[str, ...]
     basis: tuple[str, ...] = ()
+    grade: Grade | None = None
+    may: May = May()

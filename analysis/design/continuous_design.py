@@ -66,11 +66,13 @@ class Candidates:
 @dataclass(frozen=True, eq=False)
 class Continuous:
     """A design of measurements in shares. `weights` (C,) of sum 1; `bound` below which no design of as many
-    measurements can be, in shares or whole; `gain` (C,) what each candidate promises there."""
+    measurements can be, in shares or whole; `gain` (C,) what each candidate promises there. `converged`: the
+    bound came as near to the design as was asked for, before the steps were used up; it holds either way."""
 
     weights: Matrix
     bound: float
     gain: Matrix
+    converged: bool = True
 
 
 def variance(covariance: Matrix, criterion: Measure) -> float:
@@ -129,7 +131,7 @@ def continuous(
         [rows[_spread(candidates.some(rows), 4 * candidates.roots.shape[2])] for rows in shares.rows]
     )
     weights = shares.of(active).scaled(np.ones(len(active)))
-    best_bound = 0.0
+    best_bound, converged = 0.0, False
     for _ in range(_ROUNDS):
         roots, of_active = candidates.roots[active], shares.of(active)
         for _ in range(_INNER):
@@ -142,7 +144,8 @@ def continuous(
         everywhere = at.gain(candidates.roots)
         bound = at.bound(shares.largest(everywhere) - total)
         best_bound = max(best_bound, bound)
-        if bound >= at.value * (1 - gap):
+        converged = bound >= at.value * (1 - gap)
+        if converged:
             break
         kept = weights > 1e-6
         above = everywhere - of_active.mean(weights, gain)[candidates.group]
@@ -157,7 +160,7 @@ def continuous(
         )
     result = np.zeros(candidates.count)
     result[active] = weights
-    return Continuous(result, best_bound, everywhere)
+    return Continuous(result, best_bound, everywhere, converged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +264,7 @@ def _continuous_e(candidates: Candidates, counts: Sequence[int], shares: Shares)
     rows: list[Matrix] = []
     heights: list[float] = []
     best, best_value = weights, np.inf
-    bound = 0.0
+    bound, converged = 0.0, False
     columns = np.flatnonzero(weights)
     for _ in range(_CUTS):
         used = weights > 0
@@ -270,7 +273,8 @@ def _continuous_e(candidates: Candidates, counts: Sequence[int], shares: Shares)
         values, vectors = np.linalg.eigh(inverse[np.ix_(offsets, offsets)])
         if values[-1] < best_value:
             best, best_value = weights, float(values[-1])
-        if bound >= best_value * (1 - _GAP_E):
+        converged = bound >= best_value * (1 - _GAP_E)
+        if converged:
             break
         for value, vector in zip(values[::-1][:_CUTS_AT_ONCE], vectors.T[::-1][:_CUTS_AT_ONCE], strict=True):
             pull = inverse[:, offsets] @ vector / value
@@ -285,7 +289,7 @@ def _continuous_e(candidates: Candidates, counts: Sequence[int], shares: Shares)
         rows, heights = [rows[i] for i in kept], [heights[i] for i in kept]
         # Half way back to the best design: the plain method swings from corner to corner.
         weights = (ahead + best) / 2
-    return Continuous(best, bound, gain)
+    return Continuous(best, bound, gain, converged)
 
 
 def _highest_under(
@@ -295,7 +299,8 @@ def _highest_under(
     every such w, and the price of each row.
 
     The program has candidates as columns, at first `columns` and the most promising; its dual prices all
-    others, so that the ceiling holds for them too, and those that are priced too low join.
+    others, so that the ceiling holds for them too, and those of them that are worth most join. It ends, since
+    each time new ones do: with all of them its optimum is the ceiling.
     """
     from scipy.optimize import linprog  # for this criterion alone, and slow to come
 
@@ -322,11 +327,12 @@ def _highest_under(
         price /= price.sum()
         worth = price @ rows
         ceiling = min(ceiling, float(price @ heights) + shares.largest(worth))
-        if ceiling <= float(solved.x[-1]) * scale * (1 + _GAP):
+        absent = np.setdiff1d(np.arange(count), columns)
+        if ceiling <= float(solved.x[-1]) * scale * (1 + _GAP) or not len(absent):
             weights = np.zeros(count)
             weights[columns] = np.maximum(solved.x[:-1], 0.0)
             return shares.scaled(weights), ceiling, price
-        columns = np.union1d(columns, np.argsort(-worth)[:_COLUMNS])
+        columns = np.union1d(columns, absent[np.argsort(-worth[absent])[:_COLUMNS]])
 
 
 def _spread(candidates: Candidates, size: int) -> Index:

@@ -45,13 +45,15 @@ _STEP = 1e-9  # relative: less is no improvement
 @dataclass(frozen=True, eq=False)
 class Design:
     """`rows` (k,) of the chosen candidates; `value` of the criterion (a variance), `bound` below which no
-    choice of k of these candidates can be, `efficiency` bound / value."""
+    choice of k of these candidates can be, `efficiency` bound / value. `converged`: no more steps would raise
+    the bound."""
 
     criterion: Criterion
     rows: Index
     value: float
     bound: float
     support: int
+    converged: bool = True
 
     @property
     def efficiency(self) -> float:
@@ -98,7 +100,7 @@ def design(
         rows = _exchange_two(few, best[:_PAIRED_STARTS], promising, rng)
     value, rows = _exchange(candidates, near[rows], criterion)
     support = int((ideal.weights > 1e-4).sum())
-    return Design(criterion, np.sort(rows), value, min(ideal.bound, value), support)
+    return Design(criterion, np.sort(rows), value, min(ideal.bound, value), support, ideal.converged)
 
 
 def _exchanged(start: Exchange) -> Ended:

@@ -23,6 +23,7 @@ from .causes import Cause, Tried, cause_for
 from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import (
+    GUESSED,
     Advice,
     CurvePoint,
     OverTarget,
@@ -30,6 +31,7 @@ from .outlook import (
     over_target,
     predicted_covariance,
     predicted_std,
+    typical,
 )
 from .power import DetectionPower, powers
 from .remedies import Allowed, RemedySearch
@@ -37,9 +39,13 @@ from .remedies import Allowed, RemedySearch
 if TYPE_CHECKING:
     import pandas as pd
 
+_KNOWN = 1.0  # mm, deg: where a reflector or a tip is to less is no matter of the plan
+
 # "violated": the plan breaks its own constraints, whatever it would determine.
 PlanVerdict = Verdict | Literal["violated"]
-Condition = Literal["limits", "behind", "beam_mm", "facing", "itself", "cell", "beam", "sight", "unfit"]
+Condition = Literal[
+    "limits", "behind", "beam_mm", "facing", "itself", "cell", "beam", "sight", "arm", "unfit"
+]
 
 
 @dataclass(frozen=True)
@@ -49,10 +55,11 @@ class Violation:
 
     `condition`: "limits" (a joint is nearer to a limit than the margin), "beam_mm", "facing", "itself" (the
     arm touches itself), "cell" (it touches the floor or a box), "beam" (a box is in the beam's way), "sight"
-    (the arm or a box is in the line of sight), "unfit" (`why`, a clause). `at`
-    is the value found, `lowest` to `highest` are allowed, in `unit`; None for what is touched. `joint` (from
-    1) is that of "limits", `via` (from 0) an intermediate posture on the way to the posture. `planned`: it is
-    broken by the posture as written, and no longer once the wrist is turned onto the target.
+    (a box is in the line of sight), "arm" (a link of the arm is in the way of either), "unfit" (`why`, a
+    clause). `at` is the value found, `lowest` to `highest` are allowed, in `unit`; None for what is touched.
+    `joint` (from 1) is that of "limits", or moves the link of "arm" (0: the base); `via` (from 0) an
+    intermediate posture on the way to the posture. `planned`: it is broken by the posture as written, and no
+    longer once the wrist is turned onto the target. `assumed`: the radius of the links is nowhere stated.
     """
 
     posture: int
@@ -66,12 +73,13 @@ class Violation:
     via: int | None = None
     planned: bool = False
     why: str | None = None
+    assumed: bool = False
 
     @property
     def unseen(self) -> bool:
         """Whether the posture gives no measurement: the beam does not come to the front of the target, or the
         instrument cannot measure."""
-        return self.condition in ("behind", "facing", "beam", "sight", "unfit")
+        return self.condition in ("behind", "facing", "beam", "sight", "arm", "unfit")
 
 
 @dataclass(frozen=True)
@@ -269,10 +277,14 @@ class Check:
         with one_blas_thread():
             shots = _shots(plan, aimed, violations)
             identified = identify(shots, x)
-            covariance = predicted_covariance(shots, x)
-            geometry = geometry_result(plan.header, shots, x, covariance, identified.status)
-            promised = curve(shots, x)
-            elsewhere = over_target(problem, x, _stated_spread(plan, problem))
+            mounted = _mounted_spread(plan, problem)
+            # Observable is what is so with everything as guessed; the u are those of where it may be.
+            judged, at = typical(shots, x, mounted)
+            covariance = predicted_covariance(judged, at)
+            geometry = geometry_result(plan.header, judged, at, covariance, identified.status)
+            promised = curve(judged, at)
+            spread = _stated_spread(plan, problem) + mounted
+            elsewhere = over_target(problem, x, spread, mounts=bool(mounted.any()))
             parameters = problem.parameters
             observable = verdict_of(identified.status[parameters.block("offset")])
             taken = np.flatnonzero(_taken(aimed, violations))  # postures that give a measurement
@@ -282,7 +294,7 @@ class Check:
             better = None if observable == "pass" else search.advice()
             facts = replace(identified.facts, null_space=search.with_remedies(identified.facts.null_space))
         std = parameters.unscaled(np.sqrt(np.diag(covariance)))
-        share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
+        share = parameters.unscaled(tolerance_share(judged, covariance)) / parameters.prior_std
         rows = []
         for i, item in enumerate(parameters.items):
             status, data_std = identified.status[i], float(identified.data_std[i])
@@ -306,7 +318,7 @@ class Check:
             verdict="violated" if violations else observable,
             parameters=CheckedTable(rows),
             identifiability=facts,
-            power=powers(shots, x, identified.facts.rank),
+            power=powers(judged, at, identified.facts.rank),
             geometry=geometry,
             postures=tuple(
                 CheckedPosture(
@@ -354,7 +366,7 @@ def without_posture(
     rest = turned.aimed.problem.select(kept[kept != posture])
     with one_blas_thread():
         identified = identify(rest, turned.x)
-        spread = predicted_std(rest, turned.x)
+        spread = predicted_std(*typical(rest, turned.x, _mounted_spread(turned.plan, turned.problem)))
     items, std = rest.parameters.items, rest.parameters.unscaled(spread)
     offsets = rest.parameters.block("offset")
     judged = list(zip(items, identified.status, std, strict=True))[offsets]
@@ -399,6 +411,21 @@ def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
         target = plan.header.targets.get(name)
         if target is not None and "sigma_mm" in target.model_fields_set and target.guess_mm is not None:
             spread[problem.parameters.block("target", k)] = target.sigma_mm
+    return spread
+
+
+def _mounted_spread(plan: Plan, problem: Problem) -> Matrix:
+    """(p,) std of where on the flange that is which an instrument without a beam measures or touches with,
+    internal units: its prior's, at most `GUESSED`; 0 of what is known to a millimetre or a degree."""
+    spread = np.zeros(len(problem.parameters))
+    for i, item in enumerate(problem.parameters.items):
+        kind = plan.header.kinds.get(item.of.partition(".")[0])
+        if (
+            item.group == "tool"
+            and not (item.held or (kind is not None and kind.beam))
+            and item.prior_std * item.display > _KNOWN
+        ):
+            spread[i] = min(item.prior_std, GUESSED[item.unit])
     return spread
 
 

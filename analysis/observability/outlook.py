@@ -1,8 +1,9 @@
-"""Predictions for a plan: with fewer measurements, with the targets elsewhere, with one change."""
+"""Predictions for a plan: with fewer measurements, with targets and mounts elsewhere, with one change."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from ...model.likelihood.problem import Problem, Whitened
 from .aim import aim, servo_joints
 from .causes import NullDirection
 
-_DRAWS = 16
+_DRAWS, _MOUNTS, _TYPICAL = 16, 64, 256  # of targets; of mounts too, whose lever decides more; for their mean
+GUESSED = {"mm": 50.0, "deg": float(np.radians(30.0))}  # std of where something is that is only guessed
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class OverTarget:
-    """The plan with its targets moved by random errors, by their stated sigma.
+    """The plan with its targets moved by random errors, by their stated sigma; with `mounts` also the
+    reflectors, mounts and tips on the flange, by theirs, or by `GUESSED` where nothing is stated.
 
     `worst_std` is the largest predicted std (deg; mm) of each offset over the `draws`; `hit` the share
     of the shots that the servo can still turn onto the target.
@@ -33,6 +36,7 @@ class OverTarget:
     draws: int
     hit: float
     worst_std: dict[str, float]
+    mounts: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,21 +86,51 @@ def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:
     return tuple(CurvePoint(shots, float(std)) for shots, std in enumerate(worst, start=2))
 
 
-def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | None:
-    """The plan for targets drawn with std `spread` (p,), mm; None where none is spread."""
+def over_target(problem: Problem, x: Matrix, spread: Matrix, *, mounts: bool = False) -> OverTarget | None:
+    """The plan for targets, and `mounts`, drawn with std `spread` (p,), internal units; None where none is
+    spread."""
     if not spread.any():
         return None
+    drawn = _drawn(problem, x, spread, _MOUNTS if mounts else _DRAWS)
+    largest = dict(zip(drawn.names, drawn.stds.max(axis=0).tolist(), strict=True))
+    return OverTarget(len(drawn.x), drawn.hit, largest, mounts)
+
+
+def typical(problem: Problem, x: Matrix, spread: Matrix) -> tuple[Problem, Matrix]:
+    """The shots and x (p,) with the mounts of one draw by `spread` (p,): that whose std of the offsets are
+    nearest to the root mean squares over all draws. Nothing moves where none is spread.
+
+    What a run will know of the offsets depends on where a reflector is. A plan that is chosen for the place
+    where it is guessed promises for that place alone.
+    """
+    if not spread.any():
+        return problem, x
+    drawn = _drawn(problem, x, spread, _TYPICAL)
+    mean = np.log((drawn.stds**2).mean(axis=0)) / 2
+    there = drawn.x[np.argmin(((np.log(drawn.stds) - mean) ** 2).sum(axis=1))]
+    return problem.at_predicted(there), there
+
+
+class _Drawn(NamedTuple):
+    """Drawn parameters `x` (D, p), the share of the shots that hit, and the `stds` (D, offsets) of the free
+    offsets by their `names`."""
+
+    x: Matrix
+    hit: float
+    names: list[str]
+    stds: Matrix
+
+
+def _drawn(problem: Problem, x: Matrix, spread: Matrix, draws: int) -> _Drawn:
     count = problem.shots
-    there = x + spread * np.random.default_rng(1).normal(size=(_DRAWS, len(x)))
-    every = problem.select(np.tile(np.arange(count), _DRAWS))
+    there = x + spread * np.random.default_rng(1).normal(size=(draws, len(x)))
+    every = problem.select(np.tile(np.arange(count), draws))
     aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(every))
-    hits = (k * count + np.flatnonzero(hit) for k, hit in enumerate(aimed.hit.reshape(_DRAWS, count)))
+    hits = (k * count + np.flatnonzero(hit) for k, hit in enumerate(aimed.hit.reshape(draws, count)))
     information = np.array(
         [_information(aimed.problem.select(hit), values) for hit, values in zip(hits, there, strict=True)]
     )
-    names, stds = _offset_stds(problem, information)
-    largest = stds.max(axis=0).tolist()
-    return OverTarget(_DRAWS, float(aimed.hit.mean()), dict(zip(names, largest, strict=True)))
+    return _Drawn(there, float(aimed.hit.mean()), *_offset_stds(problem, information))
 
 
 def _information(problem: Problem, x: Matrix) -> Matrix:

@@ -60,6 +60,7 @@ class Arm:
     first: datetime | None
     last: datetime | None
     verdict: Verdict | None
+    sha256: str | None = None  # of the run of the last result
 
 
 @dataclass(frozen=True)

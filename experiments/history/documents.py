@@ -9,10 +9,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, PlainSerializer
 
+from ...analysis.answer.message import Grade, May
 from ...analysis.drift.drift import Jump, Undecided
 from ...analysis.drift.instruments import Bias, ComparableInstruments
 from ...analysis.status import Verdict
 from ...model.files.json_document import JsonDocument, is_none
+from ...words.judgement import Judgement
 from .arm_drift import ArmDrift, DatedChange
 from .content import Event, StoredCovariance, StoredOffset, StoredResult, What
 from .fleet_drift import ArmWalks, FleetDrift, InstrumentJump, ModelWalk, Rate
@@ -48,16 +50,29 @@ class HistoryResult(JsonDocument):
     run: str = Field(description="name of the run file")
     shots: int = Field(description="number of measurements")
     verdict: Verdict = Field(description="of the result")
+    grade: Grade | None = Field(
+        default=None,
+        description="how the result is coloured (`message.grade`): a pass that nothing is to be entered by"
+        " is `weak`, one of a simulated run `held`",
+        exclude_if=is_none,
+    )
+    may: May | None = Field(
+        default=None,
+        description="`message.may` of the result: `enter`, `certify`, `export`",
+        exclude_if=is_none,
+    )
     zerobeam: str = Field(description="the version that made the result")
     document_sha256: str = Field(description="SHA-256 of the whole result.json")
     offsets: list[StoredOffset] = Field(description="rows as in the result; null what is not determined")
     without_prior: StoredCovariance | None = Field(description="as in the result")
 
     @classmethod
-    def of(cls, result: StoredResult) -> HistoryResult:
-        """The document of a result."""
+    def of(cls, result: StoredResult, judged: Judgement | None = None) -> HistoryResult:
+        """The document of a result, and what it is worth where that was read."""
         return cls.filled(
             result,
+            grade=None if judged is None else judged.grade,
+            may=None if judged is None else judged.may,
             instrument=result.instrument or None,
             operator=result.operator or None,
             zerobeam=result.made_by,

@@ -13,8 +13,10 @@ from typing import Any, Literal, get_args
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
+from ...analysis.answer.document import from_json
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
+from ...words.judgement import Judgement, read_judgement
 from .content import (
     DAMAGED,
     Arm,
@@ -190,6 +192,7 @@ def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
         result.c.serial,
         result.c.model,
         result.c.verdict,
+        result.c.sha256,
         sa.func.row_number()
         .over(
             partition_by=(result.c.serial, result.c.model),
@@ -209,7 +212,7 @@ def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
         .subquery()
     )
     query = (
-        sa.select(arm, counted.c.results, counted.c.first, counted.c.last, ranked.c.verdict)
+        sa.select(arm, counted.c.results, counted.c.first, counted.c.last, ranked.c.verdict, ranked.c.sha256)
         .outerjoin(counted, _same(arm, counted))
         .outerjoin(ranked, _same(arm, ranked) & (ranked.c.place == 1))
     )
@@ -229,12 +232,14 @@ def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
             checked_moment(row.first),
             checked_moment(row.last),
             checked_verdict(row.verdict),
+            checked_text(row.sha256),
         )
     except DAMAGED:
         stored = list(results(history, of[:2], damaged))
     if not stored:
         return Arm(*of, 0, None, None, None)
-    return Arm(*of, len(stored), stored[0].measured_at, stored[-1].measured_at, stored[-1].verdict)
+    first, last = stored[0], stored[-1]
+    return Arm(*of, len(stored), first.measured_at, last.measured_at, last.verdict, last.sha256)
 
 
 def _same(one: Any, other: Any) -> Any:
@@ -348,6 +353,15 @@ def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, s
             content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == run))
             if content is not None:
                 yield run, zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()
+
+
+def judgement_of(history: Database, sha256: str | None) -> Judgement | None:
+    """What the result of a run is worth, by its result.json; None where that is missing or damaged."""
+    try:
+        ((_, text),) = documents(history, [] if sha256 is None else [sha256])
+        return read_judgement(from_json(text))
+    except (*DAMAGED, zlib.error):
+        return None
 
 
 def choose(results: Sequence[StoredResult], run: str | None = None, date: str | None = None) -> StoredResult:

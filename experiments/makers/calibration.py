@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from ...analysis.answer.findings import on_the_model
 from ...analysis.covariance import Covariance
 from ...analysis.diagnostics.enter import EnteredOffset, offsets_to_enter
 from ...analysis.displacement import Displacement
@@ -30,6 +31,7 @@ from ...model.files.run import Run
 from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
+from ...words.judgement import against
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.provenance import is_simulated
@@ -379,7 +381,7 @@ def calibration(
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
             require_validated(solution, allow_displaced)
-        _require_one_basin(solution)
+        _require_nothing_against(solution)
         despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
@@ -500,9 +502,10 @@ def require_validated(solution: Solution, allow_displaced: bool = False) -> None
     )
 
 
-def _require_one_basin(solution: Solution) -> None:
-    """BadInput where several sets of offsets fit nearly as well."""
-    if solution.fit.other_basins:
+def _require_nothing_against(solution: Solution) -> None:
+    """BadInput where several sets of offsets fit nearly as well: the rule of `words/judgement.py`, as far as
+    a fit alone can say."""
+    if against(on_the_model(solution)) is not None:
         raise BadInput(
             "the measurements do not determine which of several sets of offsets is the true one",
             found=f"{solution.fit.other_basins} more that fit nearly as well",

@@ -37,7 +37,8 @@ _REASONS: dict[Condition, str] = {
     "itself": "make the arm hit itself",
     "cell": "make the arm hit the floor or a box",
     "beam": "have a box in the beam's way",
-    "sight": "have the arm or a box in the line of sight",
+    "sight": "have a box in the line of sight",
+    "arm": "have the arm itself in the way of the beam or the line of sight",
 }
 
 
@@ -150,7 +151,7 @@ def candidates(
     x = problem.nominal()
     if target is not None:
         x[problem.parameters.group("target")] = target
-    clearance = None if obstacles is None else Clearance(problem, obstacles)
+    clearance = Clearance(problem, obstacles)
     removed: Counter[str] = Counter()
     kept: list[Matrix] = []
     sample: Conditions | None = None  # on postures of the first draw that can be turned onto the target

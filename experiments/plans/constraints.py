@@ -22,7 +22,7 @@ from ...model.instruments.kind import Target
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
-from .obstacles import Clearance
+from .obstacles import Clearance, InTheWay
 
 # A plan file has its postures to 1e-6 deg: what was chosen at a bound is still within it when read again.
 _ROUNDED_RAD = 1e-6
@@ -95,7 +95,7 @@ class Conditions:
         problem: Problem,
         x: Matrix,
         view: View,
-        clearance: Clearance | None,
+        clearance: Clearance,
         entries: Mapping[str, StatedTarget],
     ) -> None:
         self._problem, self._view, self._clearance = problem, view, clearance
@@ -136,10 +136,12 @@ class Conditions:
                 )
             if view.facing is not None:
                 yield Broken("facing"), lambda rows: self.incidence[rows] > view.acceptance
-        if clearance is not None:
+        if clearance.cell_known:
             yield Broken("itself"), lambda rows: clearance.hits_itself(self.joints[rows])
             yield Broken("cell"), lambda rows: clearance.hits_cell(self.joints[rows])
-            yield Broken("beam" if beam else "sight"), self._blocked
+            yield Broken("beam" if beam else "sight"), self._behind_box
+        if self._ends:
+            yield Broken("arm"), lambda rows: self.in_the_way(rows).blocked
 
     @cached_property
     def _unfit(self) -> dict[str, Mask]:
@@ -156,18 +158,38 @@ class Conditions:
         """(m, n) True where a joint is outside its limits with the margin, as the pendant counts it too."""
         return np.asarray(beyond_limits(self._problem.robot, self.joints[rows], -self._margin))
 
-    def _blocked(self, rows: Index) -> Mask:
-        assert self._clearance is not None
-        tool, blocked = self._problem.tool, np.zeros(len(rows), dtype=bool)
-        for k, target in enumerate(self._targets):
-            there = np.flatnonzero(self._problem.target_index[rows] == k)
-            some = rows[there]
-            end = target.numbers if tool.beam else tool.in_sight(target)
-            if end is not None:
-                blocked[there] = self._clearance.beam_blocked(self._origin[some], end)
-                if not tool.beam:
-                    blocked[there] |= self._clearance.behind_arm(self.joints[some], self._origin[some], end)
+    @cached_property
+    def _ends(self) -> dict[int, Matrix]:
+        """(3,) where the lines end that must be free, by the index of the target that they are to."""
+        tool = self._problem.tool
+        ends = ((k, t.numbers if tool.beam else tool.in_sight(t)) for k, t in enumerate(self._targets))
+        return {k: end for k, end in ends if end is not None}
+
+    def _to(self, rows: Index) -> Iterator[tuple[Index, Matrix]]:
+        """Which of the rows (m,) have a line to each end, and the end."""
+        for k, end in self._ends.items():
+            yield np.flatnonzero(self._problem.target_index[rows] == k), end
+
+    def _behind_box(self, rows: Index) -> Mask:
+        blocked = np.zeros(len(rows), dtype=bool)
+        for there, end in self._to(rows):
+            blocked[there] = self._clearance.beam_blocked(self._origin[rows[there]], end)
         return blocked
+
+    def in_the_way(self, rows: Index) -> InTheWay:
+        """Which body of the arm is in the way of the beam or the line of sight of rows (m,)."""
+        count = len(rows)
+        result = InTheWay(
+            np.zeros(count, dtype=bool), np.full(count, np.inf), np.zeros(count), np.zeros(count, dtype=int)
+        )
+        for there, end in self._to(rows):
+            some = rows[there]
+            of_some = self._clearance.in_the_way(
+                self.joints[some], self._origin[some], end, beam=self._problem.tool.beam
+            )
+            for whole, part in zip(result, of_some, strict=True):
+                whole[there] = part
+        return result
 
 
 def check_plan(plan: Plan, turned: AimedPlan | None = None) -> Check:
@@ -180,19 +202,27 @@ def check_plan(plan: Plan, turned: AimedPlan | None = None) -> Check:
 
 
 def require_constraints(plan: Plan) -> None:
-    """BadInput for a plan that breaks its own constraints: no robot is to be moved by it."""
-    if not plan.constraints.model_fields_set:
-        return
+    """BadInput for a plan that breaks its own constraints, or has postures in which nothing can be measured
+    since the arm is in the way: no robot is to be moved by it."""
     broken = violations(aim_plan(plan))
-    if broken:
-        postures = list(dict.fromkeys(each.posture for each in broken))
-        keys = list(dict.fromkeys(each.constraint for each in broken))
-        raise BadInput(
-            "the plan breaks its own constraints, and no robot is moved by it",
-            found=f"posture {', '.join(map(str, postures))} ({', '.join(keys)})",
-            remedy="correct the postures or targets that zerobeam check names, or the plan's `constraints`",
-            file=plan.path,
-        )
+    if not plan.constraints.model_fields_set:
+        broken = tuple(each for each in broken if each.condition == "arm")
+    if not broken:
+        return
+    postures = list(dict.fromkeys(each.posture for each in broken))
+    keys = list(dict.fromkeys(each.constraint for each in broken))
+    remedy = "correct the postures or targets that zerobeam check names, or the plan's `constraints`"
+    if any(each.assumed for each in broken):
+        remedy += "; where the links are thinner than 5 % of the arm, state `bodies` in the robot file"
+    only_arm = all(each.condition == "arm" for each in broken)
+    raise BadInput(
+        "the arm is in the way of the beam or the line of sight, and no robot is moved by the plan"
+        if only_arm
+        else "the plan breaks its own constraints, and no robot is moved by it",
+        found=f"posture {', '.join(map(str, postures))} ({', '.join(keys)})",
+        remedy=remedy,
+        file=plan.path,
+    )
 
 
 def violations(turned: AimedPlan) -> tuple[Violation, ...]:
@@ -228,7 +258,7 @@ def _keeping(turned: AimedPlan) -> Allowed | None:
     view, obstacles = View.of(constraints).rounded(), constraints.obstacles
 
     def allowed(problem: Problem) -> Mask:
-        clearance = None if obstacles is None else Clearance(problem, obstacles)
+        clearance = Clearance(problem, obstacles)
         conditions = Conditions(problem, turned.x, view, clearance, plan.header.targets)
         kept = np.ones(problem.shots, dtype=bool)
         for _, breaks in conditions.in_order():
@@ -245,7 +275,7 @@ def _broken(turned: AimedPlan) -> Iterator[Violation]:
     view = View.of(constraints).rounded()
     obstacles, touched = constraints.obstacles, set[tuple[int, Condition]]()
     for part in _parts(turned):
-        clearance = None if obstacles is None else Clearance(part.problem, obstacles)
+        clearance = Clearance(part.problem, obstacles)
         conditions = Conditions(part.problem, part.problem.nominal(), view, clearance, plan.header.targets)
         every, hit = np.arange(part.problem.shots), np.flatnonzero(part.hit)
         in_front = hit[conditions.length[hit] > 0] if part.problem.tool.beam else hit
@@ -256,14 +286,14 @@ def _broken(turned: AimedPlan) -> Iterator[Violation]:
             if condition == "behind" and (not constraints.model_fields_set or view.beam is not None):
                 continue  # a finding of `check`; and a beam that is too short
             rows = {"beam_mm": hit, "unfit": hit, "behind": hit}
-            rows |= {"facing": in_front, "beam": in_front, "sight": in_front}
+            rows |= {"facing": in_front, "beam": in_front, "sight": in_front, "arm": in_front}
             chosen = rows.get(condition, every)
             for i in chosen[breaks(chosen)].tolist():
                 posture = int(part.postures[i])
                 if (posture, condition) in touched and condition in ("limits", *_TOUCHES):
                     continue  # the arm is the same for every instrument
                 touched.add((posture, condition))
-                yield from _violation(conditions, plan, broken, i, posture)
+                yield from _violation(conditions, plan, broken, i, posture, assumed=clearance.assumed)
     if obstacles is None:
         return
     clearance = Clearance(turned.aimed.problem, obstacles)
@@ -308,7 +338,7 @@ def _parts(turned: AimedPlan) -> Iterator[_PartOfPlan]:
 
 
 def _violation(
-    conditions: Conditions, plan: Plan, broken: Broken, i: int, posture: int
+    conditions: Conditions, plan: Plan, broken: Broken, i: int, posture: int, *, assumed: bool
 ) -> Iterator[Violation]:
     """Of row i of the conditions, which is that posture of the plan."""
     constraints, row, condition = plan.constraints, np.array([i]), broken.condition
@@ -328,5 +358,11 @@ def _violation(
             yield Violation(posture, "acceptance_deg", condition, at, 0.0, constraints.acceptance, "deg")
         case "unfit" | "behind":
             yield Violation(posture, "instrument", condition, why=broken.why)
+        case "arm":
+            way = conditions.in_the_way(row)
+            apart, radius, link = float(way.apart[0]), float(way.radius[0]), int(way.link[0])
+            yield Violation(
+                posture, "instrument", condition, apart, radius, unit="mm", joint=link, assumed=assumed
+            )
         case _:
             yield Violation(posture, "obstacles", condition)

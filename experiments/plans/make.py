@@ -122,6 +122,16 @@ class MadePlan:
                 f"The bound divides {count} measurements among {made.support} postures, which whole ones"
                 " cannot: the best choice may be no better than this."
             )
+        if not made.converged:
+            lines.append(
+                "The bound did not converge within its number of steps: it holds, and the plan may be better."
+            )
+        known = self.checked.worst
+        if fewest is not None and known is not None and known > fewest.tolerance:
+            lines.append(
+                f"The tolerance {numbers.exact(fewest.tolerance)} is reached with everything where it is"
+                f" guessed; at a typical place the largest standard uncertainty is {numbers.spread(known)}."
+            )
         never = no_plan_sentence(made.hopeless)
         untested = None if self.untested is None else lacking_test_sentence(self.untested)
         return [*lines, *power_sentences(made.power), *(each for each in (never, untested) if each)]
@@ -132,7 +142,8 @@ class MadePlan:
 
         made, fewest, checked = self.proposal, self.fewest, self.checked
         offsets = [] if checked is None else [row for row in checked.parameters if row.group == "offset"]
-        figures = ("criterion", "value", "bound", "efficiency", "support", "travel_s", "candidates")
+        of_bound = ("criterion", "value", "bound", "efficiency", "converged", "support")
+        figures = (*of_bound, "travel_s", "candidates")
         return {
             "schema": "zerobeam/proposal/1",
             "kind": self.kind,

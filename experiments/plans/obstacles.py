@@ -1,14 +1,17 @@
-"""Collisions of an arm with itself, the floor and boxes; the arm as capsules around its skeleton."""
+"""Collisions of an arm with itself, the floor and boxes, and lines that it blocks; the arm as capsules
+around its skeleton."""
 
 from __future__ import annotations
 
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from ruamel.yaml import YAML
 
-from ...model.arrays import Mask, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.files.plan_file import Box, Obstacles
 from ...model.files.whole_file import refuse_existing, schema_line, write_whole
 from ...model.kinematics.robot import Robot
@@ -17,7 +20,9 @@ from ...model.parsing.validation import read_model
 
 _SAME_POINT = 1e-6
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm
-_AROUND = 3.0  # radii of the arm about what it carries
+_BESIDE = 2.0  # radii of the arm about what it carries
+_MOUNT, _NEXT = 0.5, 0.9  # of an instrument's distance from what carries it, and from the body next to that
+_TRIED = 8  # postures in which what moves with the flange stays where it is
 _COLUMN = 3  # links that are the arm's own base: from the mounting face to the base frame, and on to joint 2
 
 
@@ -44,16 +49,32 @@ def write_obstacles(path: Path, obstacles: Obstacles, *, force: bool = False) ->
     write_whole(path, schema_line(path, "obstacles") + text.getvalue(), force=force)
 
 
-class Clearance:
-    """Judges postures of one arm among obstacles."""
+class InTheWay(NamedTuple):
+    """Of lines (N,): whether a body of the arm blocks them; how far they are from the axis of the body that
+    does, or would first, mm, how far they must be, and the number of the link that it is, 0 the base."""
 
-    def __init__(self, problem: Problem, obstacles: Obstacles) -> None:
+    blocked: Mask
+    apart: Matrix
+    radius: Matrix
+    link: Index
+
+
+class Clearance:
+    """Judges postures of one arm among `obstacles`; None: nothing is known of the cell. The arm's links have
+    the radius that the obstacles state, else that of the robot file, else (`assumed`) 5 % of the stretched
+    arm."""
+
+    def __init__(self, problem: Problem, obstacles: Obstacles | None) -> None:
+        self.cell_known = obstacles is not None
+        obstacles = obstacles or Obstacles(floor_mm=None)
         self._kernel = problem.functions.kernel("skeleton")
         self._tool = problem.functions.kernel("beam")
         self._problem, self._obstacles = problem, obstacles
         # The base's column ends where joint 2 begins; it is not part of the stretched arm.
         nominal = _lengths(self._standing(np.zeros((1, problem.robot.n))))[0]
-        self._radius = obstacles.thickness_mm or _DEFAULT_THICKNESS * float(nominal[_COLUMN:].sum())
+        radius = obstacles.thickness_mm or problem.robot.conventions.body_radius
+        self.assumed = radius is None
+        self._radius = radius or _DEFAULT_THICKNESS * float(nominal[_COLUMN:].sum())
         self._floor = floor_of(obstacles, problem.robot)
 
     def hits_itself(self, joints: Matrix) -> Mask:
@@ -130,21 +151,51 @@ class Clearance:
                 result |= meets_box(origins, ends, box, 0.0)
         return result
 
-    def behind_arm(self, joints: Matrix, origins: Matrix, end: Matrix) -> Mask:
-        """(N,) True where the arm is between a point that it carries (N, 3) and an `end` (3,) in the cell.
+    def in_the_way(self, joints: Matrix, origins: Matrix, end: Matrix, *, beam: bool) -> InTheWay:
+        """Which body of the arm is between a point that it carries (N, 3) and an `end` (3,) in the cell.
 
-        What is near the point is not judged: it sits on the arm.
+        The whole line is judged, from the point on. What is known of the bodies that begin with the point is
+        that it is outside of them. A body that moves with the flange is no question of the posture to a
+        `beam`, which moves with it too. To a line of sight it is, as is to both the body next to these, which
+        shares a joint with them: within two radii of the point such a body is taken to be no thicker than
+        `_MOUNT` and `_NEXT` of its distance from the point, so that a line that goes away from it is free.
+        Further on, and all other bodies everywhere, have their whole radius.
         """
         points = self._standing(joints)
-        way = end - origins
-        length = np.linalg.norm(way, axis=1)
-        share = np.minimum(_AROUND * self._radius / np.maximum(length, 1e-9), 1.0)
-        begin, ends = origins + share[:, None] * way, np.broadcast_to(end, origins.shape)
-        result = np.zeros(len(joints), dtype=bool)
+        ends = np.broadcast_to(end, origins.shape)
+        length = np.linalg.norm(ends - origins, axis=1)
+        share = np.minimum(_BESIDE * self._radius / np.maximum(length, _SAME_POINT), 1.0)
+        further = origins + share[:, None] * (ends - origins)
+        n, count = self._problem.robot.n, len(joints)
+        spare, apart, radius = np.full((3, count), np.inf)
+        link = np.zeros(count, dtype=np.int64)
         for i in _links(_lengths(points)):
-            apart = segment_distance(points[:, i], points[:, i + 1], begin, ends)
-            result |= apart < self._radius
-        return result
+            first, second = points[:, i], points[:, i + 1]
+            beside, carries = self._carried[i] or self._carried[i + 1], self._carried[i : i + 2].all()
+            if carries and beam:
+                continue
+            least = np.full(count, self._radius)
+            lines = [(further if beside else origins, least)]
+            if beside:
+                start = segment_distance(first, second, origins, origins)
+                lines.append((origins, np.minimum(least, (_MOUNT if carries else _NEXT) * start)))
+            for begin, allowed in lines:
+                distance = segment_distance(first, second, begin, ends)
+                nearer = distance - allowed < spare
+                spare = np.where(nearer, distance - allowed, spare)
+                apart, radius = np.where(nearer, distance, apart), np.where(nearer, allowed, radius)
+                link[nearer] = min(max(i - 1, 0), n)
+        return InTheWay(spare < 0, apart, radius, link)
+
+    @cached_property
+    def _carried(self) -> Mask:
+        """(n + 4,) which points of the skeleton stay where they are in the flange's frame, in any posture:
+        those behind the last joint, and those on its axis."""
+        joints = np.random.default_rng(0).uniform(-1.0, 1.0, (_TRIED, self._problem.robot.n))
+        poses = self._problem.poses(self._problem.parameters.prior_mean, joints)
+        offset = self._standing(joints) - poses[:, None, :3, 3]
+        local = np.einsum("kpi,kij->kpj", offset, poses[:, :3, :3])
+        return np.asarray(np.ptp(local, axis=0).max(axis=1) < _SAME_POINT * 1e3)
 
     def _points(self, joints: Matrix) -> Matrix:
         """(N, n + 3, 3): the skeleton and the TCP."""

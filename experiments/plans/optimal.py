@@ -37,6 +37,7 @@ class Proposal:
     `std` of each offset that is not held, by name, in degrees (mm), the prior included: one that is near its
     prior is not determined by the measurements; `travel_s` from the first posture to the last at full joint
     speed, None where the robot file states no speeds; `candidates` how many there were to choose from;
+    `converged` False where the steps for the bound were used up, so that it may be lower than it could be;
     `power` that of a run against wrong models, `unnoticed` those of them that no plan of these candidates
     notices, where they do harm."""
 
@@ -50,6 +51,7 @@ class Proposal:
     support: int
     travel_s: float | None
     candidates: int
+    converged: bool
     power: tuple[DetectionPower, ...]
     unnoticed: tuple[DetectionPower, ...]
 
@@ -269,6 +271,7 @@ class Planner:
             support=chosen.support,
             travel_s=travel if all(j.speed is not None for j in self._robot.joints) else None,
             candidates=len(self._postures),
+            converged=chosen.converged,
             power=powers(measurements, self._x, identify(measurements, self._x).facts.rank),
             unnoticed=self._unnoticed,
         )

@@ -15,6 +15,7 @@ from ...model.instruments.registry import names_of
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from .obstacles import Clearance
 
 Pattern = Literal["x", "y"]
 
@@ -66,7 +67,7 @@ def pattern(
 
     The line runs along the base's x axis (at y = 0) or y axis, as far before the base and over the target
     as `line` says, or else `_LINES`; `span` is its length as a share of the arm's reach, where `line` has
-    none. Raises BadInput where a posture cannot be reached.
+    none. Raises BadInput where a posture cannot be reached, or the arm blocks every beam from there.
     """
     if not header.instrument.beam:
         raise BadInput(
@@ -94,7 +95,8 @@ def pattern(
         if posture is None:
             raise BadInput(
                 f"the {which.upper()}-Pattern cannot be made: the arm cannot shoot from all of its line",
-                found=f"no posture has the laser at {_point(starts[i])} mm and sees {_point(target)} mm",
+                found=f"no posture has the laser at {_point(starts[i])} mm and sees {_point(target)} mm"
+                " past the arm itself",
                 remedy="put the target nearer to the middle of the workspace",
             )
         postures[i] = posture
@@ -113,6 +115,7 @@ class _BeamAt:
         self._target, self._along, self._roll = target, along, roll
         self._beam = problem.functions.kernel("beam")
         self._placed = problem.functions.kernel("placed")
+        self._clearance = Clearance(problem, None)
 
     def posture(self, start: Matrix, near: list[Matrix]) -> Matrix | None:
         robot = self._problem.robot
@@ -160,7 +163,8 @@ class _BeamAt:
             return None
         origin, direction = self._beam(solution.x, parts.arm, parts.tool)
         ahead = float(direction[0] @ (self._target - origin[0])) > 0
-        return solution.x[0] if ahead else None
+        in_the_way = self._clearance.in_the_way(solution.x, origin, self._target, beam=True)
+        return solution.x[0] if ahead and not in_the_way.blocked[0] else None
 
     def _across(self, start: Matrix) -> Matrix:
         """(3,) where the axis b1 of a flange points whose beam starts there, at the stated roll."""

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..kinematics.robot import J3, Conventions, JointKind, PendantUnit
 from ..parsing.reading import KeyPath, shown
-from ..parsing.validation import FileModel, Name, NumberPair, as_tuple, refusal
+from ..parsing.validation import FileModel, Name, NumberPair, Positive, as_tuple, refusal
 
 _Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
 _Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]
@@ -31,6 +31,15 @@ class StatedMounting(FileModel):
 
     below_base_mm: float = Field(
         description="how far the mounting face is below the origin of the base frame, millimetres"
+    )
+
+
+class StatedBodies(FileModel):
+    """How thick the arm is."""
+
+    radius_mm: Positive = Field(
+        description="radius of the arm's links about their axes, millimetres: what they touch and which beams"
+        " they block; default 5 % of the stretched arm's length"
     )
 
 
@@ -140,6 +149,7 @@ def conventions(
     pendant: StatedPendant,
     encoder: StatedEncoder | None,
     range3_deg: tuple[float, float] | None,
+    bodies: StatedBodies | None = None,
 ) -> Conventions:
     """The stated facts in internal units; `range3_deg` is joint 3's range as the pendant counts it."""
     lower, upper = np.radians(range3_deg or (0.0, 0.0)).tolist()
@@ -152,4 +162,5 @@ def conventions(
         unit=pendant.unit,
         pulses_per_deg=pendant.pulses_per_deg,
         encoder3=None if encoder is None else encoder.joint3,
+        body_radius=None if bodies is None else bodies.radius_mm,
     )

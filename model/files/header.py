@@ -44,7 +44,7 @@ from ..parsing.validation import (
     validate,
     without_length,
 )
-from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
+from .conventions import StatedBodies, StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .whole_file import schema_line, short_in_one_line, write_whole, yaml_text
 
 
@@ -226,6 +226,7 @@ class UrdfRef(FileModel):
     base: Name = Field(description="name of the link that is the base frame")
     tip: Name = Field(description="name of the link that is the flange frame")
     mounting: StatedMounting | None = Field(default=None, description="where the arm's mounting face is")
+    bodies: StatedBodies | None = Field(default=None, description="how thick the arm's links are")
     pendant: StatedPendant = Field(default=StatedPendant(), description="how the pendant counts the joints")
     encoder: StatedEncoder | None = Field(default=None, description="what the encoders measure")
     limits: UrdfLimits = Field(default=UrdfLimits(), description="limits that the URDF does not hold")

@@ -55,7 +55,8 @@ class Obstacles(FileModel):
     boxes: list[Box] = Field(default=[], description="boxes in the cell")
     thickness_mm: Positive | None = Field(
         default=None,
-        description="radius of the arm's links, millimetres; default 5 % of the stretched arm's length",
+        description="radius of the arm's links, millimetres; default that of the robot file, else 5 % of the"
+        " stretched arm's length",
     )
 
 

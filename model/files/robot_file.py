@@ -22,6 +22,7 @@ from ..parsing.reading import did_you_mean, read_yaml, real_path, require_schema
 from ..parsing.validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
 from .conventions import (
     FileLimits,
+    StatedBodies,
     StatedEncoder,
     StatedMounting,
     StatedPendant,
@@ -175,6 +176,7 @@ class RobotFile(FileModel):
         default=StatedTransform(), description="from the frame of the last row to the flange frame"
     )
     mounting: StatedMounting | None = Field(default=None, description="where the arm's mounting face is")
+    bodies: StatedBodies | None = Field(default=None, description="how thick the arm's links are")
     pendant: StatedPendant = Field(default=StatedPendant(), description="how the pendant counts the joints")
     encoder: StatedEncoder | None = Field(default=None, description="what the encoders measure")
     limits: FileLimits = Field(default=FileLimits(), description="limits besides those of the rows")
@@ -230,7 +232,7 @@ class RobotFile(FileModel):
             range3 = third.lower_deg, third.upper_deg
             lower, upper = np.radians(self._range3).tolist()
             joints[2] = replace(joints[2], lower=lower, upper=upper)
-        facts = conventions(self.mounting, self.pendant, self.encoder, range3)
+        facts = conventions(self.mounting, self.pendant, self.encoder, range3, self.bodies)
         return Robot(self.name, tuple(joints), last @ self.flange.matrix(), self.vendor, facts)
 
 
@@ -312,7 +314,8 @@ def _urdf_robot(ref: UrdfRef, path: Path) -> Robot:
         require_fitting(ref.pendant, ref.encoder, [joint.kind for joint in robot.joints])
     except PydanticCustomError as error:
         raise bad_input(error, path) from None
-    facts = conventions(ref.mounting, ref.pendant, ref.encoder, ref.limits.joint3_pendant_deg)
+    limits = ref.limits.joint3_pendant_deg
+    facts = conventions(ref.mounting, ref.pendant, ref.encoder, limits, ref.bodies)
     return replace(robot, conventions=facts)
 
 

@@ -71,6 +71,8 @@ class Conventions:
         Of the pendant's values; the pulses are for a degree (mm) of each joint, joint 1 first.
     encoder3
         What the encoder of joint 3 measures.
+    body_radius
+        Of the links about their axes, mm.
     """
 
     below_base: float | None = None
@@ -81,6 +83,7 @@ class Conventions:
     unit: PendantUnit = "deg"
     pulses_per_deg: tuple[float, ...] | None = None
     encoder3: J3 | None = None
+    body_radius: float | None = None
 
 
 NOTHING_STATED = Conventions()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
+from ...analysis.answer.document import from_json
 from ...analysis.status import known, versions
 from ...experiments.history.content import StoredResult
 from ...experiments.history.database import Database
@@ -23,6 +24,7 @@ from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from ...model.instruments.registry import kinds_of
+from ...words.judgement import Judgement, read_judgement
 from ...words.provenance import (
     CERTIFICATE_KEYS,
     DATE,
@@ -70,10 +72,12 @@ def certificate_json(
     """The certificate of a result for the key of this fingerprint; `answer` is the whole result,
     `verification` what `read_verification` gives.
 
-    BadInput for a misfit, for a fit that did not converge, and where no offset is determined. What the data
+    BadInput for a misfit, for a fit that did not converge, where no offset is determined, and where something
+    else speaks against the result. What the data
     do not determine has no number.
     """
-    _require_certifiable(result, answer)
+    judged = read_judgement(from_json(json.dumps(answer)))
+    _require_certifiable(result, answer, judged)
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
     row = HistoryResult.of(result).to_json()
     del row["without_prior"]
@@ -85,6 +89,7 @@ def certificate_json(
         "form": _form(header),
         "vendor": answer["inputs"].get("vendor"),
         "simulated": by_plain_key(header.get("provenance") or {}).get("origin") == SIMULATED,
+        "grade": judged.grade,
         "headline": answer["headline"],
         "coverage": {"k": k, "probability": 0.95},
         "offsets": [_offset(row, answer["geometry"], k) for row in offsets],
@@ -113,7 +118,7 @@ def certificate_json(
     }
 
 
-def _require_certifiable(result: StoredResult, answer: Json) -> None:
+def _require_certifiable(result: StoredResult, answer: Json, judged: Judgement) -> None:
     of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
     if result.verdict == "misfit":
         raise BadInput(
@@ -129,6 +134,14 @@ def _require_certifiable(result: StoredResult, answer: Json) -> None:
             f"there is nothing to certify: {why}",
             found=of,
             remedy="measure more postures (zerobeam check says which), or name another result by --run",
+        )
+    if not judged.may.certify:
+        raise BadInput(
+            "this result is not certified: something speaks against it",
+            found=f"{of}: {answer['message']['verdict']}" if answer.get("message") else of,
+            allowed="a result that nothing speaks against",
+            remedy=(answer.get("message") or {}).get("action", {}).get("text")
+            or "find the cause (zerobeam report), or name another result by --run",
         )
 
 

@@ -59,9 +59,7 @@ def certificate_page(certificate: Mapping[str, Any]) -> Page:
     return Page(
         "Certificate of calibration",
         f"No. {clipped(certificate['identification'], 40)}, {item}",
-        Verdict(
-            certificate["verdict"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])
-        ),
+        Verdict(certificate["grade"], VERDICT_WORDS[certificate["verdict"]], _named(certificate["headline"])),
         list(_notes(certificate)),
         [
             section_of("Identification", Form(list(_identified(certificate)), ("Signature",))),

@@ -9,6 +9,7 @@ from ...experiments.history.content import Arm, Event, StoredResult
 from ...experiments.history.documents import HISTORY_SCHEMA, HistoryEvent, HistoryResult, utc
 from ...model.files.json_document import JsonDocument
 from ...words import numbers
+from ...words.judgement import Judgement, verdict_words
 from ...words.result_json import one_line
 from ...words.wording import clipped, counted, label, shown
 from ..style.blocks import Cell, Table, row_of, table_of
@@ -23,8 +24,8 @@ def day(when: datetime | None) -> str:
     return when.strftime("%Y-%m-%d" if (when.hour, when.minute) == (0, 0) else "%Y-%m-%d %H:%M")
 
 
-def arms_table(arms: Sequence[Arm]) -> Table:
-    """Every arm with its last result."""
+def arms_table(arms: Sequence[Arm], judged: Sequence[Judgement | None]) -> Table:
+    """Every arm with its last result, and what that is worth."""
     heads = ("arm", "model", "results", "last", "verdict")
     columns = [(head, "right" if head == "results" else "left") for head in heads]
     rows = [
@@ -33,26 +34,26 @@ def arms_table(arms: Sequence[Arm]) -> Table:
             clipped(arm.model, 24),
             str(arm.results),
             day(arm.last),
-            _verdict(arm.verdict),
-            tone="" if arm.verdict in ("pass", None) else "weak",
+            _NONE if arm.verdict is None else verdict_words(arm.verdict, worth),
+            tone="" if arm.verdict is None else _tone(worth),
         )
-        for arm in arms
+        for arm, worth in zip(arms, judged, strict=True)
     ]
     return table_of(f"{counted(len(arms), 'arm')}, by serial number", columns, rows)
 
 
-def results_table(results: Sequence[StoredResult]) -> Table:
-    """The results of an arm in the order of time: an offset a column."""
+def results_table(results: Sequence[StoredResult], judged: Sequence[Judgement | None]) -> Table:
+    """The results of an arm in the order of time, and what each is worth: an offset a column."""
     names = offset_names(results)
     columns = [("date", "left"), ("verdict", "left"), *((label(name), "right") for name in names)]
     rows = [
         row_of(
             day(result.measured_at),
-            _verdict(result.verdict),
+            verdict_words(result.verdict, worth),
             *(_offset(result, name) for name in names),
-            tone="" if result.verdict == "pass" else "weak",
+            tone=_tone(worth),
         )
-        for result in results
+        for result, worth in zip(results, judged, strict=True)
     ]
     return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows)
 
@@ -70,10 +71,12 @@ def events_table(events: Sequence[Event]) -> Table | None:
     return table_of("Events", columns, rows) if rows else None
 
 
-def history_text(results: Iterable[StoredResult], events: Iterable[Event] | None = None) -> Iterator[str]:
-    """Results, and events where they are given, as JSON in pieces: a line each."""
+def history_text(
+    results: Iterable[tuple[StoredResult, Judgement | None]], events: Iterable[Event] | None = None
+) -> Iterator[str]:
+    """Results with what they are worth, and events where they are given, as JSON in pieces: a line each."""
     yield f'{{\n "schema": "{HISTORY_SCHEMA}",\n "results": '
-    yield from _listed(map(HistoryResult.of, results))
+    yield from _listed(HistoryResult.of(result, worth) for result, worth in results)
     if events is not None:
         yield ',\n "events": '
         yield from _listed(map(HistoryEvent.of, events))
@@ -112,8 +115,9 @@ def offset_rows(results: Iterable[StoredResult]) -> Iterator[dict[str, object]]:
             }
 
 
-def _verdict(verdict: str | None) -> str:
-    return _NONE if verdict is None else verdict
+def _tone(judged: Judgement | None) -> str:
+    """Of a row: plain where the robot passed, and where no robot was measured."""
+    return "" if judged is not None and judged.grade in ("pass", "held") else "weak"
 
 
 def _offset(result: StoredResult, name: str) -> str | Cell:

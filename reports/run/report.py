@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...words.message import message, tone
+from ...words.message import judged, message
 from ...words.result_json import dumps, to_json
 from ...words.wording import clipped, counted
 from ..output import whole_folder
@@ -68,7 +68,7 @@ def report_page(result: Result) -> Page:
     return Page(
         f"Joint offsets of {clipped(inputs.robot)}",
         f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
-        Verdict(tone(result), "", ""),
+        Verdict(judged(result).grade, "", ""),
         [],
         [section for section in sections if section is not None],
         head_facts(result),

@@ -15,7 +15,7 @@ from ...words.acceptance import (
     narrow_sentence,
     noticed_sentence,
 )
-from ...words.controllers import taken_by
+from ...words.controllers import no_offsets_words, taken_by
 from ...words.wording import counted, listed
 from ..style.console import rich_table
 from ..verification.verification_page import noticed_table
@@ -32,10 +32,9 @@ _STEPS = (
 
 
 _NOTHING_ENTERED = (
-    "Caution: no published way is known by which this controller takes offsets. This plan and zerobeam verify"
-    " are for a robot into which the values were entered; with corrected programs or a corrected model the"
-    " arm moves otherwise. To test the calibration there, measure a second run with the same header: zerobeam"
-    " analyse RUN --hold-out NEW.jsonl."
+    "This plan and zerobeam verify are for a robot into which the values were entered; with corrected"
+    " programs or a corrected model the arm moves otherwise. To test the calibration there, measure a second"
+    " run with the same header: zerobeam analyse RUN --hold-out NEW.jsonl."
 )
 
 
@@ -47,7 +46,8 @@ def print_verification(console: Console, plan: VerificationPlan, vendor: str | N
     console.print(Text(noticed_sentence(plan.offsets)))
     if plan.narrow:
         console.print(Text(narrow_sentence()))
-    console.print(Text(_STEPS if taken_by(vendor) == "offsets" else _NOTHING_ENTERED))
+    caution = f"Caution: {no_offsets_words(vendor)}. {_NOTHING_ENTERED}"
+    console.print(Text(_STEPS if taken_by(vendor) == "offsets" else caution))
 
 
 def print_acceptance(console: Console, verified: Verified) -> None:

@@ -13,7 +13,7 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry import worth_sentence
-from ...words.message import message, tone
+from ...words.message import message
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
 from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
@@ -46,7 +46,7 @@ _MOST_ROWS = 40
 def print_result(console: Console, result: Result) -> None:
     """The answer of `analyse`: the message, then parameters, what cannot be determined, fit, second
     opinions. What follows from a wrong model is not shown."""
-    print_message(console, tone(result), message(result))
+    print_message(console, message(result))
     wrong = result.misfit is not None
     if (could_be := diagnosis_section(result)) is not None:
         _print_section(console, could_be)
@@ -103,7 +103,7 @@ def print_proposal(console: Console, made: MadePlan) -> None:
 
 def print_carried(console: Console, answer: Ended) -> None:
     """The end of `run`: message, notes, offsets, what was measured and how long it took, what to do next."""
-    print_message(console, "held" if answer.verifies else answer.verdict, answer.message)
+    print_message(console, answer.message)
     print_notes(console, map(sentence, answer.notes))
     if answer.parameters and not answer.verifies:
         caption = offsets_caption(row.status for row in answer.parameters)

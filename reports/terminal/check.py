@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -22,9 +21,6 @@ from ...words.wording import ended, label, person, sentence
 from ..run.parameters import worth_column
 from ..run.unobservable import direction_words
 from ..style.console import VERDICT_STYLE, marked, note
-
-if TYPE_CHECKING:
-    from ...words.message import Tone
 
 
 def print_check(console: Console, check: Check) -> None:
@@ -73,9 +69,9 @@ def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None
     )
 
 
-def print_message(console: Console, tone: Tone, message: Message) -> None:
-    """The message of an answer: what is read first."""
-    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[tone]))
+def print_message(console: Console, message: Message) -> None:
+    """The message of an answer: what is read first. One without a grade is grey."""
+    console.print(Text(sentence(message.verdict), style=VERDICT_STYLE[message.grade or "held"]))
     for text in (message.cause, None if message.worst is None else message.worst.text):
         if text is not None:
             console.print(Text(sentence(text)))

@@ -16,6 +16,8 @@ from starlette.testclient import TestClient
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.robot_file import built_in_robots, load_robot
 
+BLOCKED = Path(__file__).parents[1] / "support" / "beam_through_arm.yaml"
+
 
 def test_the_robots_are_those_that_are_built_in(client: TestClient) -> None:
     found = client.get("/api/robots").json()
@@ -312,3 +314,20 @@ def test_constraints_are_judged_on_each_edit_and_kept(
     content["constraints"] = {"beam_mm": [300, 200]}
     refused = client.post("/api/check", json={"plan": content})
     assert refused.json()["error"]["key"] == ["plan", "constraints", "beam_mm"]
+
+
+def test_a_beam_that_the_arm_blocks_is_answered_with_the_link(client: TestClient) -> None:
+    """Also where a box stands elsewhere: it is not the box that is touched."""
+    content = YAML(typ="safe").load(BLOCKED.read_text(encoding="utf-8"))
+    far = {"boxes": [{"name": "far", "min_mm": [5000, 0, 0], "max_mm": [5100, 100, 100]}]}
+    asked = {"plan": content, "scene": True, "obstacles": far}
+    checked = client.post("/api/check", json=asked).json()
+    assert checked["verdict"] == "violated"
+    broken = {i: place["violations"] for i, place in enumerate(checked["scene"]) if place["violations"]}
+    assert [*broken] == [3, 10, 18]
+    assert all("of the arm is in the way" in words[0] for words in broken.values())
+    assert checked["touched_boxes"] == [False]
+    kept = checked["action"]["does"]["postures_deg"]
+    assert len(kept) == 16
+    content["postures_deg"] = kept
+    assert client.post("/api/check", json={"plan": content}).json()["verdict"] == "pass"

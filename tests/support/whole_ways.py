@@ -15,14 +15,15 @@ from typing import NamedTuple
 
 import doosan_controller
 import fanuc_interpreter
+import numpy as np
 import yaskawa_controller
+from fanuc_backups import LR_MATE, write_backup
 from program_arm import PendantArm
 from rapid_interpreter import RapidController
 
 from zerobeam.model.files.plan import read_plan
 
 OFFSETS = {"delta2": 0.42, "delta3": -0.31, "delta4": 0.55, "delta5": -0.18, "delta6": 0.3}
-_ENCSCALES = (8192.0, -7281.8, -7281.8, 5461.3, 5461.3, -4096.0)  # as the page of the LR Mate states them
 _GEARS = (-100.0, -120.0, 100.0, -50.0, -50.0, 50.0)  # as the page of the IRB 1600 states them
 
 
@@ -38,12 +39,17 @@ class Controller(NamedTuple):
 def _fanuc(program: Path, arm: PendantArm) -> None:
     saved = fanuc_interpreter.carried_out(program.read_text(encoding="utf-8"), arm)
     program.with_name("posreg.va").write_text(saved, encoding="utf-8")
+    write_backup(program.with_name("backup"), LR_MATE)
 
 
 def _master_counts(text: str) -> dict[int, float]:
-    """Reading = (pulses - count) / pulses for a degree."""
-    rows = re.findall(r"^J(\d) +\S+ +(-?\d+) +\(now (-?\d+)\)$", text, re.MULTILINE)
-    return {int(joint): (int(now) - int(new)) / _ENCSCALES[int(joint) - 1] for joint, new, now in rows}
+    """By how much the angles between links change that the controller reckons with."""
+    new, here = list(LR_MATE.master), LR_MATE.pulses(np.zeros(6), LR_MATE.master)
+    for joint, count, now in re.findall(r"^J(\d) +\S+ +(-?\d+) +\(now (-?\d+)\)$", text, re.MULTILINE):
+        assert int(now) == new[int(joint) - 1]
+        new[int(joint) - 1] = int(count)
+    changes = enumerate(LR_MATE.angles(here, new).tolist(), start=1)
+    return {joint: change for joint, change in changes if abs(change) > 1e-4}  # the rest is rounding
 
 
 def _home_positions(text: str) -> dict[int, float]:

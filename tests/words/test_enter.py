@@ -63,7 +63,7 @@ def test_a_controller_that_takes_no_offsets_is_offered_what_it_takes(vendor: str
     measured = {**result.inputs.header, "provenance": {}}
     result = replace(result, inputs=replace(result.inputs, vendor=vendor, header=measured))
     words = message(result)
-    assert words.action.text.startswith("Enter nothing: no published way is known by which this controller")
+    assert words.action.text.startswith("Enter nothing: how this controller takes offsets is not worked out")
     assert ("zerobeam export program" in words.action.text) == programs
     assert "corrected robot model" in words.action.text
     assert " -o corrected.yaml" in (words.action.command or "")

@@ -32,7 +32,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result
 from zerobeam.words import numbers
-from zerobeam.words.message import _Case, _case, _message, _plan, message, message_so_far, tone
+from zerobeam.words.message import _Case, _case, _message, _plan, judged, message, message_so_far
 from zerobeam.words.next_steps import next_steps
 from zerobeam.words.result_json import to_json
 from zerobeam.words.wording import person
@@ -92,7 +92,7 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
         " arm and the tool are within their tolerances."
     )
     assert "measured again at the end of a run" in said.cautions[0]
-    assert tone(result) == "pass"
+    assert judged(result).grade == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None
     assert (said.worst.name, said.worst.value) == (worst.name, 2 * (worst.std or 0.0))
@@ -104,7 +104,7 @@ def test_a_pass_of_no_robot_has_nothing_to_enter() -> None:
     result = analysed("good").result
     said = message(result)
     assert said.verdict.startswith("Simulated: pass. J2 (δ2)")
-    assert tone(result) == "held"
+    assert judged(result).grade == "held"
     assert said.action.text.startswith("Enter nothing: no robot was measured")
     assert (said.action.command or "").startswith("zerobeam plan optimal --header good.jsonl --target=")
 
@@ -115,7 +115,7 @@ def test_whether_the_robot_meets_what_it_must_is_said_with_the_verdict(tcp_mm, m
     result = zb.analyse(measured(required={"tcp_mm": tcp_mm}), ess=100).result
     said = message(result)
     assert said.verdict.startswith(f"Pass; the required {tcp_mm:g}\u00a0mm at the TCP {met}. J2 (δ2)")
-    assert tone(result) == colour
+    assert judged(result).grade == colour
     assert ("do not release" in said.action.text) == (met == "is not met")
     assert result.entered is not None
     assert result.entered.tcp_after is not None

@@ -74,7 +74,7 @@ export function Home() {
         ${rows.slice(0, all.value ? rows.length : MOST).map((one) => html`
           <li key=${one.name}><a href=${next(one)}>
             <span class="name"><b>${one.name === "." ? "This folder" : one.name}</b><small>${[one.model ?? one.robot, one.serial && !one.serial.startsWith("none") && `No. ${one.serial}`, one.instrument].filter(Boolean).join(" · ")}</small></span>
-            <span class=${`state ${one.state.verdict ?? one.state.kind}`}><span>${one.state.text}</span>${one.simulated && html`<small class="simulated">SIMULATED</small>`}</span>
+            <span class=${`state ${one.state.kind}`}><span>${one.state.text}</span>${one.simulated && html`<small class="simulated">SIMULATED</small>`}</span>
             <span class=${`due${one.due?.overdue ? " overdue" : ""}`}>${one.due?.text ?? ""}</span>
             <time datetime=${one.modified}>${one.modified.slice(0, 16).replace("T", " ")}</time>
           </a></li>`)}

@@ -6,7 +6,7 @@ import { attempt } from "../core/store.js";
 import { JobProgress } from "./JobProgress.js";
 
 /**
- * @typedef {{verdict: string, worst: {text: string} | null, cause: string | null, action: {text: string, command: string | null}, cautions: string[], basis?: string[]}} MessageFacts
+ * @typedef {{verdict: string, grade?: string | null, worst: {text: string} | null, cause: string | null, action: {text: string, command: string | null}, cautions: string[], basis?: string[]}} MessageFacts
  * @typedef {import("../core/actions.js").ActionFacts} ActionFacts
  */
 
@@ -21,7 +21,7 @@ export function Message({ verdict, message, action = null, simulated = false, pe
     if (action?.does) await doAction(action.does, (begun) => { job.value = begun; });
   });
   return html`
-    <section class=${`message verdict ${verdict}${pending ? " pending" : ""}`} aria-label="Verdict" aria-busy=${pending}>
+    <section class=${`message verdict ${message.grade ?? verdict}${pending ? " pending" : ""}`} aria-label="Verdict" aria-busy=${pending}>
       <div role="status">
         <p class="word">${message.verdict}${simulated && html` <strong class="simulated">SIMULATED</strong>`}</p>
         ${cause && html`<p>${cause}</p>`}

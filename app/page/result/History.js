@@ -5,7 +5,7 @@ import { pageOf } from "../core/api.js";
 import { begin, over, well } from "../core/jobs.js";
 import { attempt, refresh } from "../core/store.js";
 import { toJob } from "../core/route.js";
-import { counted, marked, named, WORDS } from "../core/words.js";
+import { counted, marked, named } from "../core/words.js";
 import { typed } from "../core/decimal.js";
 import { JobProgress } from "../parts/JobProgress.js";
 import { NumberField } from "../parts/NumberField.js";
@@ -53,7 +53,7 @@ export function History({ serial, run }) {
         const result = one.results[0], error = one.error ?? result?.error;
         return html`
           <tr key=${one.file}><th scope="row"><a href=${toJob(folderOf(one.file), "result", result && !result.error ? result.file : one.file)}>${one.file}</a></th><td>${one.when ?? ""}</td>
-            <td class=${error ? "misfit" : result?.verdict ?? "muted"}>${error ?? (result?.verdict ? WORDS[result.verdict] : "no report")}</td><td>${result ? offsets(result) : ""}</td></tr>`;
+            <td class=${error ? "misfit" : result?.grade ?? "muted"}>${error ?? result?.words ?? "no report"}</td><td>${result ? offsets(result) : ""}</td></tr>`;
       })}</tbody></table></div>
     <div class="trends">${[...points].filter(([, own]) => own.length > 1).map(([name, own]) => html`<${Trend} key=${name} name=${name} points=${own} />`)}</div>
     <${Drift} serial=${serial} />`;

@@ -24,7 +24,7 @@
 /** @typedef {{draws: number, chosen: number, shots: {shot: number, all: number, chosen: number}[], reason: string | null}} Brushed */
 /** @typedef {Record<string, [number, number]>} Ranges of parameters, by name */
 /** @typedef {{name: string, unit: string, status: string, estimate: number | null, std: number | null}} BriefOffset */
-/** @typedef {{file: string, verdict?: string, offsets?: BriefOffset[], error?: string}} BriefResult */
+/** @typedef {{file: string, verdict?: string, grade?: string, words?: string, offsets?: BriefOffset[], error?: string}} BriefResult */
 /** @typedef {{file: string, robot?: string, serial?: string, when?: string, who?: string, instrument?: string, origin?: string, error?: string, results: BriefResult[]}} BriefRun */
 /** @typedef {{runs: BriefRun[], results: BriefResult[], left_out: number}} History */
 

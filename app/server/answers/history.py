@@ -8,11 +8,13 @@ from pathlib import Path
 from pydantic import Field
 
 from ....analysis.answer.document import ReadResult
+from ....analysis.answer.message import Grade
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
 from ....model.files.json_document import JsonDocument, is_none
 from ....reports.run.inputs import origin_of
+from ....words.brief import result_tone, result_words
 from ....words.wording import clipped
 from ..folder import Folder
 from ..kept import Kept
@@ -42,6 +44,8 @@ class BriefResult(JsonDocument):
 
     file: str
     verdict: Verdict | None = Field(default=None, exclude_if=is_none)
+    grade: Grade | None = Field(default=None, description="how it is coloured", exclude_if=is_none)
+    words: str | None = Field(default=None, description="verdict and worth in words", exclude_if=is_none)
     offsets: list[BriefOffset] | None = Field(default=None, exclude_if=is_none)
     error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
 
@@ -114,7 +118,14 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
     except OSError:
         return None, BriefResult(file=name, error="the file cannot be read")
     offsets = [BriefOffset.filled(row) for row in result.parameters if row.group == "offset" and not row.held]
-    return result.inputs.sha256, BriefResult(file=name, verdict=result.verdict, offsets=offsets)
+    brief = BriefResult(
+        file=name,
+        verdict=result.verdict,
+        grade=result_tone(result),
+        words=result_words(result),
+        offsets=offsets,
+    )
+    return result.inputs.sha256, brief
 
 
 def _listed(path: Path) -> ReadResult:

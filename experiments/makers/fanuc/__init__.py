@@ -35,20 +35,30 @@ def _sheet(
     ] = None,
     master_counts: Annotated[str | None, Option("Present master counts: C1,C2,…")] = None,
     pulses_per_degree: Annotated[
-        str | None, Option("$ENCSCALES of each joint: P1,P2,…, negative if they fall.")
+        str | None,
+        Option("$PARAM_GROUP[1].$ENCSCALES of each joint: P1,P2,…, with --mosign, or negative if they fall."),
+    ] = None,
+    mosign: Annotated[
+        str | None, Option("$PARAM_GROUP[1].$MOSIGN of each joint: TRUE,FALSE,…: FALSE if pulses fall.")
+    ] = None,
+    backup: Annotated[
+        Path | None,
+        Option("Folder of a fresh backup, or its SYSMAST.VA: counts, pulses, signs and coupling are read."),
     ] = None,
 ) -> str:
     """FANUC: a sheet for a person, the new master counts. Nothing is applied."""
     from .mastering import FanucCounts, fanuc_text
 
-    counts = FanucCounts.of_options(master_counts, pulses_per_degree, run.robot.n)
+    counts = FanucCounts.of_options(master_counts, pulses_per_degree, run.robot.n, mosign, backup)
     return fanuc_text(run.robot, calibration, counts, j3)
 
 
 def _without_counts(options: Mapping[str, Any]) -> str | None:
-    if options["master_counts"] is not None:
+    if options["master_counts"] is not None or options["backup"] is not None:
         return None
-    return "without new counts: state both, the master counts and the pulses per degree, for them"
+    return (
+        "without new counts: state --backup FOLDER, or master counts, pulses per degree and signs, for them"
+    )
 
 
 def _tp_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Path, str]:

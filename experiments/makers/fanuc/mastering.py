@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
 
 from ....model.errors import BadInput
 from ....model.kinematics.pendant import encoder3_of, pendant_of
@@ -11,27 +14,46 @@ from ....model.kinematics.robot import J3, Robot
 from ..calibration import RobotCalibration
 from ..maker import numbers_of, require_vendor
 from ..sheets import sheet_text
+from .backup import FEWEST_PULSES, MOST_PULSES, FanucBackup, read_fanuc_backup
 
 _RELIED_ON: Mapping[J3, list[str]] = {
     "link": [
         "Relied on (the robot file: encoder): the encoder of J3 measures the angle between links 2 and 3. So",
-        "the count of J3 changes by the offset of joint 3 alone, whatever the pendant counts J3 from. This",
-        "follows from the place of the motor, at the elbow; it is not from a document of FANUC. Check it:",
-        "jog J2 alone (JOINT) by 10 deg. The pulses of J3 change by 10 deg where it is so; where they stay",
-        "as they are, the encoder measures from the ground: stop, and state encoder: {joint3: ground}.",
+        "the count of J3 changes by the offset of joint 3 alone, whatever the pendant counts J3 from. Check",
+        "it: $MRR_GRP[1].$AXS_COUPLE[3] is -2. Where it is 0, the encoder measures from the ground: stop,",
+        "and state encoder: {joint3: ground}.",
     ],
     "ground": [
         "Relied on (the robot file: encoder): the encoder of J3 measures the direction of link 3, whatever",
+        "J2 does (a parallelogram). Its count changes by the offset of joint 3 less that of joint 2. Check",
+        "it: $MRR_GRP[1].$AXS_COUPLE[3] is 0. Where it is -2, stop, and state encoder: {joint3: link}.",
+    ],
+}
+_OF_BACKUP: Mapping[J3, list[str]] = {
+    "link": [
+        "Its $MRR_GRP[1].$AXS_COUPLE[3] is -2: the encoder of J3 measures the angle between links 2 and 3.",
+        "So the count of J3 changes by the offset of joint 3 alone, whatever the pendant counts J3 from.",
+    ],
+    "ground": [
+        "Its $MRR_GRP[1].$AXS_COUPLE[3] is 0: the encoder of J3 measures the direction of link 3, whatever",
         "J2 does (a parallelogram). Its count changes by the offset of joint 3 less that of joint 2.",
     ],
 }
+_UNCOUPLED = [
+    "The motors of the wrist drive the joints behind them too: J4 moves J5 by 0.009 to 0.011 of its angle.",
+    "These counts leave that out, since it is in a backup alone (--backup).",
+]
+_COUPLED = [
+    "The motors of the wrist drive the joints behind them too ($MRR_GRP[1].$INTERACTION): the counts of J5",
+    "and J6 make up for the new zeros of the joints before them.",
+]
 _ON_THE_PENDANT = [
     "The pendant counts J3 from the ground: at the same place it will read more by the offset of joint 3",
     "less that of joint 2, since the new zero of J2 is in it.",
 ]
 _WITHOUT_COUNTS = [
-    "This sheet states no counts: zerobeam export fanuc computes the new ones where --master-counts and",
-    "--pulses-per-degree state the present ones and the pulses.",
+    "This sheet states no counts: zerobeam export fanuc --backup FOLDER computes the new ones by SYSMAST.VA",
+    "and SYMOTN.VA of a backup; or state --master-counts, --pulses-per-degree and --mosign.",
 ]
 _SAFETY = [
     "DCS (Dual Check Safety) holds a copy of the mastering: after the change it reports a difference and",
@@ -41,7 +63,6 @@ _SAFETY = [
 ]
 
 
-_FEWEST_PULSES = 100.0
 _BEFORE = [
     "Before you enter anything, check the sign of the pulses: jog each joint alone (JOINT) by +10 deg and",
     "read its pulses before and after (MENU, STATUS, Axis, PULSE). They must change by 10 times its pulses",
@@ -50,39 +71,59 @@ _BEFORE = [
 ]
 _AS_MASTERED = [
     "confirm: $MASTER_ENB is 1, so that MENU, SYSTEM shows Master/Cal.",
-    "confirm: $DMR_GRP[1].$MASTER_DONE is TRUE after the counts are written, and before CALIBRATE.",
+    "$DMR_GRP[1].$MASTER_DONE must be TRUE after the counts are written, and before CALIBRATE.",
 ]
 
 
 @dataclass(frozen=True)
 class FanucCounts:
-    """Present master count of each joint, and pulses for one degree, negative where they fall."""
+    """Present master count of each joint, and pulses for one degree, negative where they fall; `backup` is
+    where they are from."""
 
     master: tuple[int, ...]
     per_degree: tuple[float, ...]
+    backup: FanucBackup | None = None
 
     @classmethod
-    def of_options(cls, master: str | None, per_degree: str | None, joints: int) -> FanucCounts | None:
-        """As two options state them; None where neither is stated."""
-        if master is None and per_degree is None:
+    def of_options(
+        cls,
+        master: str | None,
+        per_degree: str | None,
+        joints: int,
+        mosign: str | None = None,
+        backup: Path | None = None,
+    ) -> FanucCounts | None:
+        """As the options state them; None where none is stated."""
+        by_hand = {"--master-counts": master, "--pulses-per-degree": per_degree, "--mosign": mosign}
+        stated = [option for option, value in by_hand.items() if value is not None]
+        if backup is not None:
+            if stated:
+                raise BadInput(
+                    "the counts are stated twice",
+                    found=f"--backup and {', '.join(stated)}",
+                    allowed="one of them",
+                )
+            read = read_fanuc_backup(backup, joints)
+            return cls(read.master, read.per_degree, read)
+        if not stated:
             return None
         if master is None or per_degree is None:
             raise BadInput(
                 "master counts need the pulses for a degree, and these the counts",
-                allowed="both --master-counts and --pulses-per-degree, or neither",
+                allowed="both --master-counts and --pulses-per-degree, or --backup FOLDER, or none",
             )
         counts = _numbers(master, joints, "--master-counts")
         if any(value != int(value) for value in counts):
             raise BadInput("--master-counts are whole numbers", found=master)
         pulses = _numbers(per_degree, joints, "--pulses-per-degree")
-        if any(abs(value) < _FEWEST_PULSES for value in pulses):
+        if any(not FEWEST_PULSES <= abs(value) <= MOST_PULSES for value in pulses):
             raise BadInput(
                 "these are not the pulses for a degree of a FANUC joint",
                 found=per_degree,
-                allowed=f"at least {_FEWEST_PULSES:g} in size, thousands as a rule, negative where they fall",
-                remedy="read $PARAM_GROUP[1].$ENCSCALES[i]",
+                allowed=f"{FEWEST_PULSES:g} to {MOST_PULSES:g} in size, 180000 to 460000 as a rule",
+                remedy="read $PARAM_GROUP[1].$ENCSCALES[i]; those of $MRR_GRP are for a radian",
             )
-        return cls(tuple(int(value) for value in counts), tuple(pulses))
+        return cls(tuple(int(value) for value in counts), tuple(_signed(pulses, per_degree, mosign)))
 
 
 def fanuc_text(
@@ -90,33 +131,47 @@ def fanuc_text(
 ) -> str:
     """FANUC: master counts. What changes the count of joint 3 is decided by what its encoder measures; `j3`
     says what the pendant counts it from, if not as the robot file states. BadInput where neither is
-    stated."""
+    stated, and where a backup says otherwise than the robot file."""
     require_vendor(robot, "fanuc", "this sheet")
     pendant = pendant_of(robot, j3, "fanuc")
-    encoder = encoder3_of(robot, "fanuc")
+    backup = None if counts is None else counts.backup
+    encoder = encoder3_of(robot, "fanuc") if backup is None else _encoder_of(backup, robot)
     offsets = _as_fanuc(calibration, encoder)
     lines = ["joint  offset deg   new master count"]
     jogged = (
         [] if counts is None else [f"J{i} {10 * p:+.0f}" for i, p in enumerate(counts.per_degree, start=1)]
     )
-    for i, offset in enumerate(offsets):
-        if offset is None:
-            lines.append(f"J{i + 1}   {'-':>11}   as it is")
-        elif counts is None:
-            lines.append(f"J{i + 1}   {offset:+11.6f}   old count - ({offset:+.6f} * pulses per degree)")
+    changes = _changes(offsets, backup)
+    for i, (offset, change) in enumerate(zip(offsets, changes, strict=True)):
+        shown = f"{'-':>11}" if offset is None else f"{offset:+11.6f}"
+        if counts is None:
+            new = "as it is"
+            if offset is not None:
+                new = f"old count - ({offset:+.6f} * pulses per degree)"
+        elif change:
+            new = f"{counts.master[i] - round(change * counts.per_degree[i])}   (now {counts.master[i]})"
         else:
-            new = counts.master[i] - round(offset * counts.per_degree[i])
-            lines.append(f"J{i + 1}   {offset:+11.6f}   {new}   (now {counts.master[i]})")
+            new = "as it is"
+        lines.append(f"J{i + 1}   {shown}   {new}")
     return sheet_text(
         calibration,
         [
             "Master count sheet for FANUC. The count of a joint is what its encoder has at the true zero:",
-            "$DMR_GRP[1].$MASTER_COUN[i]; the pulses for a degree are $PARAM_GROUP[1].$ENCSCALES[i],",
-            "negative where they fall. Reading = (pulses - count) / pulses per degree, so a count that is",
-            "smaller by offset * pulses per degree makes the joint read more by the offset. Check names and",
-            "signs against the manual of your controller.",
-            *_RELIED_ON[encoder],
+            "$DMR_GRP[1].$MASTER_COUN[i]; the pulses for a degree are $PARAM_GROUP[1].$ENCSCALES[i], and",
+            "they fall where $PARAM_GROUP[1].$MOSIGN[i] is FALSE (negative pulses per degree here).",
+            "Reading = (pulses - count) / pulses per degree, so a count that is smaller by offset * pulses",
+            "per degree makes the joint read more by the offset. 24 public backups of three models agree",
+            "with that to 0.001 deg.",
+            *(
+                _RELIED_ON[encoder]
+                if backup is None
+                else [
+                    f"Counts, pulses and signs are those of a backup of {backup.model}.",
+                    *_OF_BACKUP[encoder],
+                ]
+            ),
             *(_ON_THE_PENDANT if pendant.ground else ["The pendant counts J3 from link 2."]),
+            *([] if counts is None else _UNCOUPLED if backup is None else _COUPLED),
             *(_WITHOUT_COUNTS if counts is None else ()),
             *_BEFORE,
             *([f"By these pulses: {', '.join(jogged)}."] if jogged else []),
@@ -126,7 +181,56 @@ def fanuc_text(
         ],
         lines,
         pendant,
+        wrist_driven=backup is None,
     )
+
+
+def _signed(pulses: list[float], text: str, mosign: str | None) -> list[float]:
+    """Pulses for a degree with the sign of $MOSIGN, or that which they have; BadInput where neither says the
+    sign: the controller's own numbers have none."""
+    if mosign is None:
+        if all(value > 0 for value in pulses):
+            raise BadInput(
+                "the sign of the pulses is not stated: $ENCSCALES has none",
+                found=text,
+                allowed="--mosign TRUE,FALSE,… as $PARAM_GROUP[1].$MOSIGN[i] has it",
+                remedy="read $PARAM_GROUP[1].$MOSIGN[i], or let a backup say all: --backup FOLDER",
+            )
+        return pulses
+    words = [word.strip().upper() for word in mosign.split(",")]
+    if len(words) != len(pulses) or set(words) - {"TRUE", "FALSE"}:
+        raise BadInput(
+            "--mosign is not understood",
+            found=mosign,
+            allowed=f"TRUE or FALSE {len(pulses)} times, separated by commas",
+        )
+    if any(value < 0 for value in pulses):
+        raise BadInput(
+            "the sign of the pulses is stated twice",
+            found=f"--mosign, and negative values: {text}",
+            allowed="--mosign with $ENCSCALES as the controller has them, all positive",
+        )
+    return [value if word == "TRUE" else -value for word, value in zip(words, pulses, strict=True)]
+
+
+def _encoder_of(backup: FanucBackup, robot: Robot) -> J3:
+    """What the encoder of joint 3 measures by a backup; BadInput where the robot file says otherwise."""
+    if robot.conventions.encoder3 not in (None, backup.encoder3):
+        raise BadInput(
+            "the backup and the robot file disagree on what the encoder of joint 3 measures",
+            found=f"backup of {backup.model}: {backup.encoder3}; {robot.name}: {robot.conventions.encoder3}",
+            remedy="is it the backup of this arm? If so, state in its robot file encoder:"
+            f" {{joint3: {backup.encoder3}}}",
+        )
+    return backup.encoder3
+
+
+def _changes(offsets: Sequence[float | None], backup: FanucBackup | None) -> list[float]:
+    """By how much the encoder of each joint is to read more, deg: where the coupling is known, so that each
+    joint reads more by its own offset alone."""
+    wanted = np.array([offset or 0.0 for offset in offsets])
+    changes: list[float] = (wanted if backup is None else np.linalg.solve(backup.coupling, wanted)).tolist()
+    return changes
 
 
 def _as_fanuc(calibration: RobotCalibration, encoder: J3) -> list[float | None]:

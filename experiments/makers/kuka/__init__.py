@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
-    "Mastering sheet for KUKA (KRC). Two ways, do ONE of them:",
+    "Mastering sheet for KUKA (KRC). Master in ascending order, A1 before A2 and so on: the motor of A4",
+    "moves A5 and A6 too, that of A5 moves A6. Two ways, do ONE of them:",
     "- Re-master: drive the axis to the position in the third column, as the display shows it with",
     "  the present mastering, and master it there (dial): it then shows the mastering position.",
     "- Or add the offset to $MAMES of the axis (its position at the mark) and master at the marks as",
     "  always. The sign is that of the offset: with a larger $MAMES the axis reads more.",
-    "ModuleFrames: TOOL and BASE that were measured with the old mastering hold its error: measure them",
-    "again.",
+    "TOOL and BASE that were measured with the old mastering hold its error: measure them again.",
 ]
 
 

@@ -49,7 +49,8 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
             table.append(f"J{i}   {offset.applied:+11.6f}   {-offset.applied:+11.6f}")
         else:
             table.append(f"J{i}   {'-':>11}   leave it as it is")
-    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot))
+    # The motors are in the joints: none moves another one.
+    return sheet_text(calibration, _ABOUT, table, Pendant(run.robot), wrist_driven=False)
 
 
 def _calibration(

@@ -29,6 +29,7 @@ from ....model.files.header import Header
 from ....model.likelihood.problem import Problem
 from ...plans.candidates import candidates, reason_of
 from ...plans.constraints import Conditions, View
+from ...plans.obstacles import Clearance
 from ...plans.optimal import Planner
 from ...plans.patterns import Line, pattern
 from ..answer import held_share
@@ -171,7 +172,8 @@ def _planned(case: Case, seed: int) -> Problem:
 
 def _require_view(problem: Problem, x: Matrix, view: View, header: Header) -> None:
     """BadInput for a pattern that breaks a condition that an optimal plan keeps."""
-    for broken, breaks in Conditions(problem, x, view, None, header.targets).in_order():
+    conditions = Conditions(problem, x, view, Clearance(problem, None), header.targets)
+    for broken, breaks in conditions.in_order():
         count = int(breaks(np.arange(problem.shots)).sum())
         if count:
             raise BadInput(

@@ -2,6 +2,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from zerobeam.analysis.design import continuous_design as shares
 from zerobeam.analysis.design import exact_design as module
@@ -360,3 +361,39 @@ def test_one_shot_has_no_pair():
     value, rows = exchange_pairs(candidates.roots, candidates.offsets, np.array([3]), rng)
     assert rows.tolist() == [3]
     assert value == pytest.approx(value_of(candidates, [3], "E"))
+
+
+@pytest.mark.parametrize("shots", [7, 12, 16, 20, 30, 40])
+def test_e_ends_with_a_bound_for_any_number_of_measurements(shots, monkeypatch):
+    """Of 20 and more it never ended: the 12 most promising candidates joined again and again."""
+    solved = []
+
+    def counted(*arguments, **more):
+        solved.append(linprog(*arguments, **more))
+        assert len(solved) < 500, "the linear programs do not end"
+        return solved[-1]
+
+    monkeypatch.setattr("scipy.optimize.linprog", counted)
+    candidates = random_candidates(0, count=100, offsets=4, nuisance=6)
+    chosen = design(candidates, (shots,), "E", seed=0, starts=2)
+    assert len(set(chosen.rows.tolist())) == shots
+    assert chosen.converged
+    assert chosen.value == pytest.approx(value_of(candidates, chosen.rows, "E"))
+    assert chosen.efficiency >= (0.95 if shots >= 20 else 0.6)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        other = rng.choice(candidates.count, size=shots, replace=False)
+        assert value_of(candidates, other, "E") >= chosen.bound
+
+
+@pytest.mark.parametrize(("criterion", "steps"), [("A", "_ROUNDS"), ("E", "_CUTS")])
+def test_a_bound_whose_steps_are_used_up_says_so_and_holds(criterion, steps, monkeypatch):
+    candidates = random_candidates(0, count=100, offsets=4, nuisance=6)
+    whole = continuous(candidates, (20,), criterion, most=1 / 20)
+    monkeypatch.setattr(shares, steps, 2)
+    monkeypatch.setattr(shares, "_INNER", 1)
+    short = continuous(candidates, (20,), criterion, most=1 / 20)
+    assert whole.converged
+    assert not short.converged
+    assert short.bound <= value_of_weights(candidates, whole.weights, 20, criterion)
+    assert not design(candidates, (20,), criterion, seed=0, starts=1).converged

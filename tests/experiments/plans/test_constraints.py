@@ -196,7 +196,7 @@ def test_intermediate_postures_and_postures_as_written_keep_clear_of_obstacles(
 
 def test_a_posture_that_cannot_see_its_target_is_no_measurement(made: Path, tmp_path: Path) -> None:
     """What the others determine is what a plan of them determines; without others the lines are judged."""
-    plan = read_plan(edited(made, tmp_path, stating(facing=[0, 0, 1], acceptance_deg=48)))
+    plan = read_plan(edited(made, tmp_path, stating(facing=[0, 0, 1], acceptance_deg=52)))
     unseen = {each.posture for each in broken(plan)}
     seen = [i for i in range(7) if i not in unseen]
     assert 2 < len(seen) < 7
@@ -317,7 +317,7 @@ def test_a_rehearsal_says_that_the_plan_breaks_its_constraints(made: Path, tmp_p
 TRACKER = {
     "kind": "tracker",
     "guess_mm": [3000, 500, 800],
-    "reflectors": {"R1": {}},
+    "reflectors": {"R1": {"guess_mm": [0, 0, 150]}},
     "sigma_mm": 0.03,
 }
 LID = {"name": "lid", "min_mm": [600, -300, 50], "max_mm": [1200, 300, 60]}

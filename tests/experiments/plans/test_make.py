@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -185,3 +186,13 @@ def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
         made(file, seed=seed)
     assert files[0].read_bytes() == files[1].read_bytes()
     assert files[0].read_bytes() != files[2].read_bytes()
+
+
+def test_a_bound_that_did_not_converge_is_said(tmp_path: Path) -> None:
+    plan = made(tmp_path / "plan.yaml")
+    said = "The bound did not converge within its number of steps"
+    assert plan.proposal is not None
+    for converged in (True, False):
+        own = replace(plan, proposal=replace(plan.proposal, converged=converged))
+        assert any(line.startswith(said) for line in own.sentences) == (not converged)
+        assert own.as_json()["converged"] is converged
