@@ -46,7 +46,8 @@ def misreadings(
     problem: Problem, x: Matrix, base: HypothesisFit, number: int, slack: float
 ) -> tuple[Misreading, ...]:
     """The joints of one measurement of which one wrong value explains it, the likeliest first: those whose
-    evidence is within 20 : 1 of the best. Arguments as of `hypothesis_fits`."""
+    evidence is 20 : 1 over the values as recorded, and within 20 : 1 of the best. Arguments as of
+    `hypothesis_fits`."""
     at, linear = problem.shot_numbers.index(number), Linear(problem, x)
     fits = []
     for i, joint in enumerate(problem.robot.joints):
@@ -55,13 +56,15 @@ def misreadings(
         widest = _SIZES[unit][-1]
         suspect = replace(of_one_value(problem, i, at), size=widest / display, unit=display)
         left = suspect_fit(linear, suspect)
-        if not left.agrees(slack) or left.u <= 0 or left.u >= widest:
+        if not left.agrees(slack) or left.u > widest / 2:  # by its prior alone
             continue
         information = 1 / left.u**2 - 1 / widest**2
         evidence = max(
             replace(left, occam=_occam(left.amount, information, size)).log_evidence(base, slack > 1)
             for size in _SIZES[unit]
         )
+        if evidence < np.log(DECIDED):
+            continue
         recorded = round(float(problem.joints[at, i]) * display, 9)
         one = Misreading(i + 1, unit, recorded, recorded + left.amount, left.u)
         fits.append((evidence, replace(one, meant=meant(one))))

@@ -6,18 +6,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from cells import run_of
 from command_line import zerobeam
-from pose_runs import pose_run, postures
+from pose_runs import pose_header, pose_run, postures
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
 from zerobeam.analysis.diagnostics.misreadings import Misreading, meant
 from zerobeam.analysis.solution import solve
+from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_causes import mend
 
+ON_AXIS = {"guess_mm": [0, 0, 100], "sigma_mm": 0.01}
 # An ordinary arm with the paper's laser; joint 3 of row 5 is 0.9° wrong.
 MISTYPED = """\
 -93.511,-20.819,52.475,112.605,18.032,-70.014
@@ -115,3 +121,31 @@ def test_what_no_one_value_explains_has_no_joint() -> None:
     found = first(replace(run, shots=tuple(shots)))
     assert (found.cause, found.readings) == ("measurements", ())
     assert "If one value" not in mend(found)
+
+
+def test_a_joint_without_effect_is_not_named() -> None:
+    """A reflector on the axis of joint 6: no value of that joint explains anything."""
+    own = pose_header(
+        instruments={
+            "trk": {
+                "kind": "tracker",
+                "frame": "free",
+                "sigma_mm": 0.05,
+                "guess_mm": [1500, 500, 600],
+                "reflectors": {"R": ON_AXIS},
+            }
+        }
+    )
+    robot, count = load_robot("ur5e", Path(".")), 14
+    joints, nowhere = np.radians(postures(count, range(1, 7), 3)), (None,) * count
+    plan = Plan(own, robot, joints, nowhere, nowhere, Path("p"), "0" * 64, ())
+    truth = Truth.with_values(plan, {"trk.x": 1500.0, "trk.y": 500.0, "trk.z": 600.0})
+    run = run_of(own, simulated_shots(truth, np.random.default_rng(3)), robot)
+    shots = list(run.shots)
+    values = list(shots[4].joints_deg)
+    values[2] += 6.0
+    shots[4] = shots[4].model_copy(update={"joints_deg": tuple(values)})
+    found = first(replace(run, shots=tuple(shots)))
+    assert (found.cause, found.measurements) == ("measurements", (4,))
+    assert 6 not in {one.joint for one in found.readings}
+    assert found.readings[0].joint == 3
