@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy import special
@@ -57,8 +58,16 @@ def about(points: Matrix, weights: Matrix) -> Pass:
 def from_pass(one_pass: Pass, nodes: int, seed: int) -> Matrix:
     """(nodes, d) Sobol points of a normal distribution."""
     centre, root = one_pass
-    points = qmc.Sobol(len(centre), seed=seed).random(nodes)
-    return np.asarray(centre + special.ndtri(np.clip(points, 1e-12, 1 - 1e-12)) @ root.T)
+    return np.asarray(centre + _standard_points(len(centre), nodes, seed) @ root.T)
+
+
+@lru_cache(maxsize=512)
+def _standard_points(size: int, nodes: int, seed: int) -> Matrix:
+    """(nodes, size) Sobol points of the standard normal distribution: the same for every arm."""
+    points = qmc.Sobol(size, seed=seed).random(nodes)
+    standard = np.asarray(special.ndtri(np.clip(points, 1e-12, 1 - 1e-12)))
+    standard.flags.writeable = False
+    return standard
 
 
 def over_passes(points: Matrix, passes: Sequence[Pass]) -> Matrix:

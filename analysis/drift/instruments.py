@@ -27,14 +27,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy import special
 
-from ...model.arrays import Matrix
+from ...model.arrays import Index, Matrix
 from .drift import ALARM, LEVEL, Drift, drift, integrated, mixture_interval
 from .drift import allowed as allowed_at
 from .importance import normalised
@@ -154,19 +154,65 @@ class _CorrectedArm:
 
 @dataclass(frozen=True, eq=False)
 class _BiasInformation:
-    """The information of an arm about the biases at the places `at` of all that are sampled."""
+    """The information of A arms about q biases each, at the places `at` (A, q) of all that are sampled.
 
-    at: list[int]
-    matrix: Matrix
-    vector: Matrix
+    `numbers` (A, K, q + q (q + 1) / 2) of each rate: the vector, then the upper triangle of the symmetric
+    matrix. `arms` (A,) are their places among those that change the instrument.
+    """
+
+    arms: Index
+    at: Index
+    numbers: Matrix
 
     @staticmethod
-    def of(arm: _CorrectedArm, rows: Mapping[Column, int]) -> _BiasInformation:
-        """Of the columns in `rows`: no change of instrument touches the others."""
-        kept = [k for k, column in enumerate(arm.columns) if column in rows]
-        return _BiasInformation(
-            [rows[arm.columns[k]] for k in kept], arm.matrix[:, kept][:, :, kept], arm.vector[:, kept]
+    def of(arms: Sequence[_CorrectedArm], rows: Mapping[Column, int]) -> list[_BiasInformation]:
+        """Of the columns in `rows`: no change of instrument touches the others. Arms of as many biases are
+        together."""
+        kept = [[k for k, column in enumerate(arm.columns) if column in rows] for arm in arms]
+        alike: dict[int, list[int]] = {}
+        for i, of_arm in enumerate(kept):
+            alike.setdefault(len(of_arm), []).append(i)
+        together = []
+        for size, members in alike.items():
+            upper, lower = np.triu_indices(size)
+            numbers = np.empty((len(members), _RATES, size + len(upper)))
+            for place, i in enumerate(members):
+                k = np.array(kept[i], dtype=np.int64)
+                numbers[place, :, :size] = arms[i].vector[:, k]
+                numbers[place, :, size:] = arms[i].matrix[:, k[upper], k[lower]]
+            at = np.array([[rows[arms[i].columns[k]] for k in kept[i]] for i in members], dtype=np.int64)
+            together.append(_BiasInformation(np.array(members), at, numbers))
+        return together
+
+    @cached_property
+    def corners(self) -> tuple[Index, Index]:
+        """The rows and columns of a triangle."""
+        return np.triu_indices(self.at.shape[1])
+
+    def trace(self) -> float:
+        """The sum of the mean traces of the matrices."""
+        upper, lower = self.corners
+        return float(self.numbers[:, :, self.at.shape[1] :][:, :, upper == lower].mean(axis=1).sum())
+
+    def add_to(self, matrix: Matrix, vector: Matrix, chosen: Index) -> None:
+        """Add what each arm says at its `chosen` rate."""
+        numbers, (upper, lower), q = (
+            self.numbers[np.arange(len(chosen)), chosen],
+            self.corners,
+            self.at.shape[1],
         )
+        np.add.at(vector, self.at, numbers[:, :q])
+        np.add.at(matrix, (self.at[:, upper], self.at[:, lower]), numbers[:, q:])
+        apart = upper != lower
+        np.add.at(matrix, (self.at[:, lower[apart]], self.at[:, upper[apart]]), numbers[:, q:][:, apart])
+
+    def choose(self, bias: Matrix, shares: Matrix) -> Index:
+        """(A,) rates drawn given all biases: each where its cumulated weight exceeds its share (A,)."""
+        own, (upper, lower) = bias[self.at], self.corners
+        pairs = -own[:, upper] * own[:, lower] * np.where(upper == lower, 0.5, 1.0)
+        log_weights = (self.numbers @ np.concatenate([own, pairs], axis=1)[:, :, None])[:, :, 0]
+        cumulated = np.cumsum(normalised(log_weights.T), axis=0)
+        return np.asarray(np.minimum((cumulated < shares).sum(axis=0), len(cumulated) - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,34 +370,29 @@ def _drawn(arms: Sequence[_CorrectedArm], seed: int) -> _BiasDraws:
         return _BiasDraws((), np.zeros((0, 0)), np.zeros((0, 0, 0)))
     random = np.random.default_rng(seed)
     rows = {column: k for k, column in enumerate(columns)}
-    parts = [_BiasInformation.of(arm, rows) for arm in arms if arm.columns]
+    changed = [arm for arm in arms if arm.columns]
+    parts = _BiasInformation.of(changed, rows)
     held = np.zeros((size, size))
     for offset, connected_groups in groups.items():
         for group in connected_groups:
             at = [columns.index((name, offset)) for name in group]
             held[np.ix_(at, at)] = 1.0
-    typical = sum(float(np.trace(part.matrix.mean(axis=0))) for part in parts) / size
-    held *= typical
-    chosen = [0] * len(parts)
+    held *= sum(part.trace() for part in parts) / size
+    chosen = np.zeros(len(changed), dtype=np.int64)
     means, covariances = [], []
     for _ in range(_FIRST + _DRAWS):
         matrix, vector = held.copy(), np.zeros(size)
-        for part, k in zip(parts, chosen, strict=True):
-            matrix[np.ix_(part.at, part.at)] += part.matrix[k]
-            vector[part.at] += part.vector[k]
+        for part in parts:
+            part.add_to(matrix, vector, chosen[part.arms])
         covariance = np.linalg.inv(matrix)
         mean = covariance @ vector
         bias = mean + np.linalg.cholesky(covariance) @ random.normal(size=size)
-        chosen = [_choose(part, bias[part.at], random.random()) for part in parts]
+        shares = random.random(len(changed))
+        for part in parts:
+            chosen[part.arms] = part.choose(bias, shares[part.arms])
         means.append(mean)
         covariances.append(covariance)
     return _BiasDraws(columns, np.array(means[_FIRST:]), np.array(covariances[_FIRST:]))
-
-
-def _choose(part: _BiasInformation, bias: Matrix, share: float) -> int:
-    squared = part.matrix.reshape(len(part.matrix), -1) @ np.outer(bias, bias).ravel()
-    cumulated = np.cumsum(normalised(part.vector @ bias - squared / 2))
-    return min(int(np.searchsorted(cumulated, share)), len(cumulated) - 1)
 
 
 def _biases(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -78,6 +79,10 @@ class Series:
         Where an offset is not `determined` between two resets, the first result of these has 1: it affects
         nothing else, and the states of the offset there mean nothing.
         """
+        return self._information
+
+    @cached_property
+    def _information(self) -> tuple[Matrix, Matrix]:
         count, size = len(self.observations), len(self.names)
         matrix, vector = np.zeros((count, size, size)), np.zeros((count, size))
         for t, observation in enumerate(self.observations):
@@ -128,40 +133,50 @@ def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
     rows = len(rates)
     left = np.empty((rows, count, size, size))  # the inverse of each eliminated block
     reduced = np.empty((rows, count, size))
+    known = np.zeros((rows, count, size, size))  # of each state by the results until then, F
+    known[:] = information
     log_det = np.zeros(rows)
-    before, pulled = np.zeros((rows, size, size)), np.zeros((rows, size))
+    pulled = np.zeros((rows, size))
     for t in range(count):
-        block = information[t] + before
+        block = known[:, t].copy()
         if t < count - 1:
-            block = block.copy()
             block[:, diagonal, diagonal] += step_precision[:, t]
         reduced[:, t] = vector[t] + pulled
         left[:, t] = np.linalg.inv(block)
         log_det += np.linalg.slogdet(block)[1]
         if t < count - 1:
+            # What is left of F after the step: W - W (F + W)^-1 W without the difference, of which rounding
+            # leaves nothing where the walk is slow.
             carried = step_precision[:, t, :, None] * left[:, t]
-            before = -carried * step_precision[:, t, None, :]
-            before[:, diagonal, diagonal] += step_precision[:, t]
-            pulled = np.einsum("kij,kj->ki", carried, reduced[:, t])
+            passed = carried @ known[:, t]
+            known[:, t + 1] += (passed + passed.transpose(0, 2, 1)) / 2
+            pulled = _times(carried, reduced[:, t])
     mean, covariance = np.empty((rows, count, size)), np.empty((rows, count, size, size))
     score, power, changed = (np.zeros((rows, count - 1, size)) for _ in range(3))
-    mean[:, -1] = np.einsum("kij,kj->ki", left[:, -1], reduced[:, -1])
+    mean[:, -1] = _times(left[:, -1], reduced[:, -1])
     covariance[:, -1] = left[:, -1]
     for t in range(count - 2, -1, -1):
-        gain = left[:, t] * step_precision[:, t, None, :]
-        pull = reduced[:, t] + step_precision[:, t] * mean[:, t + 1]
-        mean[:, t] = np.einsum("kij,kj->ki", left[:, t], pull)
-        along = gain @ covariance[:, t + 1]
-        covariance[:, t] = left[:, t] + along @ gain.transpose(0, 2, 1)
-        of_step = covariance[:, t] + covariance[:, t + 1] - along - along.transpose(0, 2, 1)
-        changed[:, t] = of_step[:, diagonal, diagonal]
         w = step_precision[:, t]
-        jump_information = w - w**2 * changed[:, t]
+        gain = left[:, t] * w[:, None, :]
+        pull = reduced[:, t] + w * mean[:, t + 1]
+        mean[:, t] = _times(left[:, t], pull)
+        covariance[:, t] = left[:, t] + gain @ covariance[:, t + 1] @ gain.transpose(0, 2, 1)
+        # x[t+1] - x[t] = (F + W)^-1 (F x[t+1] - what F y is), again without the difference.
+        stay = left[:, t] @ known[:, t]
+        of_step = ((stay @ covariance[:, t + 1]) * stay).sum(axis=2)
+        changed[:, t] = left[:, t][:, diagonal, diagonal] + of_step
+        jump_information = w * stay[:, diagonal, diagonal] - w**2 * of_step
         power[:, t] = np.maximum(jump_information, 0.0)
-        step = w * (mean[:, t + 1] - mean[:, t])
+        moved = _times(known[:, t], mean[:, t + 1]) - reduced[:, t]
+        step = w * _times(left[:, t], moved)
         score[:, t] = np.where(
             power[:, t] > 0, step / np.sqrt(np.where(power[:, t] > 0, jump_information, 1.0)), 0.0
         )
     walked = np.where(jumps, 0.0, np.log(variance)).sum(axis=(1, 2))
     quadratic = (vector * mean).sum(axis=(1, 2))
     return Smoothed(mean, covariance, (quadratic - log_det - walked) / 2, score, power, changed)
+
+
+def _times(matrices: Matrix, vectors: Matrix) -> Matrix:
+    """(K, m) of (K, m, m) and (K, m)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])

@@ -21,7 +21,7 @@ from pathlib import Path
 import platformdirs
 import sqlalchemy as sa
 from sqlalchemy import Column, DateTime, ForeignKey, ForeignKeyConstraint, String, Text
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import SQLAlchemyError, StatementError
 from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, NotWritten, missing_extra
@@ -120,19 +120,25 @@ class Database:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except DBAPIError as error:
+        except StatementError as error:  # of the database, or of a value that no column of it has
             raise self.unusable(error) from error
 
     def unusable(self, error: SQLAlchemyError) -> BadInput:
         """The error of the database as a message."""
         cause = getattr(error, "orig", None)
         reason = str(cause or error).strip().splitlines()
-        where = f"{self.name}: {reason[0] if reason else type(error).__name__}"
+        where = f"{self.name}: {reason[0][:200] if reason else type(error).__name__}"
         if _is_of_the_disk(cause):
             return NotWritten(
                 "the history cannot be written",
                 found=where,
                 remedy="make room on the disk, or make the file and its folder writable",
+            )
+        if _is_damage(cause):
+            return BadInput(
+                "the history is damaged",
+                found=where,
+                remedy="restore a backup (zerobeam history restore) into a new history",
             )
         return BadInput(
             "the history cannot be used",
@@ -150,6 +156,13 @@ def _is_of_the_disk(error: BaseException | None) -> bool:
     name, state = getattr(error, "sqlite_errorname", None), getattr(error, "sqlstate", None)
     disk = ("SQLITE_FULL", "SQLITE_IOERR", *_NOT_WRITABLE)
     return str(name).startswith(disk) or str(state).startswith(("53", "58", "25006"))
+
+
+def _is_damage(error: BaseException | None) -> bool:
+    """Whether what is stored is not what was stored: pages, tables or values."""
+    name = str(getattr(error, "sqlite_errorname", None))
+    damaged = ("SQLITE_CORRUPT", "SQLITE_ERROR", "SQLITE_CONSTRAINT", "SQLITE_MISMATCH")
+    return isinstance(error, (TypeError, ValueError)) or name.startswith(damaged) or "decode" in str(error)
 
 
 def open_history(url: str | None = None, *, create: bool = False) -> Database:
@@ -224,7 +237,7 @@ def _copy(source: Database, target: Database) -> int:
         return _copied(source, target)
     except (ValueError, TypeError) as error:
         raise BadInput(
-            "the history is damaged: a date cannot be read",
+            "the history is damaged: a value cannot be read",
             found=f"{source.name}: {error}",
             remedy="zerobeam history list --json names the result",
         ) from None

@@ -47,7 +47,8 @@ _ROW = (
     *("sha256", "serial", "model", "measured_at", "instrument", "operator", "run", "shots", "verdict"),
     *("made_by", "document_sha256"),
 )
-_SAME = ("serial", "model", "verdict", "offsets", "without_prior")  # of two results: they are one
+_SAME = ("serial", "model", "verdict")  # of two results that are one, besides their numbers
+_DIGITS = 1e-9  # to which numbers agree: another order of the same sums gives another 15th digit
 _ASKED_AT_ONCE = 500
 Values = dict[str, Any]  # of a row of a table, by its columns
 
@@ -55,9 +56,9 @@ Values = dict[str, Any]  # of a row of a table, by its columns
 def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -> list[Outcome]:
     """Add results in one transaction, each once by the hash of its run; what became of each.
 
-    `already there`: a result with the same offsets and verdict. `refused`: another result of that run is
-    there, made otherwise or for another arm; with `replace` this one takes its place, unless it is of another
-    arm. So is a row or a document mended that was damaged.
+    `already there`: a result with the same verdict, and the same offsets to nine digits. `refused`: another
+    result of that run is there, made otherwise or for another arm; with `replace` this one takes its place,
+    unless it is of another arm. So is a row or a document mended that was damaged.
     """
     rows = [_row(entry) for entry in entries]
     with history.writing() as connection:
@@ -126,7 +127,7 @@ def _add_again(
 ) -> Outcome:
     """Of a run that has a result."""
     here = held[entry.sha256]
-    same = all(here[name] == row[name] for name in _SAME)
+    same = _is_same(here, row)
     if same and not replace:
         return "already there"
     if not replace or (here["serial"], here["model"]) != (entry.serial, entry.model):
@@ -138,9 +139,52 @@ def _add_again(
     return "already there" if same else "replaced"
 
 
+def _is_same(one: Values, other: Values) -> bool:
+    """Whether two rows of a run are of one result."""
+    if any(one[name] != other[name] for name in _SAME):
+        return False
+    numbers = ("offsets", "without_prior")
+    if all(one[name] == other[name] for name in numbers):
+        return True
+    try:
+        # Of one scale are the numbers of an offset, and those of a matrix.
+        groups = [
+            [*parsed(row["offsets"]), *parsed(row["without_prior"] or "{}").items()] for row in (one, other)
+        ]
+        return len(groups[0]) == len(groups[1]) and all(map(_agree, *groups))
+    except DAMAGED:
+        return False
+
+
+def _agree(one: Any, other: Any) -> bool:
+    """Whether two values are the same but for digits of their numbers behind the ninth of the largest."""
+    numbers: list[float] = []
+    others: list[float] = []
+    if _without_numbers(one, numbers) != _without_numbers(other, others):
+        return False
+    largest = max(map(abs, numbers + others), default=0.0)
+    return all(abs(a - b) <= _DIGITS * largest for a, b in zip(numbers, others, strict=True))
+
+
+def _without_numbers(value: Any, numbers: list[float]) -> Any:
+    """The value with zeros for its numbers, which are appended to `numbers`."""
+    match value:
+        case bool():
+            return value
+        case int() | float():
+            numbers.append(float(value))
+            return 0
+        case list() | tuple():
+            return [_without_numbers(one, numbers) for one in value]
+        case dict():
+            return {key: _without_numbers(value[key], numbers) for key in sorted(value)}
+    return value
+
+
 def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, Values]:
     """What says which result each of the runs has in the history, of those that have one."""
-    query = sa.select(result.c.sha256, *(result.c[name] for name in _SAME))
+    compared = (*_SAME, "offsets", "without_prior")
+    query = sa.select(result.c.sha256, *(result.c[name] for name in compared))
     held: dict[str, Values] = {}
     for start in range(0, len(runs), _ASKED_AT_ONCE):
         part = query.where(result.c.sha256.in_(runs[start : start + _ASKED_AT_ONCE]))
@@ -217,8 +261,20 @@ def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
         .outerjoin(ranked, _same(arm, ranked) & (ranked.c.place == 1))
     )
     with history.reading() as connection:
-        rows = [_arm(history, row, damaged) for row in connection.execute(query)]
+        named = (row for row in connection.execute(query) if _is_named(history, row, damaged))
+        rows = [_arm(history, row, damaged) for row in named]
     return sorted(rows, key=lambda row: (row.serial, row.model))  # a database sorts by rules of its own
+
+
+def _is_named(history: Database, row: Any, damaged: Damaged) -> bool:
+    """Whether the arm of a row has a name; `damaged` hears of one that has none."""
+    try:
+        checked_text(row.serial)
+        checked_text(row.model)
+    except DAMAGED as error:
+        damaged(_damage(history, (row.serial, row.model), "the name of an arm", error))
+        return False
+    return True
 
 
 def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
@@ -280,7 +336,10 @@ def results(
     query = sa.select(*columns, sa.type_coerce(result.c.measured_at, sa.String).label("measured_at"))
     query = query.order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
-        every = [of] if of is not None else [(row[0], row[1]) for row in connection.execute(arm.select())]
+        every = [of] if of is not None else []
+        if of is None:
+            rows = connection.execute(sa.select(arm.c.serial, arm.c.model))
+            every = [(row.serial, row.model) for row in rows if _is_named(history, row, damaged)]
         every.sort()  # a database sorts by rules of its own
         for serial, model in every:
             for row in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
@@ -318,7 +377,7 @@ def _damage(
 ) -> BadInput:
     return BadInput(
         f"the history is damaged: {what} cannot be read",
-        found=f"arm {', '.join(of)} in {history.name}: {type(error).__name__}: {error}",
+        found=f"arm {', '.join(map(str, of))} in {history.name}: {type(error).__name__}: {error}",
         remedy=f"restore a backup (zerobeam history restore){remedy}",
     )
 
@@ -334,6 +393,8 @@ def events(history: Database, of: tuple[str, str] | None = None, damaged: Damage
     happenings = []
     with history.reading() as connection:
         for row in connection.execute(query):
+            if not _is_named(history, row, damaged):
+                continue
             try:
                 if row.what not in get_args(What):
                     raise ValueError(f"there is no event {row.what!r}")

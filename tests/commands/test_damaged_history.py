@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import random
+import re
 import shutil
 import sqlite3
 from contextlib import closing
@@ -171,6 +173,70 @@ def test_a_damaged_event_is_named(plant: Path, column: str, value: object) -> No
         assert refused(zerobeam("history", *words))
     refused(zerobeam("history", "backup", plant / "backup.sqlite"))
     assert not refused(zerobeam("history", "show", "B-2"))
+
+
+EVERY_COMMAND = (
+    ("list",),
+    ("list", "--json"),
+    ("show", "A-1"),
+    ("drift", "A-1"),
+    ("export", "-o", "all.csv", "--force"),
+    ("export", "-o", "all.json", "--force"),
+    ("backup", "backup.sqlite", "--force"),
+)
+SQL = re.compile(r"SELECT|INSERT|\[SQL|sqlalche|builtins|background on", re.IGNORECASE)
+
+
+def every_command_is_clear(folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The errors of all commands that read a history: clear ones, without SQL."""
+    monkeypatch.chdir(folder)
+    errors = []
+    for words in EVERY_COMMAND:
+        answer = zerobeam("history", *words)
+        if refused(answer):
+            errors.append(answer.err)
+        assert not SQL.search(answer.err), answer.err
+    return errors
+
+
+STATEMENTS = {
+    "serial": "UPDATE arm SET serial = x'fffe' WHERE serial = 'B-2'",
+    "model": "UPDATE arm SET model = x'fffe' WHERE serial = 'B-2'",
+    "event's serial": "UPDATE event SET serial = x'fffe' WHERE serial = 'B-2'",
+    "document": "UPDATE document SET content = 7",
+    "text document": "UPDATE document SET content = 'garbage'",
+    "dates": "UPDATE result SET measured_at = 'garbage', added_at = 'garbage'",
+    "no documents": "DROP TABLE document",
+    "no events": "DROP TABLE event",
+    "column": "ALTER TABLE result RENAME COLUMN offsets TO other",
+    "undecodable": "UPDATE result SET operator = CAST(x'ff' AS TEXT)",
+}
+
+
+@pytest.mark.parametrize("statement", STATEMENTS.values(), ids=STATEMENTS)
+@pytest.mark.one_in(3)
+def test_no_damage_prints_a_statement(plant: Path, statement: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with closing(sqlite3.connect(plant / "history.sqlite")) as own, own:
+        own.execute(statement)
+    errors = every_command_is_clear(plant, monkeypatch)
+    assert any("the history is damaged" in error for error in errors)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.one_in(4)
+def test_pages_with_flipped_bytes(plant: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    db, some = plant / "history.sqlite", random.Random(seed)
+    with closing(sqlite3.connect(db)) as own:
+        own.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    content = bytearray(db.read_bytes())
+    if seed % 2:
+        start = 4096 * some.randrange(1, len(content) // 4096)
+        content[start : start + 4096] = some.randbytes(4096)
+    else:
+        for _ in range(200):
+            content[some.randrange(100, len(content))] ^= 1 << some.randrange(8)
+    db.write_bytes(content)
+    every_command_is_clear(plant, monkeypatch)
 
 
 @pytest.mark.parametrize(

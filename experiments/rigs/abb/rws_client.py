@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import socket
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from ....model.errors import RigFault, missing_extra
+from ..bounded import BoundedSocket
 from .access import ControllerAccess
 
 T = TypeVar("T")
@@ -61,6 +63,7 @@ class Session:
         session = self._rws._session
         session.trust_env = False  # no proxy and no .netrc: nobody else hears of it
         session.max_redirects = 0
+        session.headers["Accept-Encoding"] = "identity"  # what is packed may be far larger than it looks
         session.adapters.clear()
         session.mount(base + "/", _gate(requests))
         session.hooks["response"].append(_judge)
@@ -102,18 +105,40 @@ class Session:
 
 
 def _gate(requests: Any) -> Any:
-    """The one way out: with time-outs, and no faster than the controller allows.
+    """The one way out: with answers that end, and no faster than the controller allows.
 
     It is mounted at the controller's address; for any other the session has no adapter at all.
     """
 
+    from urllib3.connection import HTTPConnection
+    from urllib3.connectionpool import HTTPConnectionPool
+
+    class Connection(HTTPConnection):
+        def _new_conn(self) -> socket.socket:
+            return BoundedSocket(super()._new_conn(), "the controller's answer", RigFault, ANSWER_S)
+
+        def getresponse(self) -> Any:
+            self.sock.begin(ANSWER_S)  # type: ignore[union-attr]
+            return super().getresponse()
+
+    class Pool(HTTPConnectionPool):
+        ConnectionCls = Connection
+
     class Gate(requests.adapters.HTTPAdapter):  # type: ignore[misc]
         free = 0.0
+
+        def init_poolmanager(self, *arguments: Any, **options: Any) -> None:
+            super().init_poolmanager(*arguments, **options)
+            self.poolmanager.pool_classes_by_scheme = {"http": Pool}
 
         def send(self, request: Any, **options: Any) -> Any:
             time.sleep(max(0.0, self.free - time.monotonic()))
             self.free = time.monotonic() + _SPACING_S
-            return super().send(request, **{**options, "timeout": (_CONNECT_S, ANSWER_S)})
+            response = super().send(request, **{**options, "timeout": (_CONNECT_S, ANSWER_S)})
+            if response.headers.get("Content-Encoding", "identity") != "identity":
+                response.close()
+                raise RigFault("the controller's answer is packed, and was asked for as it is")
+            return response
 
     return Gate()
 

@@ -18,7 +18,6 @@ from .interface import JointReading, LinkFault, LiveAddress, OtherArm
 from .stream import Stream
 
 _JOINTS, _GROUPS = 9, 8
-_MOST = 100  # lines until the awaited one
 
 
 class FanucJoints:
@@ -38,6 +37,7 @@ class FanucJoints:
         self._stream = Stream(address.host, port)
 
     def read(self) -> JointReading:
+        self._stream.begin()
         answer = _answered(self._stream, "Command", "FRC_ReadJointAngles", Group=self._group)
         # Some versions call them JointAngles.
         angles, stamp = answer.get("JointAngle", answer.get("JointAngles")), answer.get("TimeTag")
@@ -55,6 +55,7 @@ class FanucJoints:
 
     def close(self) -> None:
         with suppress(LinkFault):
+            self._stream.begin()
             self._stream.send(_packet("Communication", "FRC_Disconnect"))
         self._stream.close()
 
@@ -66,7 +67,7 @@ def _packet(kind: str, name: str, **content: int) -> bytes:
 def _answered(stream: Stream, kind: str, name: str, **content: int) -> dict[str, object]:
     """The answer to a packet; what the controller says of itself in between is passed over."""
     stream.send(_packet(kind, name, **content))
-    for _ in range(_MOST):
+    while True:
         try:
             answer = json.loads(stream.line())
         except (ValueError, RecursionError):
@@ -79,4 +80,3 @@ def _answered(stream: Stream, kind: str, name: str, **content: int) -> dict[str,
             if answer.get("ErrorID") != 0:
                 raise LinkFault(f"the controller refuses {name}: ErrorID {answer.get('ErrorID')}")
             return answer
-    raise LinkFault("the controller sends everything but an answer")

@@ -40,6 +40,7 @@ class KukaJoints:
             raise
 
     def read(self) -> JointReading:
+        self._stream.begin()
         text = self._variable("$AXIS_ACT").strip()
         timer = self._variable("$ROB_TIMER")
         try:

@@ -43,6 +43,7 @@ class RosJoints:
         self._socket = WebSocket(address.host, address.port)
 
     def read(self) -> JointReading:
+        self._socket.begin()
         self._number += 1
         subscription = {"id": f"zerobeam-{self._number}", "topic": self._topic}
         self._socket.send(json.dumps({"op": "subscribe", **subscription, "queue_length": 1}))

@@ -28,7 +28,6 @@ _RATE_HZ = 125.0
 _OUTPUTS, _TYPES = b"timestamp,actual_q", b"DOUBLE,VECTOR6D"
 _JOINTS = 6
 _DASHBOARD = 29999
-_MOST = 1000  # packages until the awaited one
 
 
 class UrJoints:
@@ -54,6 +53,7 @@ class UrJoints:
             raise
 
     def read(self) -> JointReading:
+        self._stream.begin()
         if self._answered(_START) != b"\x01":
             raise LinkFault("the controller does not start its data")
         content = self._next(_DATA)
@@ -80,14 +80,13 @@ class UrJoints:
 
     def _next(self, kind: bytes) -> bytes:
         """The content of the next package of a kind; others are passed over."""
-        for _ in range(_MOST):
+        while True:
             size, letter = _HEADER.unpack(self._stream.exactly(_HEADER.size))
             if size < _HEADER.size:
                 raise LinkFault("the controller sent a package that is too short")
             content = self._stream.exactly(size - _HEADER.size)
             if letter == kind[0]:
                 return content
-        raise LinkFault("the controller sends everything but an answer")
 
 
 def _serial(address: LiveAddress) -> str:

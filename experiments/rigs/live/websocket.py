@@ -11,12 +11,13 @@ import os
 import struct
 from itertools import cycle
 
+from ..bounded import LARGEST
 from .interface import LinkFault
 from .stream import Stream
 
 _GUID = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # of the standard
-_MOST, _LARGEST = 100, 1 << 24  # lines of an answer; bytes of a message
-_GOES_ON, _TEXT, _CLOSE, _PING, _PONG = 0x0, 0x1, 0x8, 0x9, 0xA
+_LONGEST = 125  # bytes of a ping
+_GOES_ON, _TEXT, _CLOSE, _PING, _PONG = 0x0, 0x1, 0x8, 0x9, 0xA  # from 8 on: control
 
 
 class WebSocket:
@@ -34,19 +35,21 @@ class WebSocket:
             self.close()
             raise
 
+    def begin(self) -> None:
+        """A reading begins: its time, and its bytes."""
+        self._stream.begin()
+
     def send(self, text: str) -> None:
         self._frame(_TEXT, text.encode())
 
     def message(self) -> str:
         """The next text message."""
-        content = b""
+        content = bytearray()
         while True:
             last, kind, part = self._next()
             if kind not in (_TEXT, _GOES_ON):
                 continue
             content += part
-            if len(content) > _LARGEST:
-                raise LinkFault("a message is too large")
             if last:
                 return content.decode("utf-8", "replace")
 
@@ -65,10 +68,8 @@ class WebSocket:
     def _opened(self, expected: bytes) -> None:
         status = self._stream.line()
         accepted = b""
-        for _ in range(_MOST):
-            name, _, value = self._stream.line().partition(b":")
-            if not name:
-                break
+        while line := self._stream.line():
+            name, _, value = line.partition(b":")
             if name.lower() == b"sec-websocket-accept":
                 accepted = value.strip()
         if b" 101" not in status or accepted != expected:
@@ -88,10 +89,10 @@ class WebSocket:
         size = second & 0x7F
         if size >= 126:
             size = int.from_bytes(self._stream.exactly(2 if size == 126 else 8), "big")
-        if size > _LARGEST or second & 0x80:
+        kind = first & 0x0F
+        if size > (_LONGEST if kind >= _CLOSE else LARGEST) or second & 0x80:
             raise LinkFault("a frame cannot be read")
         content = self._stream.exactly(size)
-        kind = first & 0x0F
         if kind == _CLOSE:
             raise LinkFault("the websocket was closed")
         if kind == _PING:

@@ -243,3 +243,23 @@ def test_intervals_of_models_from_the_prior_hold_and_those_of_equal_rates_do_not
     assert stats.binomtest(held[2], fleets, 0.95).pvalue < 1e-6, held
     assert flagged > fleets / 20
     assert stats.binomtest(false, fleets, 0.01, alternative="greater").pvalue > 0.001, false
+
+
+def test_two_offsets_whose_rates_are_correlated_are_sampled_about_their_product() -> None:
+    """Of a correlated normal likelihood and N(mu, tau²): mean and covariance of the product."""
+    random = np.random.default_rng(9)
+    centre, covariance = np.array([-6.0, -3.5]), np.array([[0.5, 0.3], [0.3, 0.4]])
+    prior = (np.full(2, math.log(MEDIAN)), SPREAD * np.eye(2))
+    passes = [prior, (centre, 1.2 * np.linalg.cholesky(covariance))]
+    points = np.concatenate([c + random.normal(size=(4000, 2)) @ root.T for c, root in passes])
+    log_likelihood = stats.multivariate_normal(centre, covariance).logpdf(points)
+    series, none = walked(random, (0.01, 0.01), 3), np.zeros((2, 2))
+    cloud = fleet._Cloud(series, none, points, log_likelihood, passes, np.array([0, 1]))
+    mu, tau = np.array([-3.0, -4.0]), np.array([0.5, 0.8])
+    cloud.extend(mu, tau, 0)
+    mean, root = cloud.passes[-1]
+    precision = np.linalg.inv(covariance) + np.diag(tau**-2)
+    exact = np.linalg.inv(precision)
+    expected = exact @ (np.linalg.solve(covariance, centre) + mu / tau**2)
+    np.testing.assert_allclose(mean, expected, atol=0.1)
+    np.testing.assert_allclose(root @ root.T / fleet._WIDER**2, exact, atol=0.03)

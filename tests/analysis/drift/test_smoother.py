@@ -121,3 +121,20 @@ def test_what_a_result_does_not_determine_adds_nothing() -> None:
 def test_numbers_and_names_have_to_go_together() -> None:
     with pytest.raises(UnsoundResult):
         Observation(0.0, NAMES, np.zeros(2), np.eye(3), np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("rate", [1e-5, 1e-7, 1e-9, 1e-12])
+def test_without_a_walk_a_jump_is_the_difference_of_two_means(rate: float) -> None:
+    """However slow the walk is: the results before and after are averaged, N is the inverse of A⁻¹ + B⁻¹,
+    and the score is the part of their difference that the other offsets do not explain."""
+    own = series(lost=())
+    information, vector = own.information()
+    smoothed = smooth(own, np.full((1, 3), rate), np.zeros((5, 3), dtype=bool))
+    for t in range(5):
+        before, after = information[: t + 1].sum(axis=0), information[t + 1 :].sum(axis=0)
+        precision = np.linalg.inv(np.linalg.inv(before) + np.linalg.inv(after))
+        apart = np.linalg.solve(after, vector[t + 1 :].sum(axis=0))
+        apart = apart - np.linalg.solve(before, vector[: t + 1].sum(axis=0))
+        np.testing.assert_allclose(smoothed.power[0, t], np.diag(precision), rtol=1e-3)
+        score = precision @ apart / np.sqrt(np.diag(precision))
+        np.testing.assert_allclose(smoothed.score[0, t], score, rtol=1e-3, atol=1e-3)

@@ -216,3 +216,14 @@ def test_what_a_pass_does_not_exclude() -> None:
     )
     assert no_plan_sentence((harmless,)) is no_plan_sentence(()) is None
     assert power_limit((jump,)).startswith("the power: a run may not detect a jump of 0.2°")
+
+
+@pytest.mark.parametrize("count", [5, 6, 7])
+def test_noise_so_many_times_the_stated_is_noticed_as_by_the_chi_square_of_it(count: int) -> None:
+    """Of an exact arm and a known tool χ² of t times the noise is t² χ²: known without moments. What it adds
+    to the stated noise is √(t² - 1) times that, in the offsets too."""
+    problem, told = of(good_plan(count))
+    dof = problem.measured_size - int(problem.parameters.free.sum())
+    exact = stats.chi2.sf(stats.chi2.isf(LACK_OF_FIT, dof) / NOISE_TIMES**2, dof)
+    assert told["noise"].probability == pytest.approx(exact, abs=1e-3)
+    assert told["noise"].off_u == pytest.approx(np.sqrt(NOISE_TIMES**2 - 1), rel=0.01)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.analysis.pendant_check.changes import chain_of
+from zerobeam.analysis.pendant_check.changes import _file_changes, chain_of
 from zerobeam.analysis.pendant_check.check import PendantCheck, check_poses
 from zerobeam.analysis.pendant_check.poses import FORM_OF_VENDOR, AngleForm, Counting, PendantPose
 from zerobeam.model.arrays import Matrix
@@ -240,3 +240,19 @@ def test_the_wrong_entry_is_among_the_suspects_of_every_arm_and_posture(name: st
         entries = [suspect.entry for suspect in check.suspects]
         assert entry in entries or check.agrees, (postures, entries)
         assert not check.agrees or mistake == "height of the base"
+
+
+def test_angles_in_radians_are_tried_of_all_and_of_each_kind_alone() -> None:
+    """The kinds are α and θ; β is changed with all angles only."""
+    file = with_row(stated_rows("irb120", Path()), 2, alpha_deg=2.0, theta_deg=3.0, beta_deg=4.0)
+    degree = math.degrees(1)
+    found = {
+        change[1]: tuple(getattr(change[4].joints[1], key) for key in ("alpha_deg", "theta_deg", "beta_deg"))
+        for change in _file_changes(file)
+        if change[0] == "radians"
+    }
+    assert found == {
+        "all angles of the rows": pytest.approx((2 * degree, 3 * degree, 4 * degree)),
+        "alpha_deg of all joints": pytest.approx((2 * degree, 3.0, 4.0)),
+        "theta_deg of all joints": pytest.approx((2.0, 3 * degree, 4.0)),
+    }

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_problem
+from cells import OPEN_PROBE, TABLE_2, good_plan, header, irb1600, plan_of, simulated_problem
 from plain_posterior import PlainPosterior
 from scipy import optimize
 
@@ -247,3 +247,17 @@ def test_what_the_data_do_not_determine_has_no_profile():
     assert solution["delta2"].status == "unidentifiable"
     with pytest.raises(BadInput, match="do not determine"):
         ProfileCurve.of(solution, "delta2")
+
+
+def test_of_what_is_stated_elsewhere_than_at_zero_it_is_about_the_estimate():
+    """A tip 60, 20, 150 mm from the flange: the interval is about its own coordinates, not about 0."""
+    _, problem = simulated_problem(good_plan(20, tool=OPEN_PROBE), TABLE_2, seed=4)
+    fit = fit_likelihood(problem, starts=0)
+    parameters = problem.parameters
+    which = np.flatnonzero(parameters.free & parameters.group("tool"))
+    assert (np.abs(parameters.prior_mean[which]) > 10).any()
+    ends = profile_intervals(problem, fit, which, np.full(len(which), HALF))
+    by_curvature = linear(problem, fit, which)
+    off = np.abs(ends - by_curvature) / np.diff(by_curvature)
+    assert (off < 0.2).all()  # the profile is bent where the tip is weak
+    assert (off[2] < 0.01).all()

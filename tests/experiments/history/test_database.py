@@ -184,5 +184,5 @@ def test_a_backup_goes_nowhere_where_it_cannot_be_written(tmp_path: Path) -> Non
         back_up(made, tmp_path / "no folder" / "backup.sqlite")
     with pytest.raises(BadInput, match="there is a folder of this name"):
         back_up(made, tmp_path, force=True)
-    with pytest.raises(BadInput, match="the history is a folder"):
+    with pytest.raises(BadInput, match="this is a folder, not a file"):
         open_history(str(tmp_path), create=True)

@@ -84,6 +84,35 @@ def test_a_result_is_added_once(history: Database, tmp_path: Path) -> None:
     assert json.loads(text) == other
 
 
+def scaled(answer: dict[str, Any], factor: float) -> dict[str, Any]:
+    """The result with all numbers that a history counts with times this."""
+    for row in answer["parameters"]:
+        for key in ("estimate", "std"):
+            row[key] = None if row[key] is None else row[key] * factor
+        row["interval95"] = row["interval95"] and [end * factor for end in row["interval95"]]
+    alone = answer["without_prior"]
+    alone["values"] = [value * factor for value in alone["values"]]
+    alone["covariance"] = [[value * factor for value in row] for row in alone["covariance"]]
+    return answer
+
+
+def test_another_fifteenth_digit_is_no_other_result(history: Database, tmp_path: Path) -> None:
+    """As another order of the same sums gives it: with a compiler or without, on another processor."""
+    first = a_result()
+    first["without_prior"]["covariance"][0][1] = first["without_prior"]["covariance"][1][0] = 1e-19
+    last_digits, nearly, status = scaled(a_result(), 1 + 4e-15), scaled(a_result(), 1 + 1e-7), a_result()
+    last_digits["without_prior"]["covariance"][0][1] = -1e-19
+    last_digits["without_prior"]["covariance"][1][0] = -1e-19
+    nearly["without_prior"]["covariance"] = first["without_prior"]["covariance"]
+    status["parameters"][1]["held"] = True
+    covariance = a_result()
+    covariance["without_prior"]["covariance"][0][0] *= 1 + 1e-7
+    read = [entry(tmp_path, own) for own in (first, last_digits, nearly, status, covariance)]
+    assert add(history, read) == ["added", "already there", *["refused"] * 3]
+    ((_, text),) = documents(history, [read[0].sha256])
+    assert json.loads(text) == first
+
+
 def test_the_results_of_an_arm_are_in_the_order_of_time(history: Database, tmp_path: Path) -> None:
     given = [("B", "2026-02-01"), ("A", "2026-05-01"), ("A", "2025-05-01"), ("A", "2026-04-30T23:59:00")]
     add(history, [entry(tmp_path, a_result(*own)) for own in given])

@@ -361,3 +361,21 @@ def test_what_is_supposed_before_any_shot(mast):
     np.testing.assert_array_equal(problem.parameters.prior_mean[6:9], [1, 2, 3])
     probe = Problem.build(header(OPEN_PROBE), mast, np.array(joints) / mast.display, observed)
     np.testing.assert_array_equal(probe.nominal()[-3:], [10, 20, 100])
+
+
+def test_weights_multiply(made):
+    """A measurement that counts three times, of which half is taken, counts one and a half times."""
+    thrice = made.problem.weighted(np.array([3.0, 1, 0, 1, 1, 2, 1, 1]))
+    both = thrice.weighted(np.array([0.5, 1, 1, 0, 1, 0.25, 1, 1]))
+    np.testing.assert_array_equal(both.weights, [1.5, 1, 0, 0, 1, 0.5, 1, 1])
+
+
+def test_a_noise_is_estimated_from_more_numbers_than_unknowns_alone(arms):
+    stated = {"joint_deg": 0.01, "spot_mm": 0.05}
+    made = Made(arms["irb1600"], header(noise={**stated, "scale": "estimated"}), seen=("a",) * 8)
+    free = int(made.problem.parameters.free.sum())
+    assert free == 8  # five offsets and a target: four measurements of two numbers each
+    estimable = {count: made.problem.select(np.arange(count)).noise_estimable for count in (3, 4, 5, 8)}
+    assert estimable == {3: False, 4: False, 5: True, 8: True}
+    known = Made(arms["irb1600"], header(noise=stated), seen=("a",) * 8).problem
+    assert known.select(np.arange(3)).noise_estimable
