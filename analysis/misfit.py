@@ -30,6 +30,7 @@ import numpy as np
 import scipy
 
 from ..model.arrays import Matrix
+from ..model.likelihood.noise import COMMON
 from ..model.likelihood.problem import Problem
 from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
@@ -52,6 +53,8 @@ REDUCED = 0.75  # of the residuals: what leaves no more of them is the cause
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 
 Geometry = Literal["nominal", "estimated"]
+NoiseOf = Literal["all", "joint", "spot"]
+_OF_FACTOR: dict[str, NoiseOf] = {"joint": "joint", COMMON: "all"}
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class ImplausibleNoise:
 
     kind: ClassVar[str] = "noise_factor"
 
-    of: Literal["all", "joint", "spot"]
+    of: NoiseOf
     factor: float
     interval: tuple[float, float]
     plausible: float
@@ -235,14 +238,12 @@ def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[I
         for i in range(block.start, block.stop):
             item = problem.parameters.items[i]
             if has_numbers(identified.status[i]):
-                of: Literal["joint", "spot"] = "joint" if item.axis == "joint" else "spot"
+                of = _OF_FACTOR.get(item.axis, "spot")
                 dof = float(1 / (2 * identified.data_std[i] ** 2))
                 yield from _beyond(of, float(np.exp(fit.x[i])), dof, problem.noise.plausible)
 
 
-def _beyond(
-    of: Literal["all", "joint", "spot"], factor: float, dof: float, plausible: float
-) -> Iterator[ImplausibleNoise]:
+def _beyond(of: NoiseOf, factor: float, dof: float, plausible: float) -> Iterator[ImplausibleNoise]:
     low = factor * float(np.sqrt(dof / scipy.special.chdtri(dof, LACK_OF_FIT)))
     high = factor * float(np.sqrt(dof / max(scipy.special.chdtri(dof, 1 - LACK_OF_FIT), 1e-300)))
     if low > plausible or high < 1 / plausible:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..analysis.diagnostics.cause import Cause
 from ..analysis.diagnostics.diagnosis import Explanation
+from ..analysis.diagnostics.misreadings import Misreading
 from . import numbers
 from .numbers import times
 from .wording import clipped, listed
@@ -199,7 +202,7 @@ def mend(explanation: Explanation) -> str:
             again, correct = ("it", "a typing error in it") if one else ("them", "typing errors in them")
             return (
                 f"Analyse without {_called(explanation)} (--drop), correct {correct} and import again, or"
-                f" measure {again} again."
+                f" measure {again} again.{_readings(explanation.readings)}"
             )
         case "moved_target":
             return (
@@ -278,6 +281,26 @@ def _called(explanation: Explanation) -> str:
     lines = [places[n].rpartition(":")[2] for n in explanation.measurements]
     rows_of = "lines" if file.endswith(".jsonl") else "rows"
     return f"{text} ({rows_of} {listed(lines, MOST_MEASUREMENTS)} of {clipped(file)})"
+
+
+def _readings(readings: Sequence[Misreading]) -> str:
+    """Which value of the measurement it may be, behind a sentence."""
+    if not readings:
+        return ""
+    if len(readings) == 1:
+        (one,) = readings
+        return f" If one value is wrong, it is that of J{one.joint} ({_instead(one)})."
+    each = [f"J{one.joint} ({_instead(one)})" for one in readings]
+    return f" If one value is wrong, it is that of one of these joints: {listed(each)}."
+
+
+def _instead(one: Misreading) -> str:
+    recorded = numbers.exact(one.recorded)
+    fitted = numbers.estimate(one.fitted, one.u, one.unit)
+    text = f"{fitted} ± {numbers.spread(2 * one.u, one.unit)} instead of {recorded}"
+    if one.meant is None:
+        return text
+    return f"{text}; {one.meant.replace('-', numbers.MINUS)} mistyped as {recorded}?"
 
 
 def _numbers(explanation: Explanation) -> str:

@@ -18,6 +18,7 @@ from ..diagnostics.budget import BudgetRow, LinearCheck
 from ..diagnostics.cause import Cause
 from ..diagnostics.enter import Conformity, TakenGeometry, TcpError
 from ..diagnostics.influence import ShotResult
+from ..diagnostics.misreadings import Misreading
 from ..diagnostics.predicted_run import PredictedMeasurement
 from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
@@ -578,6 +579,12 @@ class ExplanationDocument(DocumentPart):
     factor: float = Field(description="the residual over the stated noise that it leaves")
     agrees: bool = Field(description="whether that agrees with the noise")
     odds: float = Field(description="its evidence over that of the best explanation: 1 of the first")
+    readings: tuple[Misreading, ...] = Field(
+        default=(),
+        description="of a single measurement: the values of which one alone, if it is wrong, explains it, the"
+        " likeliest first, each within 20 : 1 of it. `joint` from 1; `fitted`, with the standard uncertainty"
+        " `u`, agrees with the other measurements; `meant` differs from `recorded` by one slip, or null",
+    )
     sentence: str = Field(description="the same in words")
 
 

@@ -39,7 +39,7 @@ class LikelihoodSummary:
     """The likelihood fit in numbers; `reason` is why the optimiser stopped.
 
     `chi2` of the residuals, `dof` the numbers left over, `p_value` None where the noise is estimated
-    (`noise_scale` is then its multiple of the stated, unless joints and spot have factors of their own) or no
+    (`noise_scale` is then its multiple of the stated, unless there are factors that are parameters) or no
     number is left over. `p_small` is that of residuals as small, of an arm without any deviation.
     """
 

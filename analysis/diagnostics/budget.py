@@ -217,9 +217,10 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
 
 
 def _noise_sources(solution: Solution, std: Matrix) -> list[BudgetRow]:
-    """The joints, then the spot, with the `std` (n + 1,) of one reading as it was found or stated."""
+    """The joints, then the readings, with the `std` (n + I,) of one as it was found or stated."""
     problem, robot = solution.problem, solution.problem.robot
-    sources = len(problem.noise.readings)
+    noises = problem.tool.noises
+    sources = len(noises)
     kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + sources)
     if problem.noise.estimated:
         kinds = [("A", noise_dof(solution.fit))] * (robot.n + sources)
@@ -227,14 +228,17 @@ def _noise_sources(solution: Solution, std: Matrix) -> list[BudgetRow]:
         status = dict(zip(problem.parameters.names, solution.status, strict=True))
         variance = np.diag(log_scales(solution.fit))
         factors = problem.noise.factors
-        joint_kind, *reading_kinds = (
+        of_factors = [
             _of_factor(status[f"noise.{name}"], float(value))
             for name, value in zip(factors, variance, strict=True)
-        )
+        ]
+        joint_kind, *reading_kinds = (of_factors[k] for k in problem.noise.of_factor)
         kinds = [joint_kind] * robot.n + reading_kinds
-    display = np.append(robot.display, np.ones(sources))
-    units = [*("deg" if joint.kind == "revolute" else "mm" for joint in robot.joints), *["mm"] * sources]
-    several = [each.label for each in problem.tool.each] if sources > 1 else []
+    angles = [each.unit == "deg" for each in noises]
+    display = np.append(robot.display, np.where(angles, np.degrees(1.0), 1.0))
+    units = ["deg" if joint.kind == "revolute" else "mm" for joint in robot.joints]
+    units += [each.unit for each in noises]
+    several = [each.label for each in noises] if sources > 1 else []
     return [
         BudgetRow(
             "spot" if i >= robot.n else "joint",

@@ -27,10 +27,10 @@ from .hypotheses import (
     hypothesis_fits,
     of_readings,
 )
+from .misreadings import DECIDED, Misreading, misreadings
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations
-DECIDED = 20.0  # the ratio of the evidences from which one explanation is named and not asked for
 # What the links of an exact arm, which deviate in every arm, have to be clearly less likely than.
 _RIVALS_OF_LINKS: frozenset[Cause] = frozenset(
     {
@@ -62,7 +62,8 @@ class Explanation:
     the parameters that it frees (their effective number), `p_value` is that of such evidence after all that
     was tried, `agrees` says that what it leaves agrees with the noise. `odds` is its evidence over that of
     the most likely explanation. Of an exact arm its links come first where they are enough, unless another
-    is 20 times as likely. `sources` has FILE:LINE of the measurements, by number.
+    is 20 times as likely. `sources` has FILE:LINE of the measurements, by number; `readings` the values of a
+    single measurement of which one alone, if it was wrong, explains it.
     """
 
     cause: Cause
@@ -80,6 +81,7 @@ class Explanation:
     of: str = ""
     odds: float = 1.0
     sources: tuple[tuple[int, str], ...] = ()
+    readings: tuple[Misreading, ...] = ()
 
     @property
     def links_of_an_exact_arm(self) -> bool:
@@ -118,7 +120,12 @@ def diagnose(solution: Solution) -> tuple[Explanation, ...]:
     if base.agrees(slack) and not changed:
         return ()
     fits = list(hypothesis_fits(problem, ended[0], base, slack))
-    explained = _explanations(base, fits, slack, exact=not problem.geometry)
+    explained = tuple(
+        replace(one, readings=misreadings(problem, ended[0], base, one.measurements[0], slack))
+        if one.cause == "measurements" and len(one.measurements) == 1
+        else one
+        for one in _explanations(base, fits, slack, exact=not problem.geometry)
+    )
     weighted = bool((solution.problem.weights != 1).any())
     if not solution.problem.noise.known or weighted or solution.dof == 0:
         return explained

@@ -169,7 +169,8 @@ class HypothesisFit:
     `dof`; `cost` the squares of residuals and of all estimates in prior stds; `numbers` counts the residuals,
     and `farthest` is the largest distance of an estimate from its prior mean in prior stds. `log_det` is that
     of the information. `freed` parameters are chosen to suit the data (their effective number), at the price
-    `occam`; the hypothesis is one of exp(`log_choices`), and `volume` is that of a `Change`."""
+    `occam`; the hypothesis is one of exp(`log_choices`), and `volume` is that of a `Change`. `u` is the
+    standard uncertainty of an `amount` that was estimated, where that is one number."""
 
     cause: Cause | None
     chi2: float
@@ -187,6 +188,7 @@ class HypothesisFit:
     occam: float = 0.0
     log_choices: float = 0.0
     volume: float = 0.0
+    u: float = 0.0
 
     @property
     def factor(self) -> float:
@@ -434,6 +436,7 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
     amount = suspect.fixed_amount
     if amount is None:
         amount = float(values[0] if len(values) == 1 else np.linalg.norm(values)) * suspect.unit
+    u = float(whole[0, 0] ** -0.5) * suspect.unit if len(values) == 1 else 0.0
     if suspect.cause == "noise":  # at the noise as stated
         occam += fit.numbers * float(np.log(amount))
     return replace(
@@ -448,6 +451,7 @@ def suspect_fit(linear: Linear, suspect: Suspect) -> HypothesisFit:
         dof=max(fit.dof - round(freed), 0) if len(values) else fit.dof,
         occam=occam,
         log_choices=suspect.log_choices,
+        u=u,
     )
 
 

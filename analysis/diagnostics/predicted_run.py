@@ -260,9 +260,10 @@ def _with_statistics(
 def carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
     """`recorded` with the noise, priors and functions of the problem that was fitted; of the ties those to
     the targets `placed`: others are already in the fit."""
-    stds = {each.label: std for each, std in zip(known.tool.each, known.noise.readings, strict=True)}
-    others = zip(recorded.tool.each, recorded.noise.readings, strict=True)
-    readings = np.array([stds.get(each.label, std) for each, std in others])
+    found = zip(known.tool.noises, known.noise.readings, strict=True)
+    stds = {(each.label, each.name): std for each, std in found}
+    others = zip(recorded.tool.noises, recorded.noise.readings, strict=True)
+    readings = np.array([stds.get((each.label, each.name), std) for each, std in others])
     noise = replace(known.noise, readings=readings)
     silent = replace(recorded, noise=noise, parameters=recorded.parameters.without("noise"))
     problem = silent.with_geometry(known.geometry)

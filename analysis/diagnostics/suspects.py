@@ -201,6 +201,13 @@ def _of_joint(cause: Cause, joint: int, course: Matrix, **more: object) -> Suspe
     return _made(cause, columns, corrected, joints=(joint + 1,), **more)
 
 
+def of_one_value(problem: Problem, joint: int, at: int) -> Suspect:
+    """The position of a joint (from 0) in one measurement, by its place."""
+    course = np.zeros((problem.shots, 1))
+    course[at] = 1.0
+    return _of_joint("measurements", joint, course, measurements=(problem.shot_numbers[at],))
+
+
 def _of_place(cause: Cause, course: Matrix, **more: object) -> Suspect:
     """What adds b times `course` (N,) to the place of the targets: b in mm, base frame."""
 

@@ -117,6 +117,8 @@ def effective_dof(fit: LikelihoodFit) -> Matrix:
         of_noise = problem.variances(fit.x)
         joints = ((each.by_joint**2).sum(axis=0) * of_noise[: problem.robot.n]).sum(axis=1)
         readings = np.einsum("nfd,ind->fi", each.by_spot**2, problem.of_sources(of_noise))
-        parts = np.hstack([joints[:, None], readings])
+        by_noise = np.hstack([joints[:, None], readings])
+        noise = problem.noise
+        parts = by_noise @ np.equal(np.arange(len(noise.factors)), np.array(noise.of_factor)[:, None])
     with np.errstate(divide="ignore"):
         return np.asarray(variances**2 / (2 * ((parts @ log_scales(fit)) * parts).sum(axis=1)))

@@ -24,6 +24,8 @@ _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
 _CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
 _PREDICTED = 0.1  # of a residual may not be as its Jacobian predicts: else it may come to another posture
+_ELSEWHERE_MM = 2.0  # from where it was stated: no mounting that is known deviates by so much
+_FOUND = 10.0  # standard uncertainties of that distance
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
@@ -36,7 +38,7 @@ class Gauge:
     `dimension` of it are confirmed near by: an exact gauge, in which those of `exact_part` (m,) have a part.
     `spanned` (t,) says which parameters with a tolerance do nothing that the others cannot do. Where more is
     null here than near by, `near_by` has A and its null space there: what is null here takes up there, by a
-    little, what others do to the data.
+    little, what others do to the data. `nominal` (p,) is the point judged without deviations (`_nominal`).
     """
 
     aimed: Problem
@@ -47,18 +49,20 @@ class Gauge:
     exact_part: Mask
     spanned: Mask
     near_by: tuple[tuple[Matrix, Matrix], ...] = ()
+    nominal: Matrix | None = None
 
 
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower.
 
     They may be where nothing deviates that has a tolerance. An estimate of such a deviation, be it that of
-    the noise alone, must not pass for information on what would be a gauge without it.
+    the noise alone, must not pass for information on what would be a gauge without it. What is far from where
+    it was stated is where it is found.
     """
     aimed, jacobian, hit = information_root(problem, x, weight)
     tolerated = problem.parameters.tolerated[problem.parameters.free]
     null = _null_space(jacobian, tolerated)
-    nominal = np.where(problem.parameters.tolerated, problem.parameters.prior_mean, x)
+    nominal = _nominal(problem, x, jacobian)
     if not np.array_equal(nominal, x):
         ((there, root, hits),) = information_roots(problem, nominal[None], weight)
         null_there = _null_space(root, tolerated)
@@ -85,8 +89,34 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     )
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
     every = np.any(taken_up, axis=0)
-    gauge = Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
+    gauge = Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every, nominal=nominal)
     return replace(gauge, near_by=tuple(_less_null(problem, null.size, near_by, weight)))
+
+
+def _nominal(problem: Problem, x: Matrix, jacobian: Matrix) -> Matrix:
+    """(p,) x without the deviations of what has a tolerance, but for tips and reflectors that are found, by A
+    (M, f) at x, millimetres from where they were stated: there they are, however wide the tolerance.
+    """
+    parameters = problem.parameters
+    nominal = np.where(parameters.tolerated, parameters.prior_mean, x)
+    of_point: dict[str, list[int]] = {}
+    for i in np.flatnonzero(parameters.tolerated & parameters.group("tool")).tolist():
+        if parameters.items[i].unit == "mm":
+            of_point.setdefault(parameters.items[i].of, []).append(i)
+    own = (
+        len(jacobian) - int(parameters.tolerated.sum()) - 1 + np.cumsum(parameters.tolerated)
+    )  # its row of A
+    for places in of_point.values():
+        off = (x - nominal)[places]
+        if np.linalg.norm(off) < _ELSEWHERE_MM:
+            continue
+        rows, among = np.delete(jacobian, own[places], axis=0), parameters.among_free[places]
+        moved = rows[:, among] @ (off / parameters.prior_std[places])
+        others = np.delete(rows, among, axis=1)
+        left = moved - others @ np.linalg.lstsq(others, moved, rcond=None)[0]
+        if np.linalg.norm(left) > _FOUND:
+            nominal[places] = x[places]
+    return nominal
 
 
 def gauge_at(problem: Problem, x: Matrix, weight: float) -> Gauge:
@@ -163,8 +193,8 @@ def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
         _, jacobian_mm = aimed.linearise(x)
         root = np.linalg.cholesky(aimed.noise_information(x, jacobian_mm, whitened.factor)).T
         noise = parameters.group("noise")
-        jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
-        jacobian[-2:, noise] = root * parameters.prior_std[noise]
+        jacobian = np.vstack([jacobian, np.zeros((len(root), len(noise)))])
+        jacobian[-len(root) :, noise] = root * parameters.prior_std[noise]
     # A tolerance of the geometry is knowledge, as a measurement is; an offset's prior is not.
     known = np.eye(len(parameters))[aimed.tolerated]
     return np.asarray(np.vstack([jacobian, known])[:, parameters.free])

@@ -392,9 +392,8 @@ class _Judged:
     def nominal(self) -> Matrix:
         """A (M, f) of arm and tool without deviation: an estimate of its tilt, be it the noise's alone, turns
         a beam off the axis that it lies on by its nominal place."""
-        parameters = self.problem.parameters
-        nominal = np.where(parameters.tolerated, parameters.prior_mean, self.x)
-        if np.array_equal(nominal, self.x):
+        nominal = self.gauge.nominal
+        if nominal is None or np.array_equal(nominal, self.x):
             return self.gauge.jacobian
         ((_, jacobian, _),) = information_roots(self.problem, nominal[None], self.weight)
         return jacobian

@@ -435,8 +435,9 @@ class StatedNoise(FileModel):
     )
     scale: Literal["known", "estimated", "separate"] = Field(
         default="known",
-        description="estimated: the figures are right up to one common factor; separate: up to one "
-        "factor for the joints and one for the spot",
+        description="estimated: the figures are right up to one common factor, and one for the rotations of "
+        "a pose camera; separate: up to one factor for the joints and one for the spot, of a pose camera one "
+        "for positions and one for rotations",
     )
     plausible_factor: Annotated[float, Field(gt=1)] = Field(
         default=3.0,

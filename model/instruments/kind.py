@@ -171,14 +171,25 @@ class Misread(NamedTuple):
     axis: int = 0
 
 
+class ReadingNoise(NamedTuple):
+    """A noise of the readings of the instrument `label` that has a factor of its own: `name` is what that
+    factor is called, and `std` the standard deviation, mm or rad by its `unit` (None: `noise.spot_mm`)."""
+
+    label: str
+    name: str
+    std: float | None
+    unit: Literal["deg", "mm"] = "mm"
+
+
 class ResidualLayout(NamedTuple):
     """Of each component (d,) of a residual: the number of a reading that is its relative standard deviation
     (-1: it has that of the instrument), the number that is 1 where it was read at all and else 0 (-1:
-    always), and the index of the instrument that it comes from."""
+    always), the index of the instrument that it comes from, and that of its noise among those of all."""
 
     relative: Index
     active: Index
     source: Index
+    noise: Index
 
 
 class Target(NamedTuple):
@@ -322,6 +333,11 @@ class Instrument(ABC):
         return None
 
     @property
+    def noises(self) -> tuple[ReadingNoise, ...]:
+        """The noises of its readings, of which each is stated and may be wrong by itself."""
+        return (ReadingNoise(self.label, "spot" if self.std is None else self.label, self.std),)
+
+    @property
     def variants(self) -> tuple[str, ...]:
         """What it may read at a posture, by name: its reflectors. One without a name where there is no
         choice."""
@@ -346,7 +362,8 @@ class Instrument(ABC):
         d, w = self.residual_size, self.reading_size
         none = np.full(d, -1, dtype=np.int64)
         relative = np.arange(w - d, w, dtype=np.int64) if self.varies else none
-        return ResidualLayout(relative, none, np.zeros(d, dtype=np.int64))
+        first = np.zeros(d, dtype=np.int64)
+        return ResidualLayout(relative, none, first, first)
 
     @property
     def lengths(self) -> list[list[int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Literal, Self
 
 import casadi as ca
@@ -14,7 +15,16 @@ from ..arrays import Matrix
 from ..parsing.reading import shown
 from ..parsing.validation import FileModel, Positive, Vector, refusal
 from .frames import FREE_MM, FREE_RAD, FramedStation, StatedStand, known_frame, spread, vector_unknowns
-from .kind import Assumption, Flange, Misread, TargetEntry, Unknown, Words
+from .kind import (
+    Assumption,
+    Flange,
+    Misread,
+    ReadingNoise,
+    ResidualLayout,
+    TargetEntry,
+    Unknown,
+    Words,
+)
 from .proposal import Point, ProposedHeader, station_at
 from .rotations import (
     Quaternion,
@@ -185,6 +195,16 @@ class PoseStation(FramedStation):
         return self.sigma_mm
 
     @property
+    def noises(self) -> tuple[ReadingNoise, ...]:
+        """Of positions and of rotations: how many mm go with a degree is only stated."""
+        position = ReadingNoise(self.label, self.label, self.sigma_mm)
+        return position, ReadingNoise(self.label, f"{self.label}.rotation", self.sigma_rad, "deg")
+
+    @cached_property
+    def layout(self) -> ResidualLayout:
+        return super().layout._replace(noise=np.repeat([0, 1], 3))
+
+    @property
     def point(self) -> Matrix:
         return self.mount_point
 
@@ -194,7 +214,7 @@ class PoseStation(FramedStation):
         position = measured.get("measured_mm", (0.0, 0.0, 0.0))
         turn = unit_quaternion(measured.get("measured_quat", (1.0, 0.0, 0.0, 0.0)))
         length = 1.0 if sigma is None else sigma / self.sigma_mm
-        return np.array([*position, *turn, *[length] * 3, *[self.sigma_rad / self.sigma_mm] * 3])
+        return np.array([*position, *turn, *[length] * 3, *[1.0] * 3])
 
     def recorded(self, reading: Matrix, shift: Matrix) -> dict[str, tuple[float, ...]]:
         turn = rotation(shift[3:]) @ rotation_of_quaternion(reading[3:7])

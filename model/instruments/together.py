@@ -23,6 +23,7 @@ from .kind import (
     Measurement,
     Misread,
     PartRead,
+    ReadingNoise,
     ResidualLayout,
     TargetEntry,
     Unknown,
@@ -100,6 +101,10 @@ class Together(Instrument):
         return self.instruments
 
     @property
+    def noises(self) -> tuple[ReadingNoise, ...]:
+        return tuple(one for each in self.instruments for one in each.noises)
+
+    @property
     def taken_as_known(self) -> tuple[Assumption, ...]:
         return tuple(one for each in self.instruments for one in each.taken_as_known)
 
@@ -159,13 +164,15 @@ class Together(Instrument):
 
     @cached_property
     def layout(self) -> ResidualLayout:
-        relative, active, source = [], [], []
+        relative, active, source, noise = [], [], [], []
+        before = np.cumsum([0, *(len(each.noises) for each in self.instruments)])
         for part in self._parts:
             columns = part.instrument.layout.relative
             relative.append(np.where(columns < 0, -1, columns + part.reading.start))
             active.append(np.full(len(columns), part.number))
             source.append(np.full(len(columns), part.source))
-        return ResidualLayout(np.concatenate(relative), np.concatenate(active), np.concatenate(source))
+            noise.append(before[part.source] + part.instrument.layout.noise)
+        return ResidualLayout(*map(np.concatenate, (relative, active, source, noise)))
 
     @property
     def lengths(self) -> list[list[int]]:

@@ -69,9 +69,9 @@ class ShotFunctions:
     terms     (turns, data, weight, arm, target, tool, variances, stated) -> quad, logdet: weight times
               m' S^-1 m, and the log det of `log_det`
     slopes    the same -> quad, logdet, their gradients (f,), the lower triangle of the information on the
-              logarithms of the noise factors of joints and instruments, root_weight, and root (d, a + 3 + k),
+              logarithms of the noise factors of joints and readings, root_weight, and root (d, a + 3 + k),
               the whitened Jacobian: its kernel has weight root' root, the lower triangle row by row, in place
-              of the last two. f = a + 3 + k, and 1 + I for the noise factors where `log_det` is "relative"
+              of the last two. f = a + 3 + k, and g for the noise factors where `log_det` is "relative"
     seen      (q, arm, target) -> y (3,), the target seen from the flange
     sighted   the same -> y (3,), jacobian (3, n) by the joints
     place     (q, arm, y) -> target (3,): the way back
@@ -87,7 +87,10 @@ class ShotFunctions:
     midpoint  of two shots of a beam: see `_midpoint`
 
     `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + I,) those of the
-    joints and of the I instruments, `stated` (n + I,) what the header says of them.
+    joints and of the I noises of the instruments, `stated` (n + I,) what the header says of them.
+
+    `of_factor` (1 + I,) says which of the g noise factors is that of the joints and of each noise of the
+    readings; None: each has its own.
 
     `log_det` says which determinant goes with the residuals. The recorded joints are the data; the residual
     is made of them with the parameters, and log det S alone would change with what the residual is measured
@@ -100,12 +103,13 @@ class ShotFunctions:
     tool: Instrument
     log_det: Literal["none", "relative", "whole"] = "none"
     geometry: Geometry = NOMINAL
+    of_factor: tuple[int, ...] | None = None
     _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
     _kernels: dict[tuple[str, bool | None], Kernel] = field(default_factory=dict, repr=False)
 
     def __reduce__(self) -> tuple[object, ...]:
         # In another process they are made anew, or those that are there are taken.
-        return shot_functions, (self.robot, self.tool, self.log_det, self.geometry)
+        return shot_functions, (self.robot, self.tool, self.log_det, self.geometry, self.of_factor)
 
     @cached_property
     def posture(self) -> Posture:
@@ -145,6 +149,7 @@ def shot_functions(
     tool: Instrument,
     log_det: Literal["none", "relative", "whole"] = "none",
     geometry: Geometry = NOMINAL,
+    of_factor: tuple[int, ...] | None = None,
 ) -> ShotFunctions:
     """Those of this arm and tool, made once for all that are the same: to build and compile them takes longer
     than most of what is asked of them."""
@@ -152,14 +157,19 @@ def shot_functions(
     kinds = [joint.kind for joint in robot.joints] + [log_det]
     key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
     key += tool.key + geometry.key
+    if log_det == "relative":
+        of_factor = tuple(range(1 + len(tool.noises))) if of_factor is None else of_factor
+        key += bytes(of_factor)
     if key not in _made:
         if len(_made) == _MOST_MADE:
             _made.pop(next(iter(_made)))
-        _made[key] = ShotFunctions(robot, tool, log_det, geometry)
+        _made[key] = ShotFunctions(robot, tool, log_det, geometry, of_factor)
     made = _made[key]
     if made.geometry is not geometry:
         # The functions are the same whatever the tolerances, but these are asked of their geometry.
-        return ShotFunctions(robot, tool, log_det, geometry, made._functions, made._kernels)
+        return ShotFunctions(
+            robot, tool, log_det, geometry, of_factor, _functions=made._functions, _kernels=made._kernels
+        )
     return made
 
 
@@ -238,7 +248,7 @@ class _Weighted(_Shot):
     def __init__(self, functions: ShotFunctions) -> None:
         super().__init__(functions)
         n, layout = functions.robot.n, functions.tool.layout
-        sources = n + len(functions.tool.each)
+        sources = n + len(functions.tool.noises)
         self.weight = ca.SX.sym("weight")
         self.variances, self.stated_variances = (ca.SX.sym(name, sources) for name in ("variances", "stated"))
         relative = [self.reading[at] ** 2 if at >= 0 else ca.SX(1) for at in layout.relative.tolist()]
@@ -249,7 +259,7 @@ class _Weighted(_Shot):
             ca.vertcat(
                 *(
                     a * r if source == k else 0
-                    for a, r, source in zip(active, relative, layout.source.tolist(), strict=True)
+                    for a, r, source in zip(active, relative, layout.noise.tolist(), strict=True)
                 )
             )
             for k in range(sources - n)
@@ -292,15 +302,18 @@ def _terms(functions: ShotFunctions) -> ca.Function:
 def _slopes(functions: ShotFunctions) -> ca.Function:
     shot, n = functions.weighted, functions.robot.n
     gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
-    count = len(shot.by_noise)
+    of_factor = range(len(shot.by_noise)) if functions.of_factor is None else functions.of_factor
+    count = max(of_factor) + 1
     noise_information = ca.SX(count * (count + 1) // 2, 1)
     if functions.log_det == "relative":
         # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
         # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
         for k, value in enumerate((shot.quad, shot.logdet)):
             by_variances = 2 * shot.variances * ca.gradient(value, shot.variances)
-            gradients[k] = ca.vertcat(gradients[k], ca.sum1(by_variances[:n]), by_variances[n:])
-        halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
+            by_noise = [ca.sum1(by_variances[:n]), *ca.vertsplit(by_variances[n:])]
+            gradients[k] = ca.vertcat(gradients[k], *_of_factors(by_noise, of_factor))
+        parts = _of_factors(shot.by_noise, of_factor)
+        halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in parts]
         pairs = [(halves[i], halves[j]) for i in range(count) for j in range(i + 1)]
         noise_information = ca.vertcat(*(shot.weight * ca.trace(a @ b.T) / 2 for a, b in pairs))
     outputs = {
@@ -313,6 +326,15 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
         "root": _forward(shot.factor, shot.jacobian),
     }
     return _function("slopes", shot.inputs, outputs)
+
+
+def _of_factors(by_noise: Sequence[ca.SX], of_factor: Sequence[int]) -> list[ca.SX]:
+    """The sums of those that have one factor."""
+    every = [
+        [each for each, of in zip(by_noise, of_factor, strict=True) if of == k]
+        for k in range(max(of_factor) + 1)
+    ]
+    return [sum(some[1:], some[0]) for some in every]
 
 
 def _visible(functions: ShotFunctions) -> ca.Function:

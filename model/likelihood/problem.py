@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,7 +162,7 @@ class Problem:
             tool=tool,
             noise=noise,
             parameters=Parameters.build(robot, tool, noise, geometry, header, of_target),
-            functions=shot_functions(robot, tool, "relative" if noise.separate else "none", geometry),
+            functions=shot_functions(robot, tool, noise.log_det, geometry, noise.of_factor),
             joints=np.asarray(joints, dtype=float),
             spots=spots,
             readings=readings,
@@ -286,11 +286,11 @@ class Problem:
 
     def with_geometry(self, geometry: Geometry) -> Problem:
         """The same measurements of an arm whose `geometry` is uncertain, in place of the problem's own."""
-        kind: Literal["none", "relative"] = "relative" if self.noise.separate else "none"
+        noise = self.noise
         return replace(
             self,
             parameters=self.parameters.with_geometry(geometry, self.robot, self.tool),
-            functions=shot_functions(self.robot, self.tool, kind, geometry),
+            functions=shot_functions(self.robot, self.tool, noise.log_det, geometry, noise.of_factor),
         )
 
     def freed(self, x: Matrix, *, keep_stated: bool) -> tuple[Problem, Matrix]:
@@ -305,8 +305,8 @@ class Problem:
         parameters = self.parameters.with_instrument(tool, keeping=kept if keep_stated else ())
         functions = self.functions
         if tool is not self.tool:
-            kind: Literal["none", "relative"] = "relative" if self.noise.separate else "none"
-            functions = shot_functions(self.robot, tool, kind, self.geometry)
+            noise = self.noise
+            functions = shot_functions(self.robot, tool, noise.log_det, self.geometry, noise.of_factor)
         there = parameters.with_values(parameters.prior_mean, self.parameters, x)
         for name, value in values.items():
             there[parameters.index(name)] = value
@@ -467,24 +467,25 @@ class Problem:
         return target in self.targets[len(self.targets) - self.stations :]
 
     def variances(self, x: Matrix) -> Matrix:
-        """(..., n + I) of joints and instruments at parameter vectors (..., p), or (n + I,) as stated."""
+        """(..., n + I) of joints and readings at parameter vectors (..., p), or (n + I,) as stated."""
         if not self.noise.separate:
             return self.noise.variances
         with np.errstate(over="ignore"):  # what overflows is -inf in the density
-            factors = np.exp(2 * x[..., self.parameters.block("noise")])
+            factors = np.exp(2 * x[..., self.parameters.block("noise")])[..., list(self.noise.of_factor)]
         joints = np.repeat(factors[..., :1], self.robot.n, axis=-1)
         return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
 
     def of_sources(self, variances: Matrix) -> Matrix:
-        """(I, N, d) what each instrument adds to the variance of a component, from `variances` (n + I,)."""
+        """(I, N, d) what each noise of the readings adds to the variance of a component, from `variances`
+        (n + I,)."""
         return np.asarray(self._unit_variances * variances[self.robot.n :][:, None, None])
 
     @cached_property
     def _unit_variances(self) -> Matrix:
-        """(I, N, d) the same of instruments whose variance is 1."""
-        layout, count = self.tool.layout, len(self.tool.each)
+        """(I, N, d) the same of noises whose variance is 1."""
+        layout, count = self.tool.layout, len(self.tool.noises)
         unit = self.active * self._read(layout.relative) ** 2
-        by_source = np.equal(layout.source, np.arange(count)[:, None])
+        by_source = np.equal(layout.noise, np.arange(count)[:, None])
         return np.asarray(by_source[:, None, :] * unit)
 
     def _read(self, columns: Index) -> Matrix:
@@ -502,7 +503,7 @@ class Problem:
         return np.asarray(result)
 
     def noise_information(self, x: Matrix, jacobian: Matrix, factor: Matrix) -> Matrix:
-        """(1 + I, 1 + I) the information of the residuals' scatter on the logarithms of the noise factors.
+        """(g, g) the information of the residuals' scatter on the logarithms of the noise factors.
 
         Of a normal's covariance: tr(S^-1 dS_a S^-1 dS_b) / 2 (`jacobian` and `factor` as of `linearise`
         and `factors`).
@@ -512,7 +513,10 @@ class Problem:
         halves = []
         joint = (by_joints * variances[: self.robot.n]) @ by_joints.transpose(0, 2, 1)
         unit = np.eye(self.tool.residual_size)
-        for part in (joint, *(each[:, :, None] * unit for each in self.of_sources(variances))):
+        parts = (joint, *(each[:, :, None] * unit for each in self.of_sources(variances)))
+        of_factor = self.noise.of_factor
+        for k in range(len(self.noise.factors)):
+            part = sum(each for each, of in zip(parts, of_factor, strict=True) if of == k)
             half = np.linalg.solve(factor, 2 * part)
             halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
         return np.array([[np.einsum("i,iab,iab->", self.weights, a, b) / 2 for b in halves] for a in halves])

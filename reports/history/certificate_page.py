@@ -358,7 +358,7 @@ def _scale(assumed: Mapping[str, Any]) -> str:
     scale = assumed["noise"].get("scale", "known")
     if scale == "known":
         return "taken as stated"
-    if scale == "estimated":
+    if scale == "estimated" and not assumed["noise_factors"]:
         return "estimated up to one factor"
     factors = [
         f"{clipped(row['name'])} {numbers.estimate(row['estimate'], row['std'])}"

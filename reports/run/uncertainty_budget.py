@@ -70,7 +70,8 @@ def source_words(row: BudgetRow, instruments: Mapping[str, type[Instrument]]) ->
             return f"joint {names[0]}"
         case "spot":
             if names:
-                return f"{instruments[row.of[0]].words.reading} of {names[0]}"
+                rotation = ", rotation" if row.unit == "deg" else ""
+                return f"{instruments[row.of[0]].words.reading} of {names[0]}{rotation}"
             return next(iter(instruments.values())).words.reading
         case "prior" | "target":
             return f"prior of {names[0]}"

@@ -188,8 +188,16 @@ def test_the_noise_of_a_tracker_grows_with_its_range_unless_a_measurement_states
 
 def test_the_noise_of_a_pose_is_that_of_position_and_rotation():
     instrument = station("pose")  # 0.05 mm and 0.02°
-    stds = instrument.std * instrument.reading({}, None, None)[-6:]
-    np.testing.assert_allclose(stds, [0.05] * 3 + [np.radians(0.02)] * 3)
+    position, rotation = instrument.noises
+    assert (position.name, position.unit) == (instrument.label, "mm")
+    assert (rotation.name, rotation.unit) == (f"{instrument.label}.rotation", "deg")
+    stds = np.array([position.std, rotation.std])[instrument.layout.noise]
+    np.testing.assert_allclose(
+        stds * instrument.reading({}, None, None)[-6:], [0.05] * 3 + [np.radians(0.02)] * 3
+    )
+    # Of a measurement that states its own, the position alone.
+    stds = stds * instrument.reading({}, 0.1, None)[-6:]
+    np.testing.assert_allclose(stds, [0.1] * 3 + [np.radians(0.02)] * 3)
 
 
 @pytest.mark.parametrize("kind", STATED)
