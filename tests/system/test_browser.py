@@ -91,9 +91,8 @@ def test_the_report_says_what_the_result_says_wherever_it_is_read(report: Path, 
             told = f"{name} held at 0°"
         else:
             u = answer["coverage_factor"] * row["std"]
-            told = (
-                f"{name} {numbers.estimate(row['estimate'], u, 'deg')} {numbers.spread(u, 'deg')} identified"
-            )
+            value = f"{numbers.estimate(row['estimate'], u, 'deg')} {numbers.spread(u, 'deg')}"
+            told = f"{name} {value} {row['status']}"
         assert told in found.text, told
 
 
