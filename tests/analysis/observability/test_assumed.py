@@ -63,7 +63,7 @@ def test_a_turned_laser_passes_without_joint_6() -> None:
     assert row.std is not None
     assert row.std < 0.1
     assert isinstance(row.cause, AsGoodAs)
-    assert not row.cause.stated
+    assert not row.cause.by_header
     assert reason(row.cause) == "as good as the laser's mounting: 0.05° is assumed, not stated or measured"
     assert remedy(row.cause) == "measure the laser's mounting and state tool.sigma.tilt_deg"
     first, second, _ = entered(solution)
@@ -79,7 +79,7 @@ def test_a_stated_mounting_identifies_it() -> None:
     row = beam_solution(stated=True)["delta6"]
     assert row.status == "identified"
     assert isinstance(row.cause, AsGoodAs)
-    assert row.cause.stated
+    assert row.cause.by_header
     assert reason(row.cause) == "by the stated mounting of the laser: 0.05°"
 
 
