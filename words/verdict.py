@@ -123,7 +123,7 @@ def violation_words(violation: Violation) -> str:
     if violation.condition == "arm" and at_value is not None and lowest is not None:
         link = f"link {violation.joint}" if violation.joint else "the base"
         apart, radius = (numbers.exact(round(value), "mm") for value in (at_value, lowest))
-        assumed = ", assumed: `bodies` of the robot file states it" if violation.assumed else ""
+        assumed = ", assumed: state it by `bodies` of the robot file" if violation.assumed else ""
         return (
             f"{where}{link} of the arm is in the way: the line to the target passes {apart} from its axis"
             f" (radius {radius}{assumed})"

@@ -260,8 +260,8 @@ def _with_statistics(
 def carrying(known: Problem, recorded: Problem, placed: set[str]) -> Problem:
     """`recorded` with the noise, priors and functions of the problem that was fitted; of the ties those to
     the targets `placed`: others are already in the fit."""
-    found = zip(known.tool.noises, known.noise.readings, strict=True)
-    stds = {(each.label, each.name): std for each, std in found}
+    fitted = zip(known.tool.noises, known.noise.readings, strict=True)
+    stds = {(each.label, each.name): std for each, std in fitted}
     others = zip(recorded.tool.noises, recorded.noise.readings, strict=True)
     readings = np.array([stds.get((each.label, each.name), std) for each, std in others])
     noise = replace(known.noise, readings=readings)

@@ -73,9 +73,9 @@ def as_small(fit: LikelihoodFit) -> float | None:
     mean, half_variance = (
         max(float(problem.measured_size) - float((1 - left**power).sum()), 0.0) for power in (2, 4)
     )
-    if mean <= _NOTHING_LEFT:
+    scale = half_variance / max(mean, _NOTHING_LEFT)
+    if mean <= _NOTHING_LEFT or scale <= _NOTHING_LEFT:
         return None
-    scale = half_variance / mean
     square = float(fit.whitened.residual @ fit.whitened.residual)
     return float(scipy.special.chdtr(mean / scale, square / scale))
 

@@ -25,7 +25,7 @@ _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
 _CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
 _PREDICTED = 0.1  # of a residual may not be as its Jacobian predicts: else it may come to another posture
 _ELSEWHERE_MM = 2.0  # from where it was stated: no mounting that is known deviates by so much
-_FOUND = 10.0  # standard uncertainties of that distance
+_CLEARLY = 10.0  # standard uncertainties of that distance
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
@@ -103,18 +103,17 @@ def _nominal(problem: Problem, x: Matrix, jacobian: Matrix) -> Matrix:
     for i in np.flatnonzero(parameters.tolerated & parameters.group("tool")).tolist():
         if parameters.items[i].unit == "mm":
             of_point.setdefault(parameters.items[i].of, []).append(i)
-    own = (
-        len(jacobian) - int(parameters.tolerated.sum()) - 1 + np.cumsum(parameters.tolerated)
-    )  # its row of A
+    # The row of A of each.
+    row_of = len(jacobian) - int(parameters.tolerated.sum()) - 1 + np.cumsum(parameters.tolerated)
     for places in of_point.values():
         off = (x - nominal)[places]
         if np.linalg.norm(off) < _ELSEWHERE_MM:
             continue
-        rows, among = np.delete(jacobian, own[places], axis=0), parameters.among_free[places]
+        rows, among = np.delete(jacobian, row_of[places], axis=0), parameters.among_free[places]
         moved = rows[:, among] @ (off / parameters.prior_std[places])
         others = np.delete(rows, among, axis=1)
         left = moved - others @ np.linalg.lstsq(others, moved, rcond=None)[0]
-        if np.linalg.norm(left) > _FOUND:
+        if np.linalg.norm(left) > _CLEARLY:
             nominal[places] = x[places]
     return nominal
 

@@ -14,7 +14,7 @@ null (or as nearly null) too, with all other parameters known."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
@@ -270,6 +270,9 @@ def _taken_as_known(
     """By the name of each offset that would be unidentifiable were nothing known of tool and frames: what it
     rests on. What is assumed, where that alone makes it identifiable; else what the header states. `data_std`
     (p,) is with all that is known.
+
+    A weak one rests on it only where no number of measurements would do without: else it is weak by the plan,
+    and stays weak.
     """
     items = problem.parameters.items
     offsets = [i for i, item in enumerate(items) if item.group == "offset" and known(status[i])]
@@ -277,10 +280,11 @@ def _taken_as_known(
     if not offsets or not every:
         return {}
     by_header, assumed = ([one for one in every if one.stated == is_stated] for is_stated in (True, False))
-    resting = _lost(problem, x, weight, offsets, data_std, keep_stated=False)
+    weak = {i for i in offsets if status[i] == "weak"}
+    resting = _lost(problem, x, weight, offsets, data_std, weak, keep_stated=False)
     without = resting if not by_header else []
     if resting and by_header and assumed:
-        without = _lost(problem, x, weight, resting, data_std, keep_stated=True)
+        without = _lost(problem, x, weight, resting, data_std, weak, keep_stated=True)
     return {items[i].name: _of_unit(problem, assumed if i in without else by_header) for i in resting}
 
 
@@ -290,11 +294,13 @@ def _lost(
     weight: float,
     offsets: Sequence[int],
     data_std: Matrix,
+    weak: Container[int],
     *,
     keep_stated: bool,
 ) -> list[int]:
     """The places among `offsets` of those that are unidentifiable at x where tool and frames may be anything,
-    but for what the header states if that is kept, and that this is the reason of."""
+    but for what the header states if that is kept, and that this is the reason of; of the `weak` ones those
+    of an exact gauge."""
     freed, there = problem.freed(x, keep_stated=keep_stated)
     tolerated = freed.parameters.tolerated[freed.parameters.free]
     gauge = gauge_at(freed, there, weight)
@@ -303,7 +309,12 @@ def _lost(
     scaled_std = _stds(marginal, spectrum, tolerated)
     scaled_std[~tolerated] = _of_gauge(scaled_std[~tolerated], gauge, spectrum.floor)
     status, std = _statuses(freed.parameters, scaled_std)
-    return [i for i in offsets if status[i] == "unidentifiable" and std[i] > _RESTS * data_std[i]]
+    return [
+        i
+        for i in offsets
+        if status[i] == "unidentifiable"
+        and std[i] > (np.finfo(float).max if i in weak else _RESTS * data_std[i])
+    ]
 
 
 def _of_unit(problem: Problem, some: Sequence[Assumption]) -> tuple[Assumption, ...]:

@@ -196,8 +196,8 @@ def write_program(
     With `force` other files are replaced, but none of those to `keep`. BadInput for a plan that breaks its
     constraints.
     """
-    require_constraints(plan)
     texts = program_texts(kind, plan, motion, file)
+    require_constraints(plan)
     for path in texts:
         refuse_existing(path, force=force, keep=keep)
     for path, text in texts.items():

@@ -45,8 +45,8 @@ class NoiseModel:
         stds = [noise.spot_mm if each.std is None else each.std for each in tool.noises]
         angles = [each.unit == "deg" for each in tool.noises]
         split = noise.scale == "estimated" and any(angles)
-        own = np.array(angles) if split else np.ones(len(angles), dtype=bool)
-        names = [each.name for each, apart in zip(tool.noises, own, strict=True) if apart]
+        alone = np.array(angles) if split else np.ones(len(angles), dtype=bool)
+        names = [each.name for each, apart in zip(tool.noises, alone, strict=True) if apart]
         return cls(
             noise.of_joints(robot),
             np.array(stds, dtype=float),
@@ -54,7 +54,7 @@ class NoiseModel:
             noise.scale == "separate" or split,
             noise.plausible_factor,
             (COMMON if split else "joint", *names),
-            (0, *np.where(own, np.cumsum(own), 0).tolist()),
+            (0, *np.where(alone, np.cumsum(alone), 0).tolist()),
         )
 
     @property

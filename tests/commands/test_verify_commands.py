@@ -84,7 +84,9 @@ def test_what_determines_too_little_has_no_acceptance_test(tmp_path):
     assert not (tmp_path / "verify.yaml").exists()
 
 
-@pytest.mark.parametrize(("vendor", "words"), [("doosan", "takes offsets. This plan"), ("abb", "Enter the")])
+@pytest.mark.parametrize(
+    ("vendor", "words"), [("doosan", "is not worked out here. This plan"), ("abb", "Enter the")]
+)
 @pytest.mark.one_in(2)
 def test_a_plan_for_a_controller_that_takes_no_offsets_says_so(
     vendor: str, words: str, tmp_path: Path

@@ -102,7 +102,7 @@ def test_a_beam_through_a_link_is_a_violation_with_its_distance(tmp_path: Path) 
     assert checked.verdict == "violated"
     said = (
         "Posture 3: link 2 of the arm is in the way: the line to the target passes 1 mm from its axis"
-        " (radius 68 mm, assumed: `bodies` of the robot file states it): no measurement is counted there"
+        " (radius 68 mm, assumed: state it by `bodies` of the robot file): no measurement is counted there"
     )
     assert said in [note.replace("\u00a0", " ") for note in check_notes(checked)]
 

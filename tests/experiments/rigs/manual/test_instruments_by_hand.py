@@ -32,7 +32,7 @@ FACES = {
 }
 INSTRUMENTS: dict[str, tuple[dict[str, Any], str | None, dict[str, Any]]] = {
     "tracker": (
-        {"sigma_mm": 0.02, "guess_mm": [3000, 0, 800], "reflectors": {"R1": {"guess_mm": [60, 0, 60]}}},
+        {"sigma_mm": 0.02, "guess_mm": [3000, 0, 800], "reflectors": {"R1": {"guess_mm": [150, 0, 150]}}},
         None,
         {},
     ),
