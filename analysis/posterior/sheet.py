@@ -79,7 +79,7 @@ def sheet_of(local: LocalDensity, size: int) -> Sheet | None:
     if on_ridge.mean() < _ENOUGH:
         return None
     terms = _products(along)
-    # The tails have a say, but a small one.
+    # Places in the tails count less.
     weights = np.where(on_ridge, np.exp(-(along**2).sum(axis=1) / 8), 0.0)[:, None]
     coefficients = np.linalg.lstsq(terms * weights, across * weights, rcond=None)[0]
     return Sheet(axes, count, np.asarray(coefficients, dtype=float), factor)

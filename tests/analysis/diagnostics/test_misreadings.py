@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cells import run_of
 from command_line import zerobeam
+from mistyped_row import HEADER, MISTYPED
 from pose_runs import pose_header, pose_run, postures
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
@@ -24,23 +25,6 @@ from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit_causes import mend
 
 ON_AXIS = {"guess_mm": [0, 0, 100], "sigma_mm": 0.01}
-# An ordinary arm with the paper's laser; joint 3 of row 5 is 0.9° wrong.
-MISTYPED = """\
--93.511,-20.819,52.475,112.605,18.032,-70.014
--99.839,-62.164,-115.380,6.670,-55.651,138.086
--5.824,106.378,-194.624,-47.996,-87.705,-192.517
-98.562,-51.611,-24.397,-133.898,82.166,36.509
--13.848,-19.992,-143.834,-150.243,-108.381,-160.247
--20.525,-3.731,-63.169,53.578,57.182,-21.016
--6.649,69.723,-38.957,95.301,67.313,-67.287
-154.883,-62.800,-166.349,-20.646,43.950,-109.312
-158.216,89.777,-189.743,193.811,25.575,-0.139
-"""
-HEADER = """\
-robot: irb1600
-tool: {kind: laser, calibrated: true, point_mm: [0, 0, 65], direction: [1, 0, 0]}
-noise: {joint_deg: 0.01, spot_mm: 0.05}
-"""
 
 
 def mistyped(joint: int, right: float, typed: float, *, row: int = 4, count: int = 14) -> Run:
