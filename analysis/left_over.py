@@ -97,7 +97,7 @@ class LeftOver:
         )
 
     @property
-    def of_shots(self) -> tuple[Matrix, Matrix]:
+    def by_shots(self) -> tuple[Matrix, Matrix]:
         """Residuals (N, d) and roots (N, d, f) of the measurements."""
         shots, d = self.shape
         rows = shots * d
@@ -122,7 +122,7 @@ class LeftOver:
 
     def alone(self, parts: Matrix) -> Hypotheses:
         """A hypothesis of each measurement, by columns (N, d, k)."""
-        residual, roots = self.of_shots
+        residual, roots = self.by_shots
         transposed = parts.transpose(0, 2, 1)
         through = roots.transpose(0, 2, 1) @ parts
         gram = transposed @ parts - through.transpose(0, 2, 1) @ through
@@ -131,7 +131,7 @@ class LeftOver:
     def after(self, parts: Matrix, rows: Index, fewest: int = 1) -> Hypotheses:
         """A hypothesis of each place between `rows`, in their order, `fewest` from the ends: columns
         (N, d, k) of all rows after it."""
-        residual, roots = (part[rows] for part in self.of_shots)
+        residual, roots = (part[rows] for part in self.by_shots)
         parts = parts[rows]
         transposed = parts.transpose(0, 2, 1)
         sums = (

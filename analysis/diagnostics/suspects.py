@@ -241,7 +241,7 @@ def _outliers(linear: Linear) -> Iterator[Suspect]:
 def _with_each(linear: Linear, gone: list[int]) -> Hypotheses:
     """Each measurement off together with those `gone`."""
     parts, d, count = linear.by_spot, linear.size, linear.problem.shots
-    residual, roots = linear.of_shots
+    residual, roots = linear.by_shots
     through = roots.transpose(0, 2, 1) @ parts  # (N, f, d)
     slopes = np.einsum("ndk,nd->nk", parts, residual)
     k = d * (len(gone) + 1)
