@@ -362,16 +362,23 @@ def _program_command() -> Command:
         hold its offsets already: do not correct them.
         """
         from ..experiments.makers.maker import vendor_of
-        from ..experiments.makers.user_programs import ProgramOptions, corrected_program, files_of
+        from ..experiments.makers.user_programs import (
+            ProgramOptions,
+            corrected_program,
+            files_of,
+            program_files_of,
+        )
         from ..model.files.whole_file import refuse_existing
 
         choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
+            vendor = vendor_of(recorded.robot)
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
+            program_files_of(program, vendor)[0].require_arm(recorded)
             for path in corrected.files:  # those that are there are judged by --force afterwards
                 if path.exists():
-                    refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
+                    refuse_existing(path, force=True, keep=files_of(program, vendor))
             return corrected.files, corrected.notes, corrected.targets
 
         _export(run, file, texts, [program], "postures", **options)

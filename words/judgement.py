@@ -13,7 +13,7 @@ from ..analysis.answer.findings import Finding, HeldOutMisfit, OtherBasins, Outl
 from ..analysis.answer.message import Grade, May
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.status import Verdict, known
-from .controllers import taken_by
+from .controllers import lacks_factory_calibration, taken_by
 from .provenance import is_simulated
 
 _AGAINST = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)
@@ -48,9 +48,10 @@ def judgement(
     simulated: bool,
     unmet: bool,
     vendor: str | None,
+    robot: object,
 ) -> Judgement:
     """`contradicted`: something is `against` it; `determined`: the data determine an offset; `unmet`: the
-    robot does not surely meet what it must."""
+    robot does not surely meet what it must; `robot` is that of the header."""
     sound = converged and verdict != "misfit" and not contradicted and determined
     grade: Grade = verdict
     if verdict == "pass":
@@ -60,7 +61,8 @@ def judgement(
             grade = "held"
         elif unmet:
             grade = "weak"
-    enter = sound and verdict == "pass" and not simulated and taken_by(vendor) == "offsets"
+    takes = taken_by(vendor) == "offsets" and not lacks_factory_calibration(vendor, robot)
+    enter = sound and verdict == "pass" and not simulated and takes
     return Judgement(grade, May(enter=enter, certify=sound, export=sound), contradicted)
 
 
@@ -78,6 +80,7 @@ def read_judgement(result: ReadResult) -> Judgement:
         simulated=is_simulated(result.inputs.provenance),
         unmet=result.conformity is not None and result.conformity.decision != "conforms",
         vendor=result.inputs.vendor,
+        robot=result.inputs.header.get("robot"),
     )
 
 

@@ -51,7 +51,7 @@ from ..model.instruments.registry import KINDS
 from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .basis import basis_lines
-from .controllers import export_command, export_sentence, taken_by
+from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
@@ -179,6 +179,7 @@ class _Case:
             simulated=self.simulated,
             unmet=self.unmet,
             vendor=self.vendor,
+            robot=self.header.get("robot"),
         )
 
 
@@ -514,6 +515,13 @@ def _action(case: _Case) -> Action:
         return Action(
             "Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan.",
             _plan(case),
+        )
+    if lacks_factory_calibration(case.vendor, robot := case.header.get("robot")):
+        return Action(
+            "Enter nothing yet: the controller computes with the arm's factory calibration, and this run was"
+            " analysed with the nominal arm, so that the values would apply that calibration twice. Make a"
+            " robot file of it, name it as robot of the run, and analyse again.",
+            f"zerobeam import ur-calibration calibration.conf --robot {robot} -o my-{robot}.yaml",
         )
     command, file = export_command(case.vendor)
     enter = export_sentence(case.vendor)

@@ -136,6 +136,8 @@ def test_a_result_of_an_earlier_version_is_judged_by_what_it_says(why: str | Non
         ({"determined": False}, "held", May()),
         ({"unmet": True}, "weak", May(True, True, True)),
         ({"vendor": "doosan"}, "pass", May(False, True, True)),
+        ({"vendor": "universal-robots"}, "pass", May(True, True, True)),
+        ({"vendor": "universal-robots", "robot": "ur5e"}, "pass", May(False, True, True)),
         ({"verdict": "weak"}, "weak", May(False, True, True)),
         ({"verdict": "misfit"}, "misfit", May()),
         ({"verdict": "weak", "converged": False}, "weak", May()),
@@ -143,6 +145,6 @@ def test_a_result_of_an_earlier_version_is_judged_by_what_it_says(why: str | Non
 )
 def test_the_rule(changed, grade, may) -> None:
     usual = {"contradicted": False, "converged": True, "determined": True, "simulated": False, "unmet": False}
-    case = {"verdict": "pass", "vendor": None, **usual, **changed}
+    case = {"verdict": "pass", "vendor": None, "robot": "arm.yaml", **usual, **changed}
     found = judgement(case.pop("verdict"), **case)
     assert (found.grade, found.may) == (grade, may)
