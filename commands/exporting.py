@@ -59,6 +59,14 @@ Without = Annotated[
         show_default=False,
     ),
 ]
+HoldOutRun = Annotated[
+    Path | None,
+    typer.Option(
+        help="Another run of the same header, which the offsets must predict (as analyse --hold-out).",
+        metavar="RUN",
+        show_default=False,
+    ),
+]
 # As help lists them; those of other makers are behind.
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
 
@@ -139,6 +147,7 @@ def _export(
     allow_assumed: AllowAssumed = False,
     unvalidated: Unvalidated = False,
     without: Without = None,
+    hold_out: HoldOutRun = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -158,7 +167,7 @@ def _export(
     if file.parent.exists():  # else it is made once all is judged
         refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
-    keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
+    keep = [run, hold_out, *read, robot_path(recorded.header.robot, run.parent)]
     judged = calibration(
         recorded,
         allow_weak=allow_weak,
@@ -167,6 +176,7 @@ def _export(
         unvalidated=unvalidated,
         as_data=as_data,
         without=without or (),
+        held_out=None if hold_out is None else read_run(hold_out),
         holds=holds,
         no_place=no_place(recorded),
     )

@@ -39,7 +39,7 @@ def no_offsets_words(vendor: str | None) -> str:
 
 
 def lacks_factory_calibration(vendor: str | None, robot: object) -> bool:
-    """Whether a run's robot is a built-in one (in the header a name, not a path) where the controller computes
+    """Whether a run's robot is a built-in one (in the header a name, no path) where the controller computes
     with a factory calibration of the arm: offsets from the nominal arm would apply that a second time."""
     return vendor == "universal-robots" and isinstance(robot, str) and "." not in robot
 
