@@ -18,8 +18,9 @@ from zerobeam.experiments.makers.universal_robots.kinematics import (
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot, stated_rows
 from zerobeam.model.files.run import read_run
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
 from zerobeam.model.kinematics.orientation import angles_of
-from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain
+from zerobeam.model.kinematics.robot import Robot
 
 # Made up, in the size of real ones: axes 2 to 4 meet metres away.
 DELTA = {
