@@ -14,7 +14,7 @@ from ...analysis.status import UnsoundResult, versions
 from ...interruption import obey
 from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, located
-from ...model.files.journal import Journal
+from ...model.files.journal import LineJournal
 from ...model.files.whole_file import Closing
 from ...model.parsing.reading import json_line, parse_json, shown
 from ..processes import side_by_side
@@ -49,7 +49,7 @@ class CaseStore(Closing, Generic[Case]):
             remedy=f"wait until it has ended, stop it, or name another folder for the {of}",
             file=path,
         )
-        self._lines = Journal(path, busy, self._failed)
+        self._lines = LineJournal(path, busy, self._failed)
         with self._lines.closed_on_failure(), located(path):
             self._begin({"schema": CASES_SCHEMA, **heading})
 

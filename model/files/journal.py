@@ -26,7 +26,7 @@ from .whole_file import Closing, lock, refuse_existing, sync_folder, write_whole
 RunCheck = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
 
 
-class Journal(Closing):
+class LineJournal(Closing):
     """A file of lines, each on the disk before `write` returns, whole or taken back.
 
     One process at a time may write to it: the lock is the system's and goes with the process, however that
@@ -173,7 +173,7 @@ class RunJournal(Closing):
             remedy="wait until it has ended, or stop it",
             file=path,
         )
-        self._lines = Journal(path, busy, self._failed)
+        self._lines = LineJournal(path, busy, self._failed)
         with self._lines.closed_on_failure():
             content = self._lines.content
             if not content.strip():
