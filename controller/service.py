@@ -18,7 +18,7 @@ from ..experiments.rigs.simulated.cell_file import CellFile
 from ..model.errors import BadInput
 from ..model.files.arguments import Laser
 from ..model.files.header import Header
-from ..model.files.plan import Plan
+from ..model.files.plan import Plan, planned
 from ..model.files.robot_file import load_robot
 from .cell_behind import CellBehind
 from .egm_server import Egm, PacketFaults
@@ -160,4 +160,5 @@ def own_plan() -> Plan:
     count = len(postures)
     digest = hashlib.sha256(header.model_dump_json().encode()).hexdigest()
     lines = tuple(range(1, count + 1))
-    return Plan(header, robot, postures, ("psd",) * count, lines, Path("own plan"), digest, ())
+    shots = planned(postures * robot.display, ("psd",) * count)
+    return Plan(header, robot, shots, lines, Path("own plan"), digest, ())
