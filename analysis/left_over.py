@@ -39,11 +39,15 @@ class Hypotheses(NamedTuple):
         """Those of several, one after the other."""
         return cls(*(np.concatenate(part) for part in zip(*every, strict=True)))
 
+    def drop(self, size: float) -> Matrix:
+        """(H,) of the sum of squares by amounts of the prior std `size`, with that of their prior."""
+        whole = np.eye(self.y.shape[1]) + size**2 * self.gram
+        return np.asarray(size**2 * (self.y * np.linalg.solve(whole, self.y[..., None])[..., 0]).sum(axis=-1))
+
     def log_evidence(self, size: float) -> Matrix:
         """(H,) against nothing, with amounts of the prior std `size`."""
         whole = np.eye(self.y.shape[1]) + size**2 * self.gram
-        gain = size**2 * (self.y * np.linalg.solve(whole, self.y[..., None])[..., 0]).sum(axis=-1)
-        return np.asarray((gain - np.linalg.slogdet(whole)[1]) / 2)
+        return np.asarray((self.drop(size) - np.linalg.slogdet(whole)[1]) / 2)
 
     def freed(self, size: float) -> float:
         """The effective number of parameters of the first with that prior std: the trace of the reduction."""

@@ -316,14 +316,13 @@ def exact_doubted(fit: LikelihoodFit) -> ExactDoubted | None:
     arm, at the linearised fit; None where nothing speaks against an exact arm, or the noise is not known."""
     if not fit.problem.noise.known or (links := link_columns(fit.problem, fit.x)) is None:
         return None
-    left = _Left.of(fit)
-    residual, beside = left.residual, left.beside(links)
-    dof = round(left.numbers) - left.basis.shape[1]
-    if dof <= 0:
+    left, once = _left_over(fit)
+    if left.numbers <= 0:
         return None
-    covariance = np.eye(len(residual)) + beside @ beside.T
-    chi2 = float(residual @ residual), float(residual @ np.linalg.solve(covariance, residual))
-    p_value, typical = (float(scipy.special.chdtrc(dof, each)) for each in chi2)
+    taken = float(left.of(links * once).drop(1.0)[0])
+    p_value, typical = (
+        float(scipy.special.chdtrc(left.numbers, chi2)) for chi2 in (left.chi2, left.chi2 - taken)
+    )
     if p_value >= DOUBTED or typical < AGREES:
         return None
     return ExactDoubted(p_value, typical, TYPICAL_MM, TYPICAL_DEG)
