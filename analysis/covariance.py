@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 
 from ..model.arrays import ByValue, Matrix
-from ..model.errors import BadInput, missing_extra
+from ..model.errors import BadInput, UnsoundResult, missing_extra
 from ..model.parsing.reading import did_you_mean
-from .status import UNVALIDATED, Status, UnsoundResult, called, caveat, require_no_more_than
+from .status import UNVALIDATED, Status, called, caveat, require_no_more_than
 
 if TYPE_CHECKING:
     import pandas as pd

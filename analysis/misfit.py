@@ -30,6 +30,7 @@ import numpy as np
 import scipy
 
 from ..model.arrays import Matrix
+from ..model.errors import UnsoundResult
 from ..model.likelihood.noise import COMMON
 from ..model.likelihood.problem import Problem
 from .displacement import Displacement
@@ -41,7 +42,7 @@ from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingStep
-from .status import LACK_OF_FIT, UnsoundResult, has_numbers
+from .status import LACK_OF_FIT, has_numbers
 from .tight_priors import TightPrior, tight_priors
 
 BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off

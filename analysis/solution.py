@@ -24,7 +24,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..model.arrays import Matrix
-from ..model.errors import BadInput
+from ..model.errors import BadInput, UnsoundResult
 from ..model.files.header import Header
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
@@ -42,15 +42,7 @@ from .observability.remedies import RemedySearch
 from .recordings.recordings import Effective
 from .recordings.resting import resting_columns
 from .recordings.steps import RecordingSteps, steps
-from .status import (
-    Status,
-    UnsoundResult,
-    Verdict,
-    has_numbers,
-    require_no_more_than,
-    verdict_of,
-    with_misfit,
-)
+from .status import Status, Verdict, has_numbers, require_no_more_than, verdict_of, with_misfit
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from functools import cache
 from importlib.metadata import version
 from typing import Literal
 
-from ..model.errors import ZerobeamError
+from ..model.errors import UnsoundResult
 
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
 UNVALIDATED = "unvalidated: the model does not describe the measurements"
@@ -37,12 +37,6 @@ _BY_GRAVITY: tuple[Status, ...] = (
     "unvalidated",
 )
 _GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2, "misfit": 3}
-
-
-class UnsoundResult(ZerobeamError):
-    """An answer that claims more than the status of a parameter allows: a fault of the program."""
-
-    exit_status = 3
 
 
 def known(status: Status) -> bool:

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
+from ...model.errors import UnsoundResult
 from ...model.parsing.reading import shown
 from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
@@ -31,7 +32,7 @@ from ..observability.power import WrongModel
 from ..posterior.posterior import Agreement, PosteriorParameter
 from ..recordings.recordings import RecordingCorrelation
 from ..recordings.steps import RecordingStep
-from ..status import Status, UnsoundResult, Verdict, has_numbers
+from ..status import Status, Verdict, has_numbers
 from .document_part import DocumentPart, Interval, Number
 from .message import Message
 from .misfit_document import MisfitDocument, SentenceDocument

@@ -13,8 +13,8 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
 
+from ...model.errors import UnsoundResult
 from ...model.files.json_document import keys_of
-from ..status import UnsoundResult
 
 Interval = tuple[float, float]
 Number = float | None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...model.errors import UnsoundResult
 from ...model.instruments.kind import Instrument
 from ...model.instruments.registry import kinds_of
 from ..covariance import OffsetsWithoutPrior
@@ -28,7 +29,7 @@ from ..observability.power import DetectionPower
 from ..posterior.intervals import Intervals
 from ..posterior.posterior import PosteriorSummary
 from ..solution import ParameterTable
-from ..status import UNVALIDATED, UnsoundResult, Verdict, as_grave, has_numbers, verdict_of
+from ..status import UNVALIDATED, Verdict, as_grave, has_numbers, verdict_of
 from .findings import Finding
 
 RESULT_SCHEMA = "zerobeam/result/1"

@@ -29,11 +29,11 @@ from typing import Literal
 import numpy as np
 
 from ...model.arrays import Index, Matrix
+from ...model.errors import UnsoundResult
 from ...model.likelihood.problem import Problem
 from ..error_radius import radius95, radius95_about
 from ..observability.causes import Cause
 from ..solution import Solution
-from ..status import UnsoundResult
 from .enter import controller_arm, values_to_enter
 from .tcp_positions import (
     TcpSource,

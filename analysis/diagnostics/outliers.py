@@ -11,10 +11,11 @@ import numpy as np
 import scipy
 
 from ...model.arrays import Matrix
+from ...model.errors import UnsoundResult
 from ..estimation.fit import LikelihoodFit, fit_likelihood
 from ..estimation.robust import Loss, fit_robust, outlying
 from ..solution import ParameterResult, Solution
-from ..status import Status, UnsoundResult, require_no_more_than
+from ..status import Status, require_no_more_than
 
 OUTLYING = 1e-3  # p-value, over all measurements together, of an outlying residual
 FEWEST_VALUES = 15  # from here on the level of `outlying_values` holds (Rosner 1983, table 3)

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.arrays import Matrix, ShareDone
+from ...model.errors import UnsoundResult
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import threads
 from ..solution import Solution, undecided_names
-from ..status import Status, UnsoundResult, has_numbers, require_no_more_than
+from ..status import Status, has_numbers, require_no_more_than
 from .convergence import error_of_mean
 from .ends import Ends, MarginalT, Weights, weighted_ends
 from .profiles import profile_ends

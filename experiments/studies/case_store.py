@@ -13,10 +13,10 @@ from typing import Generic, TypeVar
 
 from pydantic import TypeAdapter
 
-from ...analysis.status import UnsoundResult, versions
+from ...analysis.status import versions
 from ...interruption import obey, uninterrupted
 from ...model.arrays import Progress
-from ...model.errors import BadInput, NotWritten, located
+from ...model.errors import BadInput, NotWritten, UnsoundResult, located
 from ...model.files.whole_file import Closing, lock
 from ...model.parsing.reading import parse_json, shown
 from ..processes import side_by_side

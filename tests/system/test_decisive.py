@@ -28,8 +28,9 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.solution import ParameterTable
-from zerobeam.analysis.status import Status, UnsoundResult
+from zerobeam.analysis.status import Status
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem

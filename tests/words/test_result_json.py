@@ -26,7 +26,7 @@ from zerobeam.analysis.answer.result import RESULT_SCHEMA, Result
 from zerobeam.analysis.diagnostics.scene import SceneTarget
 from zerobeam.analysis.posterior.intervals import Intervals
 from zerobeam.analysis.solution import ParameterTable
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.words.result_json import dumps, to_json
 
 

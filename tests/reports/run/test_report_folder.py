@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from example_results import drawn, draws, good, unconverged
 
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run import report
 from zerobeam.reports.run.report import write_report
 from zerobeam.words.result_json import to_json

@@ -28,7 +28,7 @@ from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.outliers import RobustParameter
 from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.intervals import Intervals
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.errors import UnsoundResult
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Section, Table
 from zerobeam.words.wording import NOT_DETERMINED, label
