@@ -92,11 +92,12 @@ def as_grave(verdict: Verdict, needed: Verdict) -> bool:
     return _GRAVITY[verdict] >= _GRAVITY[needed]
 
 
-def require_no_more_than(what: str, status: Status, **claims: object) -> None:
+def require_no_more_than(what: str, status: Status | None, **claims: object) -> None:
     """Raise UnsoundResult unless `claims` (by name, None where nothing is claimed) go with the status.
 
     What the data cannot determine is never reported as known: every object that holds an estimate, a standard
-    uncertainty, an interval or a covariance of one parameter calls this when it is made.
+    uncertainty, an interval or a covariance of one parameter calls this when it is made. Parts of a result
+    that was read have no status of their own (None): it is checked as a whole.
 
     Examples
     --------
@@ -104,10 +105,10 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
     >>> require_no_more_than("delta2", "unidentifiable", estimate=0.1)
     Traceback (most recent call last):
         ...
-    zerobeam.analysis.status.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
+    zerobeam.model.errors.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
     """
     claimed = [name for name, value in claims.items() if value is not None]
-    if claimed and not has_numbers(status):
+    if claimed and status is not None and not has_numbers(status):
         raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(claimed)}")
 
 

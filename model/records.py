@@ -21,9 +21,9 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar, dataclass_transform, get_type_hints
+from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_type_hints
 
 from pydantic import (
     ConfigDict,
@@ -52,7 +52,8 @@ class _Internal:
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        return core_schema.with_default_schema(core_schema.any_schema(), default=None)
+        nothing = core_schema.no_info_plain_validator_function(lambda _: None)
+        return core_schema.with_default_schema(nothing, default=None)
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -80,25 +81,60 @@ def worded(description: str) -> Any:
     return about
 
 
-def key(description: str) -> Callable[[Getter], Getter]:
+def key(description: str, *, name: str | None = None) -> Callable[[Getter], Getter]:
     """Makes a property a key of the document: it follows from the fields, and is not read back."""
 
     def marked(getter: Getter) -> Getter:
-        getter.key_description = description  # type: ignore[attr-defined]
+        getter.key_of_document = (name or getter.__name__, description)  # type: ignore[attr-defined]
         return getter
 
     return marked
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
-def record(cls: type[R] | None = None, /, *, known_keys: bool = False, **how: Any) -> Any:
-    """Make a class a record. `known_keys`: reading refuses keys that it does not have, else they are left
-    out; `how` goes to `dataclasses.dataclass`."""
+def record(
+    cls: type[R] | None = None, /, *, strict_keys: bool = False, needed: tuple[str, ...] = (), **how: Any
+) -> Any:
+    """Make a class a record; `how` goes to `dataclasses.dataclass`.
+
+    Reading leaves keys out that the record does not have, unless `strict_keys`; it demands those without a
+    default, or `needed` alone: earlier versions wrote fewer, and what they lack is None.
+    """
     if cls is None:
-        return lambda later: record(later, known_keys=known_keys, **how)
-    config = ConfigDict(strict=True, extra="forbid" if known_keys else "ignore", allow_inf_nan=False)
-    cls.__pydantic_config__ = config  # type: ignore[attr-defined]
-    return dataclass(frozen=True, **how)(cls)
+        return lambda later: record(later, strict_keys=strict_keys, needed=needed, **how)
+    made: Any = dataclass(frozen=True, **how)(cls)
+    made.__pydantic_config__ = ConfigDict(
+        strict=True, extra="forbid" if strict_keys else "ignore", allow_inf_nan=False
+    )
+    if needed:
+        made.__get_pydantic_core_schema__ = classmethod(partial(_lenient, needed=needed))
+    made.__get_pydantic_json_schema__ = classmethod(_with_properties)
+    return made
+
+
+def _lenient(
+    cls: type, source: Any, handler: GetCoreSchemaHandler, *, needed: tuple[str, ...]
+) -> core_schema.CoreSchema:
+    whole = handler(source)
+    for one in cast(Any, whole)["schema"]["fields"]:
+        if one["name"] not in needed and one["schema"]["type"] != "default":
+            one["schema"] = core_schema.with_default_schema(one["schema"], default=None)
+    return whole
+
+
+def _with_properties(
+    cls: type, whole: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+) -> JsonSchemaValue:
+    """All keys, which are always written; those of properties too."""
+    answer = handler(whole)
+    content = handler.resolve_ref_schema(answer)
+    for one in keys(cls):
+        if one.name not in content["properties"]:
+            shown = handler(cast(Any, TypeAdapter(one.type).core_schema))
+            content["properties"][one.name] = {**shown, "description": one.description}
+        content["properties"][one.name].pop("default", None)
+    content["required"] = [one.name for one in keys(cls)]
+    return answer
 
 
 class Key(NamedTuple):
@@ -127,9 +163,9 @@ def keys(cls: type) -> tuple[Key, ...]:
         )
     for name in dir(cls):
         getter = getattr(getattr(cls, name, None), "fget", None)
-        if (description := getattr(getter, "key_description", None)) is not None:
+        if (marked := getattr(getter, "key_of_document", None)) is not None:
             returns = get_type_hints(getter, include_extras=True)["return"]
-            answer.append(Key(name, name, description, False, returns))
+            answer.append(Key(marked[0], name, marked[1], False, returns))
     return tuple(answer)
 
 
@@ -159,11 +195,17 @@ def to_json(value: object, words: Words = _NO_WORDS) -> Any:
 
 def _plain(value: object, words: Words) -> object:
     if is_dataclass(value):
-        kind = type(value)
+        kind = _kind(type(value))
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}
     if isinstance(value, dict):
         return {name: _plain(item, words) for name, item in value.items()}
     return [_plain(item, words) for item in value] if isinstance(value, list | tuple) else value
+
+
+@cache
+def _kind(cls: type) -> type:
+    """The record that it is: a subclass may have more than its document, and words of its own."""
+    return next((one for one in cls.__mro__ if "__pydantic_config__" in vars(one)), cls)
 
 
 def _present(value: Any, kind: type) -> Iterator[Key]:
@@ -174,7 +216,7 @@ def _present(value: Any, kind: type) -> Iterator[Key]:
 
 def _shown(value: object, kind: type, one: Key, words: Words) -> object:
     shown = getattr(value, one.attribute)
-    if not one.worded or shown is not None:
+    if not one.worded or shown is not None or not words:  # without words a record says what it has
         return shown
     if kind not in words or one.attribute not in words[kind]:
         raise _unsound(f"nothing says {one.name} of {kind.__name__}")
@@ -205,7 +247,7 @@ def read(cls: type[R], content: object) -> R:
     """The record of a JSON text, or of plain values; ValueError says where and why it is none."""
     try:
         text = content if isinstance(content, str | bytes) else json.dumps(content)
-        record: R = _adapter(cls).validate_json(text)
+        record: R = _adapter(cast(Any, cls)).validate_json(text)
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}".removeprefix(": ")) from None
@@ -217,3 +259,35 @@ def read(cls: type[R], content: object) -> R:
 def schema(cls: Any) -> dict[str, Any]:
     """Its JSON Schema; every key that is written is in it."""
     return _adapter(cls).json_schema(by_alias=True)
+
+
+def dumps(answer: dict[str, Any]) -> str:
+    """The text of `result.json`: keys in their given order, floats to the last digit, UTF-8 safe."""
+    # One line for each item of the second level: C writes them, and with an indent Python would.
+    text = _item_by_item(answer, "", lambda value: _item_by_item(value, " ", _LINE.encode))
+    return _encodable(text) + "\n"
+
+
+def one_line(value: object) -> str:
+    """The same of a part, on one line."""
+    return _encodable(_LINE.encode(value))
+
+
+def _encodable(text: str) -> str:
+    """A lone surrogate cannot be encoded in UTF-8, but its escape is legal JSON and says the same."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+_LINE = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+
+
+def _item_by_item(value: object, margin: str, write: Callable[[Any], str]) -> str:
+    """A dict or list with a line for each item behind `margin`, as `write` writes them."""
+    if not value or not isinstance(value, dict | list | tuple):
+        return _LINE.encode(value)
+    if isinstance(value, dict):
+        ends, rows = "{}", [f"{_LINE.encode(key)}: {write(item)}" for key, item in value.items()]
+    else:
+        ends, rows = "[]", [write(item) for item in value]
+    inner = f"\n{margin} "
+    return f"{ends[0]}{inner}{f',{inner}'.join(rows)}\n{margin}{ends[1]}"

@@ -22,7 +22,8 @@ from made_once import made_once
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
-from zerobeam.words.result_json import dumps, to_json
+from zerobeam.model.records import dumps
+from zerobeam.words.sentences import to_json
 
 
 def demo_result(name: str) -> dict[str, Any]:

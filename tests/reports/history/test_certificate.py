@@ -43,7 +43,7 @@ from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output.html import html
 from zerobeam.words import numbers
 from zerobeam.words.provenance import CERTIFICATE_KEYS
-from zerobeam.words.result_json import to_json
+from zerobeam.words.sentences import to_json
 
 pytest.importorskip("cryptography")
 
