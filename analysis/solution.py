@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pydantic import Field
 
 from ..model.arrays import Matrix
 from ..model.errors import BadInput, UnsoundResult
@@ -101,7 +102,7 @@ class ParameterResult:
     ]
     cause: Annotated[Cause | None, internal]
     tolerance_share: Annotated[
-        float | None,
+        Annotated[float, Field(ge=0, lt=1)] | None,
         it(
             "of an offset: share of its variance that the tolerances of the geometry set; null for "
             "nominal geometry"

@@ -66,8 +66,8 @@ def test_the_keys_are_those_of_the_design() -> None:
         *("prior_std", "midpoint", "tolerance_share", "reason"),
     ]
     assert list(answer["geometry"]) == [
-        *("tolerance", "considered_tolerance", "factors", "ladder", "consider", "at_half", "at_twice"),
-        "confounded",
+        *("factors", "ladder", "consider", "at_half", "at_twice", "confounded"),
+        *("considered_tolerance", "tolerance"),
     ]
     assert list(answer["fits"]) == ["likelihood", "midpoint"]
     assert {"converged", "iterations", "cost", "rms_mm", "chi2", "dof", "p_value"} <= set(
