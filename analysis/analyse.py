@@ -18,7 +18,7 @@ from .answer.findings import findings
 from .answer.result import (
     AngleResult,
     DistanceResult,
-    Fits,
+    FitSummaries,
     Inputs,
     LikelihoodSummary,
     MidpointSummary,
@@ -206,7 +206,7 @@ def _analyse(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
         identifiability=solution.facts,
-        fits=Fits(_likelihood(solution), _midpoint(midpoint)),
+        fits=FitSummaries(_likelihood(solution), _midpoint(midpoint)),
         geometry=geometry,
         posterior=posterior,
         shots=shots,

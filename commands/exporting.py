@@ -59,6 +59,14 @@ Without = Annotated[
         show_default=False,
     ),
 ]
+HoldOutRun = Annotated[
+    Path | None,
+    typer.Option(
+        help="Another run of the same header, which the offsets must predict (as analyse --hold-out).",
+        metavar="RUN",
+        show_default=False,
+    ),
+]
 # As help lists them; those of other makers are behind.
 _OFFSETS = ("robot", "urdf", "moc", "rapid", "ur", "ur-calibration", "kuka", "fanuc", "json", "csv")
 
@@ -139,6 +147,7 @@ def _export(
     allow_assumed: AllowAssumed = False,
     unvalidated: Unvalidated = False,
     without: Without = None,
+    hold_out: HoldOutRun = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -158,7 +167,7 @@ def _export(
     if file.parent.exists():  # else it is made once all is judged
         refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
-    keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
+    keep = [run, hold_out, *read, robot_path(recorded.header.robot, run.parent)]
     judged = calibration(
         recorded,
         allow_weak=allow_weak,
@@ -167,6 +176,7 @@ def _export(
         unvalidated=unvalidated,
         as_data=as_data,
         without=without or (),
+        held_out=None if hold_out is None else read_run(hold_out),
         holds=holds,
         no_place=no_place(recorded),
     )
@@ -362,16 +372,23 @@ def _program_command() -> Command:
         hold its offsets already: do not correct them.
         """
         from ..experiments.makers.maker import vendor_of
-        from ..experiments.makers.user_programs import ProgramOptions, corrected_program, files_of
+        from ..experiments.makers.user_programs import (
+            ProgramOptions,
+            corrected_program,
+            files_of,
+            program_files_of,
+        )
         from ..model.files.whole_file import refuse_existing
 
         choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
+            vendor = vendor_of(recorded.robot)
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
+            program_files_of(program, vendor)[0].require_arm(recorded)
             for path in corrected.files:  # those that are there are judged by --force afterwards
                 if path.exists():
-                    refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
+                    refuse_existing(path, force=True, keep=files_of(program, vendor))
             return corrected.files, corrected.notes, corrected.targets
 
         _export(run, file, texts, [program], "postures", **options)

@@ -195,7 +195,7 @@ def to_json(value: object, words: Words = _NO_WORDS) -> Any:
 
 def _plain(value: object, words: Words) -> object:
     if is_dataclass(value):
-        kind = _kind(type(value))
+        kind = _kind(cast(Any, type(value)))
         return {one.name: _plain(_shown(value, kind, one, words), words) for one in _present(value, kind)}
     if isinstance(value, dict):
         return {name: _plain(item, words) for name, item in value.items()}

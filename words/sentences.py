@@ -91,14 +91,14 @@ def to_json(answer: object) -> Any:
 
 def in_words(result: Result) -> Result:
     """The result with what it says first, what may be entered, and what to do."""
-    said, entered = message(result), offered(result)
+    first, entered = message(result), offered(result)
     return replace(
         result,
-        message=said,
+        message=first,
         headline=headline(result),
         enter=entered,
         enter_geometry=result.entered_geometry if entered else None,
         conformity=result.conformity if entered else None,
         notes=notes(result),
-        next_steps=next_steps(result, said),
+        next_steps=next_steps(result, first),
     )

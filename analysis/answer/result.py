@@ -110,7 +110,7 @@ class MidpointSummary:
 
 
 @record(needed=("likelihood",))
-class Fits:
+class FitSummaries:
     """The likelihood fit and the paper's."""
 
     likelihood: Annotated[LikelihoodSummary, it("of the likelihood: the answer")]
@@ -284,7 +284,7 @@ class Result:
         it("the identifiable offsets by the measurements alone, null where there is none"),
     ] = None
     identifiability: Annotated[Identifiability, it("rank, condition, null space")]
-    fits: Annotated[Fits, it("null where a fit does not define a number")]
+    fits: Annotated[FitSummaries, it("null where a fit does not define a number")]
     geometry: Annotated[
         GeometryResult, it("tolerances, the model ladder, and the offsets with nominal geometry")
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, cast
 
 import numpy as np
 
@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 _KNOWN = 1.0  # mm, deg: where a reflector or a tip is to less is no matter of the plan
 
 # "violated": the plan breaks its own constraints, whatever it would determine.
-PlanVerdict = Literal["pass", "weak", "degenerate", "violated"]
+PlanVerdict = Verdict | Literal["violated"]
+Planned = Literal["pass", "weak", "degenerate", "violated"]  # a plan has no misfit
 CHECK_SCHEMA: Final = "zerobeam/check/1"
 Condition = Literal[
     "limits", "behind", "beam_mm", "facing", "itself", "cell", "beam", "sight", "arm", "unfit"
@@ -257,7 +258,7 @@ class Check:
     schema: Annotated[Literal["zerobeam/check/1"], it("kind and version of the document")] = field(
         default=CHECK_SCHEMA, kw_only=True
     )
-    verdict: Annotated[PlanVerdict, it("`violated` where a posture breaks a constraint of the plan")]
+    verdict: Annotated[Planned, it("`violated` where a posture breaks a constraint of the plan")]
     parameters: Annotated[CheckedTable, it("a row each")]
     identifiability: Annotated[Identifiability, it("as in a result")]
     power: Annotated[
@@ -390,7 +391,7 @@ class Check:
                 )
             )
         return cls(
-            verdict="violated" if violations else observable,
+            verdict=cast(Planned, "violated" if violations else observable),
             parameters=CheckedTable(rows),
             identifiability=facts,
             power=powers(judged, at, identified.facts.rank),

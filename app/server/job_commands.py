@@ -61,6 +61,7 @@ _EXPORT = _options(
     ("write", "--out"),
     ("flag", "--allow-weak --allow-displaced --allow-assumed --unvalidated"),
     ("values", "--without"),
+    ("read", "--hold-out"),
 )
 _PLAN = _options(
     ("write", "--out"),
