@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 import scipy
@@ -18,6 +19,7 @@ import scipy
 from ..model.arrays import Index, Mask, Matrix
 from ..model.likelihood.parameters import Parameters
 from ..model.likelihood.problem import Problem
+from ..model.records import internal, it, key, record, worded
 from .solution import Solution
 
 _ROUNDS = 20
@@ -224,30 +226,46 @@ class PredictedResiduals:
         return float(scipy.special.fdtrc(self.dof, self.noise_dof, self.chi2 / self.dof))
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PredictedAgainstMeasured:
     """Measurements that a fit of `shots_fitted` others has not seen, `shots` at `targets`.
 
-    `rms_mm` of the residuals once all that the fit lacks is placed, `rms_before_mm` the same without a
-    calibration, `expected_mm` what noise and the fit's uncertainty let expect; `rms_deg` and `expected_deg`
-    are of the angles that are read; chi-squared is that of the residuals against both. None where there is
-    none: without degrees of freedom, or where the fit did not converge: `failure` is the optimiser's reason.
+    `rms_deg` and `expected_deg` are of the angles that are read. Numbers are None where there is none:
+    without degrees of freedom, or where the fit did not converge: `failure` is the optimiser's reason.
     """
 
-    targets: tuple[str, ...]
-    shots: int
-    shots_fitted: int
-    rms_mm: float | None = None
-    rms_before_mm: float | None = None
-    expected_mm: float | None = None
-    chi2: float | None = None
-    dof: int | None = None
-    p_value: float | None = None
-    failure: str | None = None
-    rms_deg: float | None = None
-    expected_deg: float | None = None
+    targets: Annotated[tuple[str, ...], it("names of the targets that were held out, or of another run's")]
+    shots: Annotated[int, it("number of these measurements")]
+    shots_fitted: Annotated[int, it("number of the measurements that were fitted")]
+    rms_mm: Annotated[
+        float | None,
+        it(
+            "of the residuals there, with the offsets of the measurements that were fitted and targets "
+            "placed that these lack, millimetres"
+        ),
+    ] = None
+    rms_before_mm: Annotated[
+        float | None,
+        it(
+            "the same without any offset; of another run with nominal joints and links, targets and free "
+            "tool fitted to the analysed run; millimetres; null where that fit did not converge"
+        ),
+    ] = None
+    expected_mm: Annotated[
+        float | None, it("`rms_mm` as expected from the noise and the uncertainty of the fit, millimetres")
+    ] = None
+    chi2: Annotated[
+        float | None, it("of these residuals against the noise and the uncertainty of the fit")
+    ] = None
+    dof: Annotated[int | None, it("degrees of freedom")] = None
+    p_value: Annotated[float | None, it("of χ²")] = None
+    failure: Annotated[str | None, internal] = None
+    rms_deg: Annotated[float | None, internal] = None
+    expected_deg: Annotated[float | None, internal] = None
+    message: Annotated[str | None, worded("why there is no test, or null")] = None
 
     @property
+    @key("the root of chi-squared over its degrees of freedom")
     def factor(self) -> float | None:
         """Root of chi-squared over its degrees of freedom."""
         return float(np.sqrt(self.chi2 / self.dof)) if self.chi2 is not None and self.dof else None

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from typing import Annotated
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
+from ...model.records import internal, it, key, record
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
 from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
@@ -30,7 +32,7 @@ from ..prediction import (
     weighted_rows,
 )
 from ..recordings.recordings import Effective
-from ..recordings.steps import RecordingSteps
+from ..recordings.steps import RecordingStep, RecordingSteps
 from ..solution import Solution
 from ..status import has_numbers
 
@@ -42,11 +44,16 @@ _SETTLED = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class HoldOut(PredictedAgainstMeasured):
-    """The measurements at held-out `placements`, with offsets and tool from the others."""
+    """The measurements at held-out placements, with offsets and tool from the others."""
 
-    placements: tuple[str, ...]
+    placements: Annotated[tuple[str, ...], it("names of the held-out placements")]
+
+    @property
+    @key("of a placement that was left out: its name")
+    def placement(self) -> str:
+        return ", ".join(self.placements)
 
 
 def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOut:
@@ -319,17 +326,70 @@ def _determined(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Mask
     return result
 
 
-@dataclass(frozen=True)
+@record
 class PlacementResult:
     """Placements by `names`; each left out in turn (None for one placement, or without an answer), the
     jackknife (None for less than three); correlation of the recordings, by which the measurements count, and
     their steps."""
 
-    names: tuple[str, ...]
-    leave_one_out: LeaveOneOut | None
-    jackknife: Jackknife | None
-    effective: Effective
-    steps: RecordingSteps
+    names: Annotated[tuple[str, ...], it("of the placements")]
+    leave_one_out: Annotated[LeaveOneOut | None, internal]
+    jackknife: Annotated[Jackknife | None, internal]
+    effective: Annotated[Effective, it("correlation of the measurements")]
+    steps: Annotated[RecordingSteps, internal]
+
+    @property
+    @key("each placement by the fit without it; empty with one placement", name="leave_one_out")
+    def left_out(self) -> tuple[HoldOut, ...]:
+        return () if self.leave_one_out is None else self.leave_one_out.rows
+
+    @property
+    @key("over the measurements of all placements, millimetres")
+    def leave_one_out_rms_mm(self) -> float | None:
+        return None if self.leave_one_out is None else self.leave_one_out.rms_mm
+
+    @property
+    @key("likewise, millimetres")
+    def leave_one_out_expected_mm(self) -> float | None:
+        return None if self.leave_one_out is None else self.leave_one_out.expected_mm
+
+    @property
+    @key(
+        "by offset name, the standard uncertainty by the delete-one-placement jackknife, in the "
+        "unit of the offset; null where the offset is unidentifiable without one of the "
+        "placements. No unidentifiable or held offset is in it. Null with fewer than three "
+        "placements",
+        name="jackknife",
+    )
+    def jackknife_u(self) -> dict[str, float | None] | None:
+        return None if self.jackknife is None else {row.name: row.u for row in self.jackknife.offsets}
+
+    @property
+    @key("the number of placements less 1")
+    def jackknife_dof(self) -> int | None:
+        return None if self.jackknife is None else self.jackknife.dof
+
+    @property
+    @key("by offset name, the placements without which it is unidentifiable")
+    def jackknife_needs(self) -> dict[str, tuple[str, ...]] | None:
+        return (
+            None
+            if self.jackknife is None
+            else {row.name: row.needs for row in self.jackknife.offsets if row.needs}
+        )
+
+    @property
+    @key(
+        "significant steps inside recordings, the clearest first",
+        name="steps",
+    )
+    def significant_steps(self) -> tuple[RecordingStep, ...]:
+        return self.steps.rows
+
+    @property
+    @key("number of recordings that are long enough to be tested")
+    def steps_tested(self) -> int:
+        return self.steps.tested
 
 
 def placement_result(solution: Solution, effective: Effective) -> PlacementResult:

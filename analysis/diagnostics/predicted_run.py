@@ -7,6 +7,7 @@ alone has are estimated from its measurements, and what they take up is no predi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ...model.files.header import Header, StatedGeometry
 from ...model.files.run import Run
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
+from ...model.records import it, record
 from ..estimation.fit import fit_likelihood
 from ..prediction import PredictedAgainstMeasured, PredictedResiduals, Predictor
 from ..solution import Solution
@@ -47,7 +49,7 @@ class PredictedMeasurement:
     u_mm: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class PredictedRun(PredictedAgainstMeasured):
     """Another run, of the file `run`, as the fit predicts it.
 
@@ -57,17 +59,47 @@ class PredictedRun(PredictedAgainstMeasured):
     `max_before_mm` with nominal values; `u_mm` is the root mean square of the prediction's uncertainty.
     """
 
-    run: str
-    sha256: str
-    targets_placed: tuple[str, ...]
-    unknown: tuple[int, ...] = ()
-    taken_up: tuple[int, ...] = ()
-    median_mm: float | None = None
-    max_mm: float | None = None
-    median_before_mm: float | None = None
-    max_before_mm: float | None = None
-    u_mm: float | None = None
-    measurements: tuple[PredictedMeasurement, ...] = ()
+    run: Annotated[str, it("name of the other run")]
+    sha256: Annotated[str, it("of the other run")]
+    targets_placed: Annotated[
+        tuple[str, ...],
+        it(
+            "targets that only the other run has: their positions are estimated from it, and the "
+            "components of the residuals that this takes up do not count"
+        ),
+    ]
+    unknown: Annotated[
+        tuple[int, ...],
+        it(
+            "numbers of the measurements whose prediction the data do not determine: its u is more "
+            "than 10 times their noise. They are in no other number"
+        ),
+    ] = ()
+    taken_up: Annotated[
+        tuple[int, ...],
+        it(
+            "numbers of the measurements of a target that has no more numbers than coordinates: there"
+            " is no prediction"
+        ),
+    ] = ()
+    median_mm: Annotated[float | None, it("of the same errors as `rms_mm`, millimetres")] = None
+    max_mm: Annotated[float | None, it("of the same errors, millimetres")] = None
+    median_before_mm: Annotated[float | None, it("of the same errors as `rms_before_mm`, millimetres")] = None
+    max_before_mm: Annotated[float | None, it("likewise, millimetres")] = None
+    u_mm: Annotated[
+        float | None,
+        it(
+            "root mean square of the standard uncertainties of the predictions, without the noise, "
+            "millimetres"
+        ),
+    ] = None
+    measurements: Annotated[
+        tuple[PredictedMeasurement, ...],
+        it(
+            "of the other run: `shot`, `target`, `error_mm`, `before_mm`, `expected_mm` (null where "
+            "there is no prediction) and `u_mm`"
+        ),
+    ] = ()
 
 
 def require_predictable(run: Run, other: Run) -> None:
