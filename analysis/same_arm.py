@@ -22,7 +22,7 @@ def arm_difference(one: Robot, other: Robot) -> Difference | None:
         if not np.allclose(mine, theirs, rtol=_SAME, atol=_SAME):
             link = "flange" if k > one.n else f"link before joint {k}"
             return "geometry of the robot", f"one {link}", "another"
-    axes = [[joint.axis for joint in arm.joints] for arm in (one, other)]
-    if not np.allclose(*axes, rtol=_SAME, atol=_SAME):
+    mine, theirs = (np.array([joint.axis for joint in arm.joints]) for arm in (one, other))
+    if not np.allclose(mine, theirs, rtol=_SAME, atol=_SAME):
         return "geometry of the robot", "one direction of an axis", "another"
     return None
