@@ -166,7 +166,7 @@ def test_what_the_shots_cannot_tell_has_no_size() -> None:
     plan = good_plan(12, joint_deg=0.002)
     one = found_in(bumped(plan, (1.5, 1.5, 1.5), 11)[0])
     assert one.significant
-    assert one.at == ("psd", 10, 11)
+    assert at(one) == ("psd", 10, 11)
     assert one.size_mm is None
     assert one.size_std_mm is None
     assert None in one.shift_mm
@@ -246,7 +246,7 @@ def test_a_wrong_guess_is_no_displacement() -> None:
     fits = [fit_likelihood(problem, starts=0) for problem in (right, wrong)]
     assert np.abs(fits[1].x - fits[0].x)[target].max() > 0.3
     one, other = (displacement(fit) for fit in fits)
-    assert other.at == one.at
+    assert at(other) == at(one)
     assert other.p_value == pytest.approx(one.p_value, rel=0.5)
     np.testing.assert_allclose(np.array(other.shift_mm), np.array(one.shift_mm), atol=0.02)
 
