@@ -16,12 +16,14 @@ from pydantic import Field
 
 from ..analysis.analyse import Sampling
 from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
-from ..analysis.status import Status, Verdict, known, require_no_more_than, versions
+from ..analysis.row import ParameterRow
+from ..analysis.status import Verdict, known, versions
 from ..model.errors import BadInput, UnsoundResult
 from ..model.files.json_document import JsonDocument
 from ..model.files.run import Run
 from ..model.kinematics.robot import Robot
 from ..model.parsing.reading import real_path
+from ..model.records import key, record
 from .source import source_hash
 
 Outcome = Verdict | Literal["failed"]
@@ -41,22 +43,17 @@ class BatchSettings:
     report: Annotated[bool, Field(description="whether each run has its whole report")]
 
 
-@dataclass(frozen=True)
-class BatchOffset:
-    """An offset of a run: no estimate, u and interval where the data do not determine it."""
+@record
+class BatchOffset(ParameterRow):
+    """An offset of a run; its standard uncertainty has the key `u`."""
 
-    name: str
-    unit: str
-    status: Status
-    estimate: Annotated[float | None, Field(description="null where the data do not determine it")]
-    u: Annotated[float | None, Field(description="standard uncertainty")]
-    interval95: Annotated[tuple[float, float] | None, Field(description="95 % interval")]
+    absent = ("std", "held")
 
-    def __post_init__(self) -> None:
-        claims = {"u": self.u, "interval95": self.interval95}
-        if self.status != "held":
-            claims["estimate"] = self.estimate
-        require_no_more_than(self.name, self.status, **claims)
+    @property
+    @key("standard uncertainty")
+    def u(self) -> float | None:
+        """The standard uncertainty."""
+        return self.std
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,9 @@ internal = _Internal()
 """Marks a field that the document does not have: None in a record that was read."""
 
 
+if_any = object()
+"""Marks a key that is not written where it is None."""
+
 _WORDED = "worded"
 
 
@@ -133,7 +136,7 @@ def _with_properties(
             shown = handler(cast(Any, TypeAdapter(one.type).core_schema))
             content["properties"][one.name] = {**shown, "description": one.description}
         content["properties"][one.name].pop("default", None)
-    content["required"] = [one.name for one in keys(cls)]
+    content["required"] = [one.name for one in keys(cls) if not one.if_any]
     return answer
 
 
@@ -145,6 +148,7 @@ class Key(NamedTuple):
     description: str
     worded: bool
     type: Any
+    if_any: bool = False
 
 
 @cache
@@ -159,7 +163,14 @@ def keys(cls: type) -> tuple[Key, ...]:
         about = next((mark for mark in marks if isinstance(mark, FieldInfo)), Field())
         name = about.alias or one.name
         answer.append(
-            Key(name, one.name, about.description or "", _WORDED in about.metadata, hints[one.name])
+            Key(
+                name,
+                one.name,
+                about.description or "",
+                _WORDED in about.metadata,
+                hints[one.name],
+                if_any in marks,
+            )
         )
     for name in dir(cls):
         getter = getattr(getattr(cls, name, None), "fget", None)
@@ -211,7 +222,11 @@ def _kind(cls: type) -> type:
 def _present(value: Any, kind: type) -> Iterator[Key]:
     """The keys, without those that the record says it does not have (`absent`)."""
     without = getattr(value, "absent", ())
-    return (one for one in keys(kind) if one.name not in without)
+    return (
+        one
+        for one in keys(kind)
+        if one.name not in without and not (one.if_any and getattr(value, one.attribute) is None)
+    )
 
 
 def _shown(value: object, kind: type, one: Key, words: Words) -> object:

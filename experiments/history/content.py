@@ -9,44 +9,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal, cast, get_args
 
 import numpy as np
 
-from ...analysis.status import Status, Verdict, has_numbers
+from ...analysis.covariance import OffsetsWithoutPrior
+from ...analysis.row import ParameterRow
+from ...analysis.status import Verdict, has_numbers
 from ...model.arrays import Matrix
+from ...model.records import read
 
 What = Literal["collision", "motor", "mastering", "other"]
 DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError)
-
-
-@dataclass(frozen=True)
-class StoredOffset:
-    """An offset of a result, as the row of it in result.json: no number where the data determine none."""
-
-    name: str
-    unit: str
-    status: Status
-    held: bool
-    estimate: float | None
-    std: float | None
-    interval95: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
-class StoredCovariance:
-    """`without_prior` of a result.json: the m offsets that the measurements alone determine, `covariance`
-    (m, m) by the noise, `by_geometry` (m, g) by each of the g freed parameters of the geometry."""
-
-    names: list[str]
-    units: list[str]
-    values: list[float]
-    covariance: list[list[float]]
-    geometry: list[str]
-    by_geometry: list[list[float]]
-    dof: int | float | None
 
 
 @dataclass(frozen=True)
@@ -78,8 +54,8 @@ class StoredResult:
     verdict: Verdict
     made_by: str
     document_sha256: str
-    offsets: list[StoredOffset]
-    without_prior: StoredCovariance | None
+    offsets: list[ParameterRow]
+    without_prior: OffsetsWithoutPrior | None
     sensitivity_mm2: list[list[float]] | None
 
 
@@ -130,42 +106,22 @@ def checked_moment(value: object) -> datetime:
     return when
 
 
-def checked_offset(row: Mapping[str, Any]) -> StoredOffset:
-    """The row of an offset."""
-    interval = row["interval95"]
-    if interval is not None and len(interval) != 2:
-        raise ValueError(f"the interval of {row['name']} has not two ends")
-    offset = StoredOffset(
-        name=checked_text(row["name"]),
-        unit=checked_text(row["unit"]),
-        status=row["status"],
-        held=row["held"],
-        estimate=row["estimate"],
-        std=row["std"],
-        interval95=None if interval is None else (interval[0], interval[1]),
-    )
-    name, status = offset.name, offset.status
-    if status not in get_args(Status) or not isinstance(offset.held, bool):
-        raise ValueError(f"status {status!r} of {name}")
-    if status == "unidentifiable" and (offset.estimate, offset.std) != (None, None):
-        raise ValueError(f"{name} is unidentifiable, yet it has a number")
-    if has_numbers(status) and not 0 < _number(offset.std) < math.inf:
-        raise ValueError(f"the std of {name} is not a number above 0")
-    if has_numbers(status) and (offset.estimate is None or interval is None):
-        raise ValueError(f"{name} is {status}, yet it lacks a number")
-    numbers = [number for number in (offset.estimate, *(interval or ())) if number is not None]
-    if not all(math.isfinite(_number(number)) for number in numbers):
-        raise ValueError(f"a number of {name} is not finite")
+def checked_offset(row: object) -> ParameterRow:
+    """The row of an offset: what a result may say of it, and no more."""
+    offset = read(ParameterRow, row)
+    checked_text(offset.name), checked_text(offset.unit)
+    if has_numbers(offset.status) and None in (offset.estimate, offset.std, offset.interval95):
+        raise ValueError(f"{offset.name} is {offset.status}, yet it lacks a number")
     return offset
 
 
 def checked_without_prior(
-    content: Mapping[str, Any] | None, offsets: Sequence[StoredOffset]
-) -> StoredCovariance | None:
+    content: Mapping[str, Any] | None, offsets: Sequence[ParameterRow]
+) -> OffsetsWithoutPrior | None:
     """The same, if its shapes are right and all of it is determined."""
     if content is None:
         return None
-    free = StoredCovariance(**{field.name: content[field.name] for field in fields(StoredCovariance)})
+    free = read(OffsetsWithoutPrior, content)
     size, shared = len(free.names), len(free.geometry)
     allowed = {offset.name for offset in offsets if has_numbers(offset.status)}
     sizes = {size, len(free.values), len(free.units), len(set(free.names))}
@@ -181,7 +137,7 @@ def checked_without_prior(
     return free
 
 
-def checked_sensitivity(matrix: Any, offsets: Sequence[StoredOffset]) -> list[list[float]] | None:
+def checked_sensitivity(matrix: Any, offsets: Sequence[ParameterRow]) -> list[list[float]] | None:
     """The same, if it is a number for each two of the offsets."""
     if matrix is not None:
         _numbers(matrix, (len(offsets), len(offsets)), "accuracy.sensitivity_mm2")

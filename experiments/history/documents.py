@@ -10,13 +10,15 @@ import numpy as np
 from pydantic import AfterValidator, Field, PlainSerializer
 
 from ...analysis.answer.message import Grade, May
+from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.drift.drift import Jump, Undecided
 from ...analysis.drift.instruments import Bias, ComparableInstruments
+from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict
 from ...model.files.json_document import JsonDocument, is_none
 from ...words.judgement import Judgement
 from .arm_drift import ArmDrift, DatedChange
-from .content import Event, StoredCovariance, StoredOffset, StoredResult, What
+from .content import Event, StoredResult, What
 from .fleet_drift import ArmWalks, FleetDrift, InstrumentJump, ModelWalk, Rate
 
 HISTORY_SCHEMA: Literal["zerobeam/history/1"] = "zerobeam/history/1"
@@ -63,8 +65,8 @@ class HistoryResult(JsonDocument):
     )
     zerobeam: str = Field(description="the version that made the result")
     document_sha256: str = Field(description="SHA-256 of the whole result.json")
-    offsets: list[StoredOffset] = Field(description="rows as in the result; null what is not determined")
-    without_prior: StoredCovariance | None = Field(description="as in the result")
+    offsets: list[ParameterRow] = Field(description="rows as in the result; null what is not determined")
+    without_prior: OffsetsWithoutPrior | None = Field(description="as in the result")
 
     @classmethod
     def of(cls, result: StoredResult, judged: Judgement | None = None) -> HistoryResult:

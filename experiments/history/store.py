@@ -16,6 +16,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from ...analysis.answer.result import parse_result
 from ...model.errors import BadInput
 from ...model.parsing.reading import LARGEST_RECORDING, did_you_mean
+from ...model.records import to_json
 from ...words.judgement import Judgement, read_judgement
 from .content import (
     DAMAGED,
@@ -79,8 +80,8 @@ def _row(entry: Entry) -> Values:
     return {
         **{name: getattr(entry, name) for name in _ROW},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
-        "offsets": json.dumps(entry.offsets, default=vars),
-        "without_prior": entry.without_prior and json.dumps(vars(entry.without_prior)),
+        "offsets": json.dumps(to_json(entry.offsets)),
+        "without_prior": entry.without_prior and json.dumps(to_json(entry.without_prior)),
         "sensitivity_mm2": entry.sensitivity_mm2 and json.dumps(entry.sensitivity_mm2),
     }
 
