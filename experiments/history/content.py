@@ -9,18 +9,24 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from datetime import datetime
-from typing import Any, Literal, cast, get_args
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
+from pydantic import AfterValidator
 
+from ...analysis.answer.message import Grade, May
 from ...analysis.covariance import OffsetsWithoutPrior
 from ...analysis.row import ParameterRow
 from ...analysis.status import Verdict, has_numbers
 from ...model.arrays import Matrix
-from ...model.records import read
+from ...model.records import if_any, internal, it, or_null, read, record
 
+Moment = Annotated[
+    datetime,
+    AfterValidator(lambda when: when.astimezone(UTC).replace(tzinfo=None) if when.tzinfo else when),
+]
 What = Literal["collision", "motor", "mastering", "other"]
 DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError)
 
@@ -39,35 +45,47 @@ class Arm:
     sha256: str | None = None  # of the run of the last result
 
 
-@dataclass(frozen=True)
+@record
 class StoredResult:
-    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of its result.json."""
+    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of its result.json.
+    `grade` and `may` are what it is worth, where that was read."""
 
-    sha256: str
-    serial: str
-    model: str
-    measured_at: datetime
-    instrument: str
-    operator: str
-    run: str
-    shots: int
-    verdict: Verdict
-    made_by: str
-    document_sha256: str
-    offsets: list[ParameterRow]
-    without_prior: OffsetsWithoutPrior | None
-    sensitivity_mm2: list[list[float]] | None
+    sha256: Annotated[str, it("SHA-256 of the run")]
+    serial: Annotated[str, it("serial number of the arm")]
+    model: Annotated[str, it("name of the robot")]
+    measured_at: Annotated[Moment, it("when the run was measured, UTC")]
+    instrument: Annotated[str, it("null where the run does not state it"), or_null]
+    operator: Annotated[str, it("null where the run does not state it"), or_null]
+    run: Annotated[str, it("name of the run file")]
+    shots: Annotated[int, it("number of measurements")]
+    verdict: Annotated[Verdict, it("of the result")]
+    made_by: Annotated[str, it("the version that made the result", name="zerobeam")]
+    document_sha256: Annotated[str, it("SHA-256 of the whole result.json")]
+    offsets: Annotated[tuple[ParameterRow, ...], it("rows as in the result; null what is not determined")]
+    without_prior: Annotated[OffsetsWithoutPrior | None, it("as in the result")]
+    sensitivity_mm2: Annotated[list[list[float]] | None, internal]
+    grade: Annotated[
+        Grade | None,
+        it(
+            "how the result is coloured (`message.grade`): a pass that nothing is to be entered by is"
+            " `weak`, one of a simulated run `held`"
+        ),
+        if_any,
+    ] = field(default=None, kw_only=True)
+    may: Annotated[May | None, it("`message.may` of the result: `enter`, `certify`, `export`"), if_any] = (
+        field(default=None, kw_only=True)
+    )
 
 
-@dataclass(frozen=True)
+@record
 class Event:
     """What happened to an arm: `at` is UTC without a zone."""
 
-    serial: str
-    model: str
-    at: datetime
-    what: What
-    note: str
+    serial: Annotated[str, it("serial number of the arm")]
+    model: Annotated[str, it("name of the robot")]
+    at: Annotated[Moment, it("when, UTC")]
+    what: Annotated[What, it("what happened")]
+    note: Annotated[str, it("null where there is none"), or_null]
 
 
 def parsed(text: str) -> Any:

@@ -355,11 +355,11 @@ def results(
 
 def _stored(row: Mapping[str, Any]) -> StoredResult:
     """One of `DAMAGED` where the row is not as it was added."""
-    offsets = [checked_offset(row_of_offset) for row_of_offset in parsed(row["offsets"])]
+    offsets = tuple(map(checked_offset, parsed(row["offsets"])))
     alone, sensitivity = (
         None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
     )
-    texts = {
+    texts: dict[str, Any] = {
         name: checked_text(row[name]) for name in _ROW if name not in ("measured_at", "shots", "verdict")
     }
     return StoredResult(

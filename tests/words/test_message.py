@@ -289,7 +289,7 @@ def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
 ) -> None:
     """The tool takes that one up, so that holding it spoils nothing."""
     case = _case(analysed("swapped").result)
-    by_header: dict[str, Any] = {"status": "held", "held": True, "cause": Held("header"), "estimate": 0.0}
+    by_header: dict[str, Any] = {"status": "held", "cause": Held("header"), "estimate": 0.0}
     by_header |= dict.fromkeys(("std", "data_std", "interval95", "midpoint", "tolerance_share"))
     rows = [replace(row, **by_header) if row.name == f"delta{held}" else row for row in case.parameters]
     tool = {**cast("dict[str, object]", case.header["tool"]), "calibrated": calibrated}
