@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
 from functools import cache, partial
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_args, get_type_hints
+from typing import Any, NamedTuple, TypeVar, cast, dataclass_transform, get_args, get_origin, get_type_hints
 
 from pydantic import (
     ConfigDict,
@@ -198,7 +198,8 @@ def keys(cls: type) -> tuple[Key, ...]:
 
 
 def _inlined(name: str, annotated: Any, names: Mapping[str, str]) -> Iterator[Key]:
-    (inner,) = (kind for kind in get_args(get_args(annotated)[0]) if is_dataclass(kind))
+    whole = get_args(annotated)[0]
+    inner = next(kind for kind in (whole, get_origin(whole), *get_args(whole)) if is_dataclass(kind))
     for one in keys(cast(Any, inner)):
         if one.name in names:
             kept = one._replace(name=names[one.name], attribute=f"{name}.{one.attribute}")
