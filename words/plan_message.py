@@ -19,7 +19,7 @@ from .observability import (
     reason,
     stating,
 )
-from .verdict import VERDICT_WORDS, check_notes, resting, violation_words
+from .verdict import VERDICT_WORDS, assumed_steps, check_notes, resting, violation_words
 from .wording import be, capital, counted, ended, listed, person, sentence
 
 COVERAGE = 2.0  # k of the expanded uncertainties that a plan promises
@@ -143,5 +143,6 @@ def _action(check: Check) -> str:
 def _cautions(check: Check) -> Iterator[str]:
     """What a reader must not miss besides the cause, the gravest first."""
     yield from check_notes(check)[1 if check.violations else 0 :]
+    yield from assumed_steps(_offsets(check), person)
     yield from filter(None, [over_target_sentence(check)])
     yield from (text for text in power_sentences(check.power) if "may not detect" in text)

@@ -130,8 +130,9 @@ class DirectionDocument(DocumentPart):
             "(deg or mm) and aimed again, in its place or as one more; `vary`: these `postures`, all but "
             "those that stay `unchanged`, with `joint` rotated by −1/2, 1/2 and 0 times the `amount` in "
             "turn, and aimed again; `tolerances`: an `amount` of times smaller), whether these are postures "
-            "of what was `measured`, and `predicted`, by parameter: its `name`, `unit`, standard "
-            "uncertainty `before` (null where it is not determined) and `after` the remedy, priors "
+            "of what was `measured`, whether there is a beam to be `aimed`, and `predicted`, by parameter: "
+            "its `name`, `unit`, standard uncertainty `before` (null where it is not determined) and "
+            "`after` the remedy, priors "
             "included, and the `tolerance` up to which it is identified"
         ),
     )
