@@ -491,8 +491,8 @@ def _action(case: _Case) -> Action:
     run = run_argument(case.run)
     again = f"zerobeam analyse {run}"
     if case.stopped is not None and case.diagnosis:
-        best = case.diagnosis[0]
-        return Action(f"Enter nothing. {mend(best)}", None if by_another_run(best) else again)
+        elsewhere = by_another_run(case.diagnosis[0])
+        return Action(f"Enter nothing. {mend(case.diagnosis[0])}", None if elsewhere else again)
     if case.stopped is not None:
         return Action(
             "Enter nothing: look for a wrong measurement, or state a better guess of target and tool.", again
