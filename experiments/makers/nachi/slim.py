@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.parsing.lines import line_numbers
+from ....model.parsing.reading import line_numbers
 from ..line_language import LineLanguage
 from ..maker import one_line
 from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
