@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ...analysis.acceptance.outlook import LackingTest, lacking_test
+from ...analysis.acceptance.acceptance import LackingTest, lacking_test
 from ...analysis.design.continuous_design import Criterion
 from ...analysis.observability.check import Check
 from ...model.arrays import Progress
