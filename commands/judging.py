@@ -111,7 +111,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         print_json(to_json(checked))
     else:
-        print_check(out, checked)
+        print_check(out, replace(checked, inputs=replace(checked.inputs, plan=plan.as_posix())))
         print_picture(picture)
     raise typer.Exit(EXIT_STATUS[checked.verdict])
 

@@ -93,7 +93,10 @@ def test_a_pass_says_how_well_and_what_writes_the_file() -> None:
         "This holds if nothing changed during the run, the readings are right to their stated noise and the"
         " arm and the tool are within their tolerances."
     )
-    assert "measured again at the end of a run" in said.cautions[0]
+    assert said.cautions[0].startswith(
+        "To determine J6 (δ6): measure the laser's mounting and state tool.sigma"
+    )
+    assert "measured again at the end of a run" in said.cautions[1]
     assert judged(result).grade == "pass"
     assert said.verdict.count("k\u00a0=\u00a02") == 1
     assert said.worst is not None
