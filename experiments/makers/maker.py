@@ -6,7 +6,6 @@ entry. What a maker lacks is empty. Only what a command needs is loaded.
 
 from __future__ import annotations
 
-import inspect
 import math
 import pkgutil
 import re
@@ -15,9 +14,10 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
 
 from ...model.errors import BadInput
+from ...model.options import Option
 from ...words.controllers import Takes
 
 if TYPE_CHECKING:
@@ -31,37 +31,6 @@ if TYPE_CHECKING:
 Holds = Literal["offsets", "links", "postures", "all"]
 # Of makers without a folder here: the name in small letters, words apart by one blank.
 _OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
-
-
-@dataclass(frozen=True)
-class Option:
-    """An option of a command for a format, as an annotation of a parameter: what help says of it."""
-
-    help: str
-    flag: str | None = None
-    least: int | None = None
-
-
-@dataclass(frozen=True)
-class FormatOption:
-    """An option of a format: its flag, the kinds that its value may be of, and the value that is usual."""
-
-    flag: str
-    help: str
-    kinds: tuple[Any, ...]
-    default: object
-
-
-def options_of_format(text: Callable[..., object]) -> list[FormatOption]:
-    """The options of a format, of which the parameters of its function say what they are."""
-    options = []
-    for parameter in inspect.signature(text).parameters.values():
-        annotation = get_args(parameter.annotation)
-        for option in (part for part in annotation[1:] if isinstance(part, Option)):
-            flag = option.flag or f"--{parameter.name.replace('_', '-')}"
-            kinds = (annotation[0], *get_args(annotation[0]))
-            options.append(FormatOption(flag, option.help, kinds, parameter.default))
-    return options
 
 
 J3Counting = Annotated[

@@ -16,7 +16,7 @@ from ....model.files.json_document import JsonDocument
 from ....model.files.run import read_run
 from ..folder import Folder
 from ..requests import EndPoint
-from .format_options import FormatOptionAnswer, described_options
+from .forms import FormField, form_of
 
 
 class ExportForm(JsonDocument):
@@ -27,7 +27,7 @@ class ExportForm(JsonDocument):
     vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
     about: str
     ending: str
-    options: list[FormatOptionAnswer]
+    options: list[FormField]
 
 
 @cache
@@ -41,7 +41,7 @@ def exports(_: Folder) -> list[ExportForm]:
             vendor=maker.vendor,
             about=inspect.getdoc(form.text) or form.name,
             ending=form.ending,
-            options=described_options(form.text),
+            options=form_of(form.text),
         )
         for maker in ordered
         for form in maker.offsets

@@ -30,7 +30,7 @@ from ..folder import Folder, kind_of
 from ..requests import Content, EndPoint, Refused, keyed, noted, refused
 from ..versions import Precondition, Versioned, replacing, version_of, version_of_sum
 from . import contents_process
-from .format_options import FormatOptionAnswer, described_options
+from .forms import FormField, form_of
 from .robots import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
@@ -133,7 +133,7 @@ class ImportForm(JsonDocument):
     about: str
     maker: str
     files: str
-    options: list[FormatOptionAnswer]
+    options: list[FormField]
 
 
 class HeaderUse(JsonDocument):
@@ -170,7 +170,7 @@ def formats(_: Folder) -> list[ImportForm]:
             about=" ".join((inspect.getdoc(reader.read) or reader.name).split()),
             maker=maker.name,
             files=reader.files,
-            options=described_options(reader.read),
+            options=form_of(reader.read),
         )
         for maker in ordered
         for reader in maker.read
@@ -182,7 +182,7 @@ def formats(_: Folder) -> list[ImportForm]:
             about=f"{log.about}: a log over time, of which a measurement is where the arm dwells.",
             maker=maker.name,
             files="Logs as CSV files.",
-            options=described_options(read_log),
+            options=form_of(read_log),
         )
         for maker in ordered
         for log in maker.logs

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from ....model.options import Option
 from ..maker import (
     FormatMark,
     KnownLog,
     Maker,
     OffsetFile,
-    Option,
     PlanProgram,
     PointNames,
     ProgramFiles,
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
     from ..generic.csv_file import CsvLayout
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 

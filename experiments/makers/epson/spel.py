@@ -14,17 +14,8 @@ from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_abc, orientation
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import (
-    LOG,
-    LOG_PLAN,
-    ProgramMotion,
-    head_lines,
-    listed,
-    made_for,
-    percents,
-    short_hash,
-    steps_of,
-)
+from ..options import ProgramMotion
+from ..plan_programs import LOG, LOG_PLAN, head_lines, listed, made_for, percents, short_hash, steps_of
 from .spel_points import with_points
 
 SPEL = with_points(

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from ....model.options import Option
 from ..maker import (
     FormatMark,
     J3Counting,
     Maker,
     OffsetFile,
-    Option,
     PlanProgram,
     PointNames,
     ProgramFiles,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob, TaughtPoint
 

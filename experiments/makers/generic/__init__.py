@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from ....model.errors import BadInput
+from ....model.options import Option
 from ..maker import (
     Decimal,
     J3Counting,
@@ -12,7 +13,6 @@ from ..maker import (
     Maker,
     MarkerColumn,
     OffsetFile,
-    Option,
     PlanProgram,
     Reader,
     StillDeg,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..recordings import Imported, ImportJob
     from .csv_file import CsvLayout
 

@@ -18,7 +18,8 @@ from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_zyz, orientation
 from ..line_language import FOLLOW, SIX_WITH_BLANKS, LineLanguage, Statement, tokens
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, decimal, head_lines, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import decimal, head_lines, made_for, percents, steps_of
 
 _LINES = LineLanguage(
     name="AS",

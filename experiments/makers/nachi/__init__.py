@@ -10,7 +10,7 @@ from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ..line_language import LineLanguage
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..recordings import Imported, ImportJob
 
 

@@ -14,7 +14,8 @@ from ....model.files.plan import Plan
 from ....model.kinematics.orientation import from_rpy, orientation
 from ..line_language import LineLanguage
 from ..maker import one_line
-from ..plan_programs import ProgramMotion, head_lines, listed, made_for, percents, steps_of
+from ..options import ProgramMotion
+from ..plan_programs import head_lines, listed, made_for, percents, steps_of
 from ..program_parts import NUMBER
 
 _TO_SPEED_MS = 500

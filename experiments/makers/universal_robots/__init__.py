@@ -4,13 +4,13 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from ....model.options import Option
 from ..maker import (
     Decimal,
     KnownLog,
     Maker,
     MarkerColumn,
     OffsetFile,
-    Option,
     PlanProgram,
     ProgramFiles,
     Reader,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
     from ..generic.csv_file import CsvLayout
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob
 

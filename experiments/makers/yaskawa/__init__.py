@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
     from ..line_language import LineLanguage
-    from ..plan_programs import ProgramMotion
+    from ..options import ProgramMotion
     from ..recordings import Imported, ImportJob, TaughtPoint
 
 _ABOUT = [
