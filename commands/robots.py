@@ -107,7 +107,7 @@ def robot(
 ) -> None:
     """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
     compare; with --pose, say which entry of its file disagrees with the pendant (status 1). With new, make
-    its file from rows, a data sheet or a URDF, asking for what no option states; with -o copy another's."""
+    its file from rows, a data sheet or a URDF; with -o copy another's."""
     from ..experiments.arm_shown import arm_json, typed_arm
     from ..experiments.new_robot import copy_robot, typed_vendor
     from ..model.files.header import UrdfRef
@@ -137,14 +137,12 @@ def robot(
                 raise BadInput(
                     "an arm is stated once", found="--urdf with --row, --sheet, --range or --convention"
                 )
-            read = _write_of_urdf(file, maker, urdf, base, tip, below, angles, fanuc_backup)
+            _write_of_urdf(file, maker, urdf, base, tip, below, fanuc_backup)
         elif base is not None or tip is not None:
             raise BadInput("--base and --tip are links of a URDF", remedy="name the file: --urdf FILE")
         else:
-            answers = (row or [], convention, below, sheet, ranges or [])
-            read = _write_new(file, maker, *answers, angles, fanuc_backup)
+            _write_new(file, maker, row or [], convention, below, sheet, ranges or [], fanuc_backup)
         base = tip = None
-        joints, pose = [*(joints or []), *read[0]], [*(pose or []), *read[1]]
         name = str(file)
         if picture is None:
             picture = file.with_suffix(".html")
@@ -179,31 +177,19 @@ def _write_new(
     below: float,
     sheet: str | None,
     ranges: list[str],
-    angles: PoseAngles | None,
     backup: Path | None,
-) -> tuple[list[str], list[str]]:
-    """The robot file of options, or of questions where these state neither rows nor a sheet; then the joint
-    values and poses of two postures, if a person states them."""
+) -> None:
     from ..experiments.new_robot import (
         RobotEntries,
-        asked_entries,
         content_of,
         typed_lengths,
         with_fanuc_backup,
         write_robot,
     )
-    from ..model.files.whole_file import refuse_existing
 
-    refuse_existing(file, or_else="choose another name, or remove it first")
-    if rows or sheet is not None:
-        lengths = None if sheet is None else typed_lengths(sheet)
-        entries = RobotEntries(file.stem, vendor, rows, convention, lengths, ranges, below)
-        write_robot(file, with_fanuc_backup(content_of(entries), backup))
-        return [], []
-
-    content = content_of(asked_entries(file.stem, vendor, _ask))
-    write_robot(file, with_fanuc_backup(content, backup))
-    return _asked_postures(file, angles)
+    lengths = None if sheet is None else typed_lengths(sheet)
+    entries = RobotEntries(file.stem, vendor, rows, convention, lengths, ranges, below)
+    write_robot(file, with_fanuc_backup(content_of(entries), backup))
 
 
 def _write_of_urdf(
@@ -213,50 +199,10 @@ def _write_of_urdf(
     base: str | None,
     tip: str | None,
     below: float,
-    angles: PoseAngles | None,
     backup: Path | None,
-) -> tuple[list[str], list[str]]:
-    """As `_write_new`, of a URDF: questions where the two links are not stated."""
+) -> None:
     from ..experiments.new_robot import with_fanuc_backup, write_robot
-    from ..experiments.urdf_robot import UrdfChain, asked_chain, content_of_chain
-    from ..model.files.whole_file import refuse_existing
+    from ..experiments.urdf_robot import content_of_chain, stated_chain
 
-    refuse_existing(file, or_else="choose another name, or remove it first")
-    if base is None or tip is None:
-        chain = asked_chain(urdf, base, tip, below, _ask)
-        content = with_fanuc_backup(content_of_chain(file.stem, vendor, chain), backup)
-        write_robot(file, content, chain.head)
-        return _asked_postures(file, angles)
-    chain = UrdfChain(urdf, base, tip, below)
-    content = with_fanuc_backup(content_of_chain(file.stem, vendor, chain), backup)
-    write_robot(file, content, chain.head)
-    return [], []
-
-
-def _ask(question: str) -> str:
-    return str(typer.prompt(question, err=True))
-
-
-def _asked_postures(file: Path, angles: PoseAngles | None) -> tuple[list[str], list[str]]:
-    """Joint values at two postures and the poses that the pendant shows there; none, if a person has none."""
-    from ..experiments.arm_shown import typed_arm
-    from ..experiments.new_robot import answer_to
-
-    def typed_joints(text: str) -> str:
-        if text != "none":
-            typed_arm(str(file), [text], units=None, j3=None)
-        return text
-
-    def typed_pose(text: str) -> str:
-        typed_arm(str(file), joints[-1:], units=None, j3=None, poses=[text], angles=angles)
-        return text
-
-    joints, poses = [], []
-    for number in (1, 2):
-        question = f"Joint values at posture {number} (none: no check)"
-        text = answer_to(lambda put: str(typer.prompt(put, default="none", err=True)), question, typed_joints)
-        if text == "none":
-            break
-        joints.append(text)
-        poses.append(answer_to(_ask, "The pose that the pendant shows there", typed_pose))
-    return joints, poses
+    chain = stated_chain(urdf, base, tip, below)
+    write_robot(file, with_fanuc_backup(content_of_chain(file.stem, vendor, chain), backup), chain.head)

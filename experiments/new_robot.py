@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Literal, get_args
 from unicodedata import normalize
 
 from ..model.errors import BadInput
-from ..model.files.robot_file import RobotFile, StatedJoint, Vendor, built_in_robots, stated_rows
+from ..model.files.robot_file import RobotFile, Vendor, built_in_robots, stated_rows
 from ..model.files.whole_file import flow, refuse_existing, write_whole, yaml_text
 from ..model.parsing.confinement import BUILT_IN
 from ..model.parsing.reading import did_you_mean, read_yaml, shown
@@ -27,6 +27,7 @@ LENGTHS: Mapping[str, str] = {
     "forearm": "from axis 3 to axis 5, along the forearm",
     "wrist": "from axis 5 to the flange",
 }
+_WORDS = ", ".join(f"{name}= {words}" for name, words in LENGTHS.items())
 # An arm of each maker: its zeros, signs, base frame and flange are those of the maker's other arms.
 LIKE: Mapping[str, str] = {
     "abb": "irb120",
@@ -38,8 +39,6 @@ LIKE: Mapping[str, str] = {
     "yaskawa": "gp7",
 }
 _VENDORS: tuple[str, ...] = get_args(Vendor)
-_ATTEMPTS = 5  # at an answer
-_Value = TypeVar("_Value")
 _ROW = ("a_mm", "alpha_deg", "d_mm", "theta_deg", "lower_deg", "upper_deg", "speed_deg_s")
 
 
@@ -74,11 +73,6 @@ def typed_vendor(text: str) -> str:
     return vendor
 
 
-def typed_number(text: str, what: str) -> float:
-    """The one number that a text is; `what` it is for the BadInput where it is none."""
-    return _numbers(text, range(1, 2), what)[0]
-
-
 def typed_lengths(text: str) -> dict[str, float]:
     """`height=330, upper=455, …` as lengths by name. BadInput for another name, or where one is missing."""
     parts = dict(re.findall(r"([A-Za-z]+)\s*[=:]\s*([-+\d.]+)", text))
@@ -86,7 +80,7 @@ def typed_lengths(text: str) -> dict[str, float]:
     for name, value in parts.items():
         if name not in LENGTHS:
             raise BadInput("there is no such length", found=name, allowed=", ".join(LENGTHS))
-        lengths[name] = typed_number(value, name)
+        lengths[name] = _numbers(value, range(1, 2), name)[0]
     missing = [name for name in LENGTHS if name not in lengths]
     if missing:
         raise BadInput(
@@ -100,10 +94,11 @@ def typed_lengths(text: str) -> dict[str, float]:
 def content_of(entries: RobotEntries) -> dict[str, object]:
     """The content of the robot file. BadInput where it makes no robot."""
     if bool(entries.rows) == (entries.lengths is not None):
+        sheet = f"; or --sheet and --range, with {_WORDS}" if entries.vendor in LIKE else ""
         raise BadInput(
             "an arm is stated by its rows or by the lengths of its data sheet",
             found="both" if entries.rows else "neither",
-            allowed="--row once for each joint, or --sheet and --range",
+            allowed=f"--row '{' '.join(_ROW[:6])} [speed]' once for each joint{sheet}",
         )
     if entries.lengths is None:
         rows = [_typed_row(row) for row in entries.rows]
@@ -258,67 +253,3 @@ def copy_robot(name: str, path: Path, pulses: str | None, fanuc_backup: Path | N
         validate(RobotFile, content, file=None, line=lambda _: None)
     text = source.read_text(encoding="utf-8")
     write_robot(path, content, "".join(re.findall(r"\A(?:#[^\n]*\n)*", text)))
-
-
-def asked_entries(name: str, vendor: str, ask: Callable[[str], str]) -> RobotEntries:
-    """The entries of a person, line by line: lengths of the data sheet where the maker's zeros are known,
-    else rows. `ask` puts a question and gives the answer; one that is not understood is asked for again."""
-    if vendor in LIKE:
-        values = {
-            key: answer_to(ask, f"{key} ({words}), mm", lambda text: typed_number(text, "length"))
-            for key, words in LENGTHS.items()
-        }
-        ranges = [
-            answer_to(ask, f"Joint {i}: lower upper [speed], degrees", _checked_range) for i in range(1, 7)
-        ]
-        return RobotEntries(name, vendor, lengths=values, ranges=ranges)
-    count = int(answer_to(ask, "Number of joints", lambda text: typed_number(text, "number")))
-    rows = [
-        answer_to(ask, f"Joint {i}: a alpha d theta lower upper [speed], mm and degrees", _checked_row)
-        for i in range(1, count + 1)
-    ]
-    convention = answer_to(ask, "Convention of the rows: standard or modified", _typed_convention)
-    below = answer_to(
-        ask,
-        "How far the mounting face is below the base frame, mm",
-        lambda text: typed_number(text, "number"),
-    )
-    return RobotEntries(name, vendor, rows, convention, below_base=below)
-
-
-def answer_to(ask: Callable[[str], str], question: str, read: Callable[[str], _Value]) -> _Value:
-    """The answer as it is read; the question again, behind the reason, where it cannot be read.
-
-    BadInput of the last answer where none of several can be."""
-    put = question
-    for attempt in range(_ATTEMPTS):
-        try:
-            return read(ask(put))
-        except BadInput as error:
-            if attempt == _ATTEMPTS - 1:
-                raise
-            typed = "" if error.found is None else f" ({error.found})"
-            allowed = "" if error.allowed is None else f"; allowed: {error.allowed}"
-            put = f"{error.what}{typed}{allowed}\n{question}"
-    raise AssertionError
-
-
-def _checked_row(text: str) -> str:
-    validate(StatedJoint, _typed_row(text), file=None, line=lambda _: None)
-    return text
-
-
-def _checked_range(text: str) -> str:
-    lower, upper, *_ = _numbers(text, range(2, 4), "range")
-    if not lower < upper:
-        raise BadInput("the lower limit is not below the upper one", found=shown(text))
-    return text
-
-
-def _typed_convention(text: str) -> Literal["standard", "modified"]:
-    convention = text.strip().lower()
-    if convention == "standard":
-        return "standard"
-    if convention == "modified":
-        return "modified"
-    raise BadInput("there is no such convention", found=shown(text), allowed="standard, modified")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +12,12 @@ from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.robot_file import RobotFile
 from ..model.files.urdf import links_of, read_urdf
+from ..model.kinematics.dh import DHRow, along_z
 from ..model.kinematics.orientation import angles_of
-from ..model.kinematics.robot import DHRow, Joint, Robot
-from ..model.parsing.reading import did_you_mean, shown
+from ..model.kinematics.robot import Joint, Robot
+from ..model.parsing.reading import shown
 from ..model.parsing.validation import validate
-from .makers.generic.robot_rows import corrected_table
 from .makers.maker import one_line
-from .new_robot import answer_to, typed_number
 
 _DIGITS = 7  # of mm and degrees: 1.570796327 rad are 90 degrees, and poses stay the same to 0.00001 mm
 
@@ -42,30 +41,16 @@ class UrdfChain:
         return "".join(f"# {one_line(line)}\n" for line in lines)
 
 
-def asked_chain(
-    path: Path, base: str | None, tip: str | None, below: float, ask: Callable[[str], str]
-) -> UrdfChain:
-    """The chain in a URDF file of a person who states not all of it (None, 0): the rest is asked for."""
-    links = links_of(path)
-
-    def typed_base(text: str) -> str:
-        if text not in links:
-            remedy = did_you_mean(text, links)
-            raise BadInput(
-                "the link is not in the file", found=shown(text), allowed=", ".join(links), remedy=remedy
-            )
-        return text
-
-    def typed_tip(text: str) -> str:
-        read_urdf(path, first, text)
-        return text
-
-    first = base or answer_to(ask, f"First link of the chain ({', '.join(links)})", typed_base)
-    last = tip or answer_to(ask, f"Its last link, the flange ({', '.join(links)})", typed_tip)
-    if not below:
-        question = f"How far the mounting face is below {first}, mm"
-        below = answer_to(ask, question, lambda text: typed_number(text, "number"))
-    return UrdfChain(path, first, last, below)
+def stated_chain(path: Path, base: str | None, tip: str | None, below_base: float) -> UrdfChain:
+    """The chain of a URDF file between two links; BadInput where one is not stated."""
+    if base is None or tip is None:
+        raise BadInput(
+            "a URDF's chain has two ends",
+            found=shown(base or tip) if base or tip else "none",
+            allowed=", ".join(links_of(path)),
+            remedy="state --base, the first link, and --tip, the flange",
+        )
+    return UrdfChain(path, base, tip, below_base)
 
 
 def content_of_chain(name: str, vendor: str, chain: UrdfChain) -> dict[str, object]:
@@ -74,7 +59,7 @@ def content_of_chain(name: str, vendor: str, chain: UrdfChain) -> dict[str, obje
     Of an arm whose pendant counts joint 3 from the ground, the URDF has the angle between links 2 and 3; the
     pendant's range is then all that the ranges of joints 2 and 3 leave.
     """
-    arm = _about_z(read_urdf(chain.path, chain.base, chain.tip))
+    arm = along_z(read_urdf(chain.path, chain.base, chain.tip))
     first = arm.joints[0].fixed
     upright = np.allclose(first[:3, 2], (0, 0, 1), rtol=0, atol=1e-9)
     above = np.allclose(first[:2, 3], 0, rtol=0, atol=1e-7)
@@ -86,7 +71,7 @@ def content_of_chain(name: str, vendor: str, chain: UrdfChain) -> dict[str, obje
         "joints": _named(arm, [_numbers(joint, DHRow(0.0, 0.0, 0.0, 0.0)) for joint in arm.joints]),
         **({} if upright and above else {"base": _transform(first)}),
     }
-    table = corrected_table(validate(RobotFile, content, file=chain.path, line=lambda _: None), arm)
+    table = validate(RobotFile, content, file=chain.path, line=lambda _: None).table_of(arm)
     rows = [_numbers(joint, row) for joint, row in zip(arm.joints, table.rows, strict=True)]
     if not np.allclose(table.flange, np.eye(4), rtol=0, atol=1e-7):
         content["flange"] = _transform(table.flange)
@@ -102,26 +87,6 @@ def content_of_chain(name: str, vendor: str, chain: UrdfChain) -> dict[str, obje
     content["joints"] = _named(arm, rows)
     validate(RobotFile, content, file=chain.path, line=lambda _: None)
     return content
-
-
-def _about_z(robot: Robot) -> Robot:
-    """The same arm with each joint in a frame whose z axis is the joint's."""
-    joints, back = [], np.eye(4)
-    for joint in robot.joints:
-        turn = _to_axis(joint.axis)
-        joints.append(replace(joint, fixed=back @ joint.fixed @ turn, axis=np.array([0.0, 0.0, 1.0])))
-        back = turn.T
-    return replace(robot, joints=tuple(joints), flange=back @ robot.flange)
-
-
-def _to_axis(axis: Matrix) -> Matrix:
-    """(4, 4) of a frame whose z axis is the unit vector `axis` (3,)."""
-    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = other - axis * float(axis @ other)
-    x /= np.linalg.norm(x)
-    frame = np.eye(4)
-    frame[:3, :3] = np.column_stack((x, np.cross(axis, x), axis))
-    return frame
 
 
 def _named(arm: Robot, rows: Sequence[Mapping[str, float]]) -> list[dict[str, object]]:

@@ -16,12 +16,12 @@ import numpy as np
 
 from ...model.arrays import Index, Matrix
 from ...model.instruments.kind import Instrument
+from ...model.kinematics.dh import along_z
 from ...model.kinematics.robot import Joint, JointKind, Robot
 from ...model.likelihood.constraint import residual
 from ...model.likelihood.geometry import NOMINAL
 from ...model.likelihood.problem import Problem
 from ..estimation.levenberg_marquardt import least_squares, levenberg_marquardt
-from .robot_variants import with_axes_along_z
 
 _STEPS = 12
 _TOLERANCE = 1e-4  # of the cost: a ranking needs no more
@@ -104,7 +104,7 @@ class _Screen:
 
 def _transforms(robot: Robot) -> Matrix:
     """(12 (n + 1),) the upper three rows of each transform, column by column."""
-    robot = with_axes_along_z(robot)
+    robot = along_z(robot)
     fixed = [*(joint.fixed for joint in robot.joints), robot.flange]
     return np.concatenate([at[:3].ravel(order="F") for at in fixed])
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile, StatedTransform
+from ...model.kinematics.dh import AXIS, LENGTHS, ORDER
 from ...model.kinematics.orientation import angles_of
-from ...model.kinematics.robot import Robot, rotation_about, shift
+from ...model.kinematics.robot import Joint, Robot
+from ...model.kinematics.transforms import rotation_about, shift
 
-Axis = Literal["x", "y", "z"]
-_SHIFTS: tuple[Axis, ...] = ("x", "y", "z")
-_TURNS: tuple[Axis, ...] = ("z", "y", "x")  # roll, pitch, yaw from the left
+_SHIFTS = ("x", "y", "z")
+_TURNS = ("z", "y", "x")  # roll, pitch, yaw from the left
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Element:
 
     entry: str
     turns: bool
-    axis: Axis
+    axis: str
     value: float
 
     def matrix(self) -> Matrix:
@@ -44,21 +44,14 @@ class Element:
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """The motion of joint `index` (from 0) about or along its unit `axis` (3,)."""
+    """The motion of joint `index` (from 0)."""
 
     index: int
-    turns: bool
-    axis: Matrix
+    joint: Joint
 
-    def matrix(self, value: float) -> Matrix:
-        """(4, 4) at a position, rad or mm."""
-        if not self.turns:
-            return shift(*(self.axis * value))
-        x, y, z = self.axis
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        result = np.eye(4)
-        result[:3, :3] += np.sin(value) * cross + (1 - np.cos(value)) * cross @ cross
-        return result
+    @property
+    def turns(self) -> bool:
+        return self.joint.kind == "revolute"
 
 
 Part = Element | JointMotion
@@ -79,7 +72,7 @@ class Chain:
         poses = [np.eye(4)]
         for part in self.parts:
             if isinstance(part, JointMotion):
-                poses.append(poses[-1] @ part.matrix(joints[part.index]))
+                poses.append(poses[-1] @ part.joint.motion(joints[part.index]))
             else:
                 poses.append(poses[-1] @ part.matrix() if part.value else poses[-1])
         return poses
@@ -92,7 +85,7 @@ class Chain:
         """(n,) by how many mm the flange moves for a radian of each joint, 1 for a mm of one that slides;
         `poses` are those of `before`."""
         moving = [
-            (part.index, pose[:3, :3] @ part.axis, poses[-1][:3, 3] - pose[:3, 3])
+            (part.index, pose[:3, :3] @ part.joint.axis, poses[-1][:3, 3] - pose[:3, 3])
             for part, pose in zip(self.parts, poses, strict=False)
             if isinstance(part, JointMotion) and part.turns
         ]
@@ -114,17 +107,13 @@ def chain_of_rows(file: RobotFile) -> Chain:
     them, are left out."""
     parts: list[Part] = list(_frame("base", file.base))
     for i, row in enumerate(file.joints):
-        joint = f"of joint {i + 1}"
-        motion = JointMotion(i, row.kind == "revolute", np.array([0.0, 0.0, 1.0]))
-        turn = Element(f"theta_deg {joint}", True, "z", row.theta_deg)
-        along = Element(f"d_mm {joint}", False, "z", row.d_mm)
-        length = Element(f"a_mm {joint}", False, "x", row.a_mm)
-        twist = Element(f"alpha_deg {joint}", True, "x", row.alpha_deg)
-        tilt = [Element(f"beta_deg {joint}", True, "y", row.beta_deg)] if row.beta_deg else []
-        if file.convention == "standard":
-            parts += [turn, motion, along, length, twist, *tilt]
-        else:
-            parts += [twist, length, *tilt, turn, motion, along]
+        for name in ORDER[file.convention]:
+            if name is None:
+                parts.append(JointMotion(i, row.joint(i + 1, np.eye(4))))
+            elif name != "beta" or row.beta_deg:
+                turns = name not in LENGTHS
+                key = f"{name}_{'deg' if turns else 'mm'}"
+                parts.append(Element(f"{key} of joint {i + 1}", turns, AXIS[name], getattr(row, key)))
     parts += _frame("flange", file.flange)
     return Chain(tuple(parts), len(file.joints))
 
@@ -134,7 +123,7 @@ def chain_of_robot(robot: Robot) -> Chain:
     parts: list[Part] = []
     for i, joint in enumerate(robot.joints):
         parts += _origin(f"of joint {joint.name}", joint.fixed)
-        parts.append(JointMotion(i, joint.kind == "revolute", joint.axis))
+        parts.append(JointMotion(i, joint))
     parts += _origin("of the tip", robot.flange)
     return Chain(tuple(parts), robot.n)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ...model.arrays import Matrix
 from ...model.kinematics.orientation import (
@@ -126,9 +127,7 @@ class Tolerance:
 
     def share(self, computed: Matrix, shown: Matrix) -> float:
         """The larger of both deviations over its tolerance: at most 1 where the poses agree."""
-        turn = computed[:3, :3].T @ shown[:3, :3]
-        sine = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        angle = math.atan2(float(np.linalg.norm(sine)), float(np.trace(turn)) - 1)
+        angle = float(Rotation.from_matrix(computed[:3, :3].T @ shown[:3, :3]).magnitude())
         off = float(np.abs(computed[:3, 3] - shown[:3, 3]).max())
         return max(off / self.position, angle / self.angle)
 

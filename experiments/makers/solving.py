@@ -20,7 +20,8 @@ from ...model.files.robot_file import load_robot
 from ...model.kinematics.branches import Branch, Branches
 from ...model.kinematics.inverse import Solver, is_singular, reach
 from ...model.kinematics.orientation import from_rotation_vector, orientation
-from ...model.kinematics.robot import Robot, same_arm, shift
+from ...model.kinematics.robot import Robot, same_arm
+from ...model.kinematics.transforms import shift
 from .program_parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture

@@ -11,8 +11,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
-from ...model.kinematics.orientation import roll_pitch_yaw
-from ...model.kinematics.robot import shift
+from ...model.kinematics.transforms import pose_of
 from ...model.parsing.reading import did_you_mean
 from .amplifier import MOST_SAMPLES, REQUESTS, Amplifier, PsdSample, sample_line, with_checksum
 from .camera import Camera, Image
@@ -155,7 +154,7 @@ def _camera(settings: CameraBeside) -> Camera:
         focal=settings.focal_px,
         centre=settings.centre_px,
         distortion=settings.distortion,
-        mount=shift(*settings.mount.xyz_mm) @ roll_pitch_yaw(*np.radians(settings.mount.rpy_deg)),
+        mount=pose_of(settings.mount.xyz_mm, settings.mount.rpy_deg),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.instruments.flange_tool import FlangeTool
 from ...model.kinematics.robot import Robot
+from ...model.kinematics.transforms import rotations
 from ...model.likelihood.geometry import Geometry
 
 OFFSET_DEG, BACKLASH_DEG, SPOT_MM = 0.5, 0.01, 2.0  # of the arms; of the spots about the centre
@@ -161,16 +162,9 @@ def _deviation(names: tuple[str, ...], values: Matrix) -> Matrix:
     for name, axis in (("theta", 2), ("alpha", 0), ("beta", 1)):
         if name in by_name:
             turn = np.tile(np.eye(4), (len(values), 1, 1))
-            turn[:, :3, :3] = _rotation(np.eye(3)[axis], by_name[name])
+            turn[:, :3, :3] = rotations(np.eye(3)[axis], by_name[name])
             result = result @ turn
     return result
-
-
-def _rotation(axis: Matrix, angle: Matrix) -> Matrix:
-    """(N, 3, 3) about a unit axis (Rodrigues)."""
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    sine, rest = np.sin(angle)[:, None, None], 1 - np.cos(angle)[:, None, None]
-    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
 
 
 def _chain(fixed: Matrix, axes: Matrix, robot: Robot, theta: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -181,7 +175,7 @@ def _chain(fixed: Matrix, axes: Matrix, robot: Robot, theta: Matrix) -> tuple[Ma
         places.append(pose[:, :3, 3])
         directions.append(pose[:, :3, :3] @ axes[i])
         turn = np.tile(np.eye(4), (len(theta), 1, 1))
-        turn[:, :3, :3] = _rotation(axes[i], theta[:, i])
+        turn[:, :3, :3] = rotations(axes[i], theta[:, i])
         pose = pose @ turn @ fixed[:, i + 1]
     places.append(pose[:, :3, 3])
     return pose, np.stack(places, axis=1), np.stack(directions, axis=1)

@@ -4,7 +4,7 @@ cause a diagnosis may name it."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -13,7 +13,8 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import load_robot
-from ...model.kinematics.robot import DHRow, Robot, dh_chain
+from ...model.kinematics.dh import DHRow, as_row, dh_chain, with_fixed
+from ...model.kinematics.robot import Robot
 from .wrong_arms import Course
 
 Readings = tuple[Matrix, Matrix]  # joints (N, n) rad and spots (N, 2) mm
@@ -188,19 +189,9 @@ def rows_of(
     """A robot of standard rows a, alpha, d, theta (n, 4), mm and rad, with other rows, or with its rows read
     by another convention."""
     ends = [*(joint.fixed for joint in robot.joints[1:]), robot.flange]
-    rows = change(np.array([_standard(end) for end in ends]))
+    rows = change(np.array([astuple(row)[:4] for end in ends if (row := as_row(end)) is not None]))
     fixed, flange = dh_chain([DHRow(*row.tolist()) for row in rows], convention)
-    fixed[0] = robot.joints[0].fixed @ fixed[0]
-    joints = tuple(replace(joint, fixed=at) for joint, at in zip(robot.joints, fixed, strict=True))
-    return replace(robot, joints=joints, flange=flange)
-
-
-def _standard(end: Matrix) -> Matrix:
-    """(4,) a, alpha, d, theta of Rz(theta) Tz(d) Tx(a) Rx(alpha)."""
-    theta = np.arctan2(end[1, 0], end[0, 0])
-    alpha = np.arctan2(end[2, 1], end[2, 2])
-    a = end[0, 3] * np.cos(theta) + end[1, 3] * np.sin(theta)
-    return np.array([a, alpha, end[2, 3], theta])
+    return with_fixed(robot, [robot.joints[0].fixed @ fixed[0], *fixed[1:], flange])
 
 
 # Tool and target

@@ -14,9 +14,10 @@ from pydantic_core import PydanticCustomError
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.orientation import roll_pitch_yaw
+from ..kinematics.dh import Convention, DHRow, RowTable, dh_chain, table_of
 from ..kinematics.plausible import doubtful_rows, too_long, warn_of
-from ..kinematics.robot import DHRow, Joint, Robot, dh_chain, shift
+from ..kinematics.robot import Joint, Robot
+from ..kinematics.transforms import pose_of
 from ..parsing.confinement import BUILT_IN, require_within
 from ..parsing.reading import did_you_mean, read_yaml, real_path, require_schema, shown
 from ..parsing.validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
@@ -66,7 +67,7 @@ class StatedTransform(FileModel):
     )
 
     def matrix(self) -> Matrix:
-        return shift(*self.xyz_mm) @ roll_pitch_yaw(*np.radians(self.rpy_deg))
+        return pose_of(self.xyz_mm, self.rpy_deg)
 
 
 class StatedJoint(FileModel):
@@ -162,7 +163,7 @@ class RobotFile(FileModel):
     )
     model: Name | None = Field(default=None, description="what its maker calls it")
     payload_kg: Positive | None = Field(default=None, description="payload class, kilograms")
-    convention: Literal["standard", "modified"] = Field(
+    convention: Convention = Field(
         description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta); "
         "modified (Craig): Rx(alpha) Tx(a) Ry(beta) Rz(theta) Tz(d)"
     )
@@ -216,6 +217,12 @@ class RobotFile(FileModel):
             if name in names[:i]:
                 raise refusal("two joints have the same name", key=("joints", i), found=shown(name))
         return self
+
+    def table_of(self, robot: Robot) -> RowTable:
+        """The rows of `robot`, which is this one with other links and zeros: those next to the stated."""
+        near = [joint.row for joint in self.joints]
+        first, flange = self.robot().joints[0].fixed, self.flange.matrix()
+        return table_of(robot, near, self.convention, first, flange)
 
     def robot(self) -> Robot:
         fixed, last = dh_chain([joint.row for joint in self.joints], self.convention)

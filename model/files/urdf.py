@@ -19,9 +19,9 @@ import numpy as np
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import rounded_angle, too_long, warn_of
-from ..kinematics.robot import Joint, JointKind, Robot, shift
+from ..kinematics.robot import Joint, JointKind, Robot
+from ..kinematics.transforms import euler, shift
 from ..parsing.reading import did_you_mean, read_text
 from ..parsing.validation import LARGEST_OTHER
 
@@ -362,8 +362,8 @@ class _Reader:
         if element is None:
             return np.eye(4)
         x, y, z = self._numbers(element, "xyz", 3) if element.get("xyz") is not None else [0.0] * 3
-        roll, pitch, yaw = self._numbers(element, "rpy", 3) if element.get("rpy") is not None else [0.0] * 3
-        return shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES) @ roll_pitch_yaw(roll, pitch, yaw)
+        angles = self._numbers(element, "rpy", 3) if element.get("rpy") is not None else [0.0] * 3
+        return np.asarray(shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES) @ euler("xyz", angles))
 
     def _numbers(
         self, element: ElementTree.Element, name: str, count: int, largest: float = LARGEST

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..arrays import Matrix
 from .pendant import beyond_limits
@@ -55,13 +56,7 @@ def is_singular(robot: Robot, joints: Matrix) -> bool:
 def _errors(robot: Robot, poses: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
     """(N, 6) shift and rotation left to poses (N, 4, 4), and (N, 6, n) what the joints do to them."""
     now, jacobian = robot.pose_and_jacobian(joints)
-    left = poses[:, :3, :3] @ now[:, :3, :3].transpose(0, 2, 1)
-    twice = np.stack(
-        [left[:, 2, 1] - left[:, 1, 2], left[:, 0, 2] - left[:, 2, 0], left[:, 1, 0] - left[:, 0, 1]], axis=1
-    )
-    sine = np.linalg.norm(twice, axis=1) / 2
-    angle = np.arctan2(sine, (np.trace(left, axis1=1, axis2=2) - 1) / 2)
-    turn = twice / 2 * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[:, None]
+    turn = Rotation.from_matrix(poses[:, :3, :3] @ now[:, :3, :3].transpose(0, 2, 1)).as_rotvec()
     shift = (poses[:, :3, 3] - now[:, :3, 3]) / _LENGTH
     scaled = jacobian.copy()
     scaled[:, :3] /= _LENGTH

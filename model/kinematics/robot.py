@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import ByValue, Matrix
 from ..errors import BadInput
+from .transforms import rotations, shift
 
 JointKind = Literal["revolute", "prismatic"]
 J3 = Literal["ground", "link"]
@@ -49,6 +50,14 @@ class Joint(ByValue):
     @property
     def unit(self) -> str:
         return "deg" if self.kind == "revolute" else "mm"
+
+    def motion(self, value: float) -> Matrix:
+        """(4, 4) at a position, rad or mm."""
+        if self.kind == "prismatic":
+            return shift(*(self.axis * value))
+        result = np.eye(4)
+        result[:3, :3] = rotations(self.axis, np.array(value))
+        return result
 
 
 @dataclass(frozen=True)
@@ -210,7 +219,7 @@ class Robot(ByValue):
                 argument="delta",
             )
         joints = tuple(
-            replace(joint, fixed=joint.fixed @ _motion(joint, float(value)))
+            replace(joint, fixed=joint.fixed @ joint.motion(float(value)))
             for joint, value in zip(self.joints, np.asarray(delta, dtype=float), strict=True)
         )
         return replace(self, joints=joints)
@@ -398,68 +407,3 @@ def _about(x: float, y: float, z: float) -> tuple[ca.SX, ca.SX, ca.SX]:
     along = np.outer([x, y, z], [x, y, z])
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return ca.SX(along), ca.SX(np.eye(3) - along), ca.SX(cross)
-
-
-def _motion(joint: Joint, value: float) -> Matrix:
-    """(4, 4) of a joint at a position, rad or mm."""
-    if joint.kind == "prismatic":
-        return shift(*(joint.axis * value))
-    result = np.eye(4)
-    turn = axis_rotation(joint.axis, ca.SX(np.cos(value)), ca.SX(np.sin(value)))
-    result[:3, :3] = ca.evalf(turn).full()
-    return result
-
-
-def rotation_about(axis: Literal["x", "y", "z"], angle: float) -> Matrix:
-    """Homogeneous rotation (4, 4) by `angle` (rad) about a coordinate axis."""
-    i = "xyz".index(axis)
-    j, k = (i + 1) % 3, (i + 2) % 3
-    result = np.eye(4)
-    # Exact zeros and ones at multiples of 90 degrees keep the symbolic model free of 1e-17 terms.
-    cosine, sine = (round(v) if abs(v - round(v)) < 1e-12 else v for v in (np.cos(angle), np.sin(angle)))
-    result[j, j] = result[k, k] = cosine
-    result[j, k], result[k, j] = -sine, sine
-    return result
-
-
-def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
-    """Homogeneous translation (4, 4) in mm."""
-    result = np.eye(4)
-    result[:3, 3] = x, y, z
-    return result
-
-
-@dataclass(frozen=True)
-class DHRow:
-    """One Denavit-Hartenberg row: a, d in mm, alpha, theta in rad (theta is the joint's zero position).
-
-    `beta` is the further rotation about y, rad, of two axes that are nearly parallel (Hayati and Mirmirani).
-    """
-
-    a: float
-    alpha: float
-    d: float
-    theta: float
-    beta: float = 0.0
-
-
-def dh_chain(
-    rows: Sequence[DHRow], convention: Literal["standard", "modified"]
-) -> tuple[list[Matrix], Matrix]:
-    """Fixed transforms before each joint and the one after the last, all joints moving about or along z.
-
-    standard (eq. 1 of the paper): Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta).
-    modified (Craig):              Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
-    """
-    fixed: list[Matrix] = []
-    pending = np.eye(4)
-    for row in rows:
-        turn = rotation_about("z", row.theta) @ shift(z=row.d)
-        link = shift(x=row.a) @ rotation_about("x", row.alpha) @ rotation_about("y", row.beta)
-        if convention == "standard":
-            fixed.append(pending)
-            pending = turn @ link
-        else:
-            fixed.append(pending @ link)
-            pending = turn
-    return fixed, pending

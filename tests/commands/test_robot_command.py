@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import io
 import warnings
 from pathlib import Path
 
@@ -178,29 +177,18 @@ def test_poses_that_cannot_be_read_are_refused(arguments: tuple[str, ...], messa
     assert message in zerobeam("robot", *arguments).refused()
 
 
-def test_a_new_robot_by_questions_is_written_drawn_and_checked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_robot_of_a_data_sheet_is_written_drawn_and_checked(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
-    lengths = ["450", "155", "0", "641", "200", "640", "100"]  # the upper arm is 27 mm too long
-    options = with_poses("gp12")
-    joints_and_poses = options[1::2]
-    answers = [
-        *lengths,
-        *["-170 170 200"] * 6,
-        "1 2 3",
-        joints_and_poses[0],
-        "1, 2, 3",
-        *joints_and_poses[1:],
-    ]
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
-    answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
+    # The upper arm is 27 mm too long.
+    lengths = "height=450 shoulder=155 side=0 upper=641 elbow=200 forearm=640 wrist=100"
+    sheet = ["--sheet", lengths, *["--range", "-170 170 200"] * 6]
+    answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa", *sheet, *with_poses("gp12"))
     assert answer.status == 1, answer.err
     words = " ".join(answer.out.replace("\u00a0", " ").split())
     assert "a_mm of joint 2 is 641 mm; 614 mm" in words
     assert path.with_suffix(".html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert load_robot(path).vendor == "yaskawa"
-    again = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa")
+    again = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa", *sheet)
     assert "exists already" in again.refused()
     assert "a maker" in zerobeam("robot", "new").refused()
     assert "mine.yaml --vendor doosan" in zerobeam("robot", "new").refused()
@@ -212,25 +200,21 @@ M1013 = [
 ]
 
 
-def test_an_answer_that_is_not_understood_is_asked_for_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "mine.yaml"
-    answers = ["six", "6", M1013[0], "620 0 34,5 -90 O 360", "620 0 34.5 -90 360 -360", *M1013[1:]]
-    answers += ["modern", "Standard", "here", "0", ""]
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
-    answer = zerobeam("robot", "new", "-o", path, "--vendor", "Doosan")
+def test_a_new_robot_of_rows(tmp_path: Path) -> None:
+    new = ("robot", "new", "-o", tmp_path / "mine.yaml", "--vendor", "Doosan")
+    assert "a_mm alpha_deg d_mm theta_deg lower_deg upper_deg [speed]" in zerobeam(*new).refused()
+    for wrong, reason in (("620 0 34,5 -90 O 360", "the row is not"), ("0 0 1 0 9 -9", "lower_deg")):
+        assert reason in zerobeam(*new, "--row", wrong).refused()
+    answer = zerobeam(*new, *(word for row in M1013 for word in ("--row", row)))
     assert answer.status == 0, answer.err
-    for reason in ("the number is not", "the row is not", "not below upper_deg", "no such convention"):
-        assert answer.err.count(reason) >= 1, answer.err
-    made = load_robot(path)
+    made = load_robot(tmp_path / "mine.yaml")
     assert made.vendor == "doosan"
     np.testing.assert_allclose(
         made.fk(np.full(6, 25.0), "deg"), load_robot("m1013").fk(np.full(6, 25.0), "deg"), atol=1e-9
     )
 
 
-def test_a_maker_that_there_is_not_is_refused_before_any_question(tmp_path: Path) -> None:
+def test_a_maker_that_there_is_not_is_refused(tmp_path: Path) -> None:
     refusal = zerobeam("robot", "new", "-o", tmp_path / "mine.yaml", "--vendor", "Dosan").refused()
     assert "did you mean 'doosan'?" in refusal
     assert typed_vendor("St\u00e4ubli") == "staubli"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from itertools import permutations
 from pathlib import Path
 
@@ -113,34 +112,7 @@ def test_a_pendant_that_counts_joint_3_from_the_ground(tmp_path: Path) -> None:
     np.testing.assert_allclose(made.upper, arm.upper)
 
 
-def test_a_chain_by_questions_is_written_drawn_and_checked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arm = load_robot("gp12")
-    urdf, path = urdf_of(arm, tmp_path / "arm.urdf"), tmp_path / "mine.yaml"
-    text = urdf.read_text(encoding="utf-8")
-    assert text.count("0.614") == 1
-    urdf.write_text(text.replace("0.614", "0.641"), encoding="utf-8")  # the upper arm is 27 mm too long
-    answers = ["base_link", "link0", "link9", "tool0", "none", "0"]
-    for joints in ("20.00 -30.00 40.00 50.00 -60.00 70.00", "-35.00 25.00 -10.00 -80.00 45.00 110.00"):
-        pose = zerobeam("robot", "gp12", "--joints", joints, "--json").json["poses"][0]
-        answers += [joints, " ".join(f"{value:.2f}" for value in (*pose["xyz_mm"], *pose["rpy_deg"]))]
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(answers) + "\n"))
-    answer = zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa", "--urdf", urdf)
-    assert answer.status == 1, answer.err
-    words = " ".join(answer.out.replace("\u00a0", " ").split())
-    assert "a_mm of joint 2 is 641 mm; 614 mm" in words
-    assert "the link is not in the file" in answer.err
-    assert "the tip link is not in the file" in answer.err
-    assert path.read_text(encoding="utf-8").startswith("# The chain link0 to tool0 of arm.urdf")
-    assert path.with_suffix(".html").exists()
-    assert (
-        "exists already"
-        in zerobeam("robot", "new", "-o", path, "--vendor", "yaskawa", "--urdf", urdf).refused()
-    )
-
-
-def test_a_chain_by_options_asks_nothing(tmp_path: Path) -> None:
+def test_a_chain_by_options(tmp_path: Path) -> None:
     urdf, path = urdf_of(load_robot("ur5e"), tmp_path / "arm.urdf"), tmp_path / "mine.yaml"
     made = ("robot", "new", "-o", path, "--vendor", "universal-robots", "--urdf", urdf)
     chain = ("--base", "link0", "--tip", "tool0")
@@ -148,6 +120,7 @@ def test_a_chain_by_options_asks_nothing(tmp_path: Path) -> None:
         ((*made, *chain, "--row", "1 2 3"), "stated once"),
         ((*made, *chain, "--convention", "modified"), "stated once"),
         ((*made, "--base", "tool0", "--tip", "link0"), "exchange base and tip"),
+        ((*made, "--base", "link0"), "allowed: link0, link1"),
         ((*made[:-2], *chain), "--urdf FILE"),
     ):
         assert said in zerobeam(*wrong).refused()
@@ -156,6 +129,9 @@ def test_a_chain_by_options_asks_nothing(tmp_path: Path) -> None:
     assert answer.status == 0, answer.err
     assert answer.json["name"] == "mine"
     assert read_robot(path).vendor == "universal-robots"
+    assert path.read_text(encoding="utf-8").startswith("# The chain link0 to tool0 of arm.urdf")
+    assert path.with_suffix(".html").exists()
+    assert "exists already" in zerobeam(*made, *chain).refused()
 
 
 def test_a_chain_without_joints_is_refused(tmp_path: Path) -> None:

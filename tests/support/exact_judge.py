@@ -23,7 +23,8 @@ from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.gauges import ROUNDING, information_root
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
-from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.geometry import NOMINAL
 from zerobeam.model.likelihood.problem import Problem
 

@@ -34,7 +34,7 @@ from zerobeam.analysis.observability.aim import aim
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
 from zerobeam.model.instruments.kind import Measurement
-from zerobeam.model.kinematics.robot import DHRow
+from zerobeam.model.kinematics.dh import DHRow
 from zerobeam.model.likelihood.problem import Problem
 
 _DIGITS = 80

@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.instruments.kind import Instrument
-from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
 
 Pose = Callable[[np.ndarray], np.ndarray]
 

@@ -25,7 +25,7 @@ from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import read_run
 from zerobeam.model.instruments.ballbar import Ballbar
 from zerobeam.model.instruments.tracker import Tracker
-from zerobeam.model.kinematics.robot import rotation_about
+from zerobeam.model.kinematics.transforms import rotation_about
 from zerobeam.reports.run.fit import fit_section
 from zerobeam.reports.run.uncertainty_budget import source_words
 

@@ -52,20 +52,8 @@ def rotations(angles: Matrix, order: str) -> Matrix:
             allowed="XYZ-fixed, ZYX-moving, ZYZ-moving, …, vector (a rotation vector) or find",
             remedy="state the axes in the order of the columns, and whether they stay or turn with the body",
         )
-    turns = [_about(axis, angle) for axis, angle in zip(match[1].upper(), angles.T, strict=True)]
-    one, two, three = turns if match[2].lower() == "moving" else turns[::-1]
-    return np.asarray(one @ two @ three)
-
-
-def _about(axis: str, angles: Matrix) -> Matrix:
-    """(N, 3, 3) rotations about a coordinate axis."""
-    i = "XYZ".index(axis)
-    j, k = (i + 1) % 3, (i + 2) % 3
-    result = np.zeros((len(angles), 3, 3))
-    result[:, i, i] = 1.0
-    result[:, j, j] = result[:, k, k] = np.cos(angles)
-    result[:, k, j], result[:, j, k] = np.sin(angles), -np.sin(angles)
-    return result
+    axes = match[1].upper() if match[2].lower() == "moving" else match[1].lower()
+    return np.asarray(Rotation.from_euler(axes, angles).as_matrix())
 
 
 def found_order(
@@ -191,7 +179,7 @@ def _aligned(measured: Matrix, flange: Matrix) -> tuple[float, Matrix]:
 
 def _angles(r: Matrix) -> Matrix:
     """(N,) degrees, of rotations (N, 3, 3)."""
-    return np.asarray(np.degrees(np.arccos(np.clip((np.trace(r, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))))
+    return np.asarray(np.degrees(Rotation.from_matrix(r).magnitude()))
 
 
 def _axes(r: Matrix) -> Matrix:

@@ -12,7 +12,6 @@ from pathlib import Path
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
-import casadi as ca
 import numpy as np
 
 from ....model.arrays import Matrix
@@ -20,8 +19,9 @@ from ....model.errors import BadInput
 from ....model.files.header import UrdfRef
 from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES, last_joint
-from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
-from ....model.kinematics.robot import Joint, Robot, axis_rotation
+from ....model.kinematics.orientation import angles_of
+from ....model.kinematics.robot import Joint, Robot
+from ....model.kinematics.transforms import euler
 from ....model.parsing.reading import read_bytes, read_text, shown
 from ..calibration import GeometryValue, JointOffset, RobotCalibration
 
@@ -209,9 +209,9 @@ def _origin(
 ) -> _Edit:
     """The joint's origin moved by its offset: `rpy` alone changes if it is revolute, `xyz` if prismatic."""
     attributes = origins[0].attributes if origins else {}
-    turn = roll_pitch_yaw(*_numbers(attributes.get("rpy")))[:3, :3]
+    turn = euler("xyz", _numbers(attributes.get("rpy")))[:3, :3]
     if joint.kind == "revolute":
-        name, values = "rpy", angles_of(turn @ _rotation(joint.axis, offset.internal))
+        name, values = "rpy", angles_of(turn @ joint.motion(offset.internal)[:3, :3])
     else:
         name = "xyz"
         shift = turn @ joint.axis * offset.internal / MILLIMETRES
@@ -222,7 +222,7 @@ def _origin(
 def _whole_origin(content: bytes, by: Matrix, element: _Element, origins: list[_Element]) -> list[_Edit]:
     """The joint's origin times a transform `by` (4, 4), mm."""
     attributes = origins[0].attributes if origins else {}
-    before = roll_pitch_yaw(*_numbers(attributes.get("rpy")))
+    before = euler("xyz", _numbers(attributes.get("rpy")))
     before[:3, 3] = np.array(_numbers(attributes.get("xyz"))) * MILLIMETRES
     after = before @ by
     xyz = tuple((after[:3, 3] / MILLIMETRES).tolist())
@@ -262,8 +262,3 @@ def _with_attribute(
 def _numbers(text: str | None) -> tuple[float, float, float]:
     x, y, z = (0.0, 0.0, 0.0) if text is None else (float(word) for word in text.split())
     return x, y, z
-
-
-def _rotation(axis: Matrix, angle: float) -> Matrix:
-    """(3, 3) about a unit axis (3,) by an angle in rad."""
-    return np.asarray(ca.evalf(axis_rotation(axis, ca.cos(ca.SX(angle)), ca.sin(ca.SX(angle)))).full())

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,13 @@ from ....model.files.header import UrdfRef
 from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
 from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES
-from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
-from ....model.kinematics.robot import DHRow, Robot, dh_chain, shift
+from ....model.kinematics.dh import DHRow, dh_chain, with_fixed
+from ....model.kinematics.orientation import angles_of
+from ....model.kinematics.robot import Robot
+from ....model.kinematics.transforms import euler, shift
 from ....model.parsing.reading import did_you_mean, read_text, read_yaml
 from ..calibration import RobotCalibration
-from ..generic.robot_rows import corrected_table, rows_text
+from ..generic.robot_rows import rows_text
 from ..maker import one_line, require_vendor
 
 DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
@@ -66,7 +68,7 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
     text, _ = read_text(path)
     with located(path):
         chain = _deltas(text, file) if "delta_" in text else _transforms(path)
-        robot = _along_axes(_as_chain(nominal, *chain), nominal)
+        robot = _along_axes(with_fixed(nominal, chain), nominal)
         rms, most = flanges_apart(robot, nominal)
         if most > _FARTHEST:
             raise BadInput(
@@ -88,10 +90,10 @@ def flanges_apart(one: Robot, other: Robot) -> tuple[float, float]:
 
 def ros_chain(nominal: Robot, path: Path) -> Robot:
     """`nominal` with the transforms of a YAML of ROS's ur_calibration; BadInput where it is none."""
-    return _as_chain(nominal, *_transforms(path))
+    return with_fixed(nominal, _transforms(path))
 
 
-def _deltas(text: str, file: RobotFile) -> tuple[list[Matrix], Matrix]:
+def _deltas(text: str, file: RobotFile) -> list[Matrix]:
     deltas: dict[str, list[float]] = {}
     for key in DELTAS:
         match = re.search(rf"^[ \t]*{key}\s*=\s*\[([^\]]*)\]", text, re.MULTILINE)
@@ -115,10 +117,11 @@ def _deltas(text: str, file: RobotFile) -> tuple[list[Matrix], Matrix]:
         )
         for i, row in enumerate(joint.row for joint in file.joints)
     ]
-    return dh_chain(rows, file.convention)
+    fixed, flange = dh_chain(rows, file.convention)
+    return [*fixed, flange]
 
 
-def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
+def _transforms(path: Path) -> list[Matrix]:
     document = read_yaml(path)
     links: Any = document.data.get("kinematics")
     if not isinstance(links, Mapping):
@@ -143,13 +146,8 @@ def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
             )
         x, y, z, *turns = values
         origin = shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES)
-        chain.append(origin @ roll_pitch_yaw(*turns))
-    return chain, np.eye(4)
-
-
-def _as_chain(nominal: Robot, fixed: list[Matrix], flange: Matrix) -> Robot:
-    joints = tuple(replace(joint, fixed=each) for joint, each in zip(nominal.joints, fixed, strict=True))
-    return replace(nominal, joints=joints, flange=flange)
+        chain.append(origin @ euler("xyz", turns))
+    return [*chain, np.eye(4)]
 
 
 def _along_axes(robot: Robot, nominal: Robot) -> Robot:
@@ -163,7 +161,7 @@ def _along_axes(robot: Robot, nominal: Robot) -> Robot:
         fixed.append(np.asarray(np.linalg.inv(before) @ moved))
         before = moved
     flange = np.asarray(np.linalg.inv(before) @ here @ robot.flange)
-    return _as_chain(robot, fixed, flange)
+    return with_fixed(robot, [*fixed, flange])
 
 
 _ROUNDING = 1e-7  # rad, and mm over a metre
@@ -244,6 +242,5 @@ def calibrated_text(arm: CalibratedArm, source: Path) -> str:
         f"{arm.nominal_file.model} with the factory calibration of {source.name}.",
         f"Its flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal arm.",
     ]
-    return rows_text(
-        [one_line(line) for line in head], arm.nominal_file, corrected_table(arm.nominal_file, arm.robot)
-    )
+    file = arm.nominal_file
+    return rows_text([one_line(line) for line in head], file, file.table_of(arm.robot))

@@ -13,8 +13,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.instruments.flange_tool import flange_tool
 from ....model.instruments.kind import Instrument
-from ....model.kinematics.orientation import roll_pitch_yaw
-from ....model.kinematics.robot import Robot, same_arm, shift
+from ....model.kinematics.robot import Robot, same_arm
+from ....model.kinematics.transforms import euler, pose_of
 from ....model.likelihood.constraint import ShotFunctions, shot_functions
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.problem import Problem
@@ -217,7 +217,7 @@ def assemble(
 
 def turned(rpy_deg: Sequence[float]) -> Matrix:
     """(3, 3) a rotation about fixed x, then y, then z."""
-    return roll_pitch_yaw(*np.radians(rpy_deg))[:3, :3]
+    return euler("xyz", np.radians(rpy_deg))[:3, :3]
 
 
 def _require_fit(plan: Plan, cell: CellFile) -> None:
@@ -323,10 +323,7 @@ def _arm(
 
 
 def _geometry(cell: CellFile) -> dict[int, Matrix]:
-    return {
-        error.joint - 1: shift(*error.xyz_mm) @ roll_pitch_yaw(*np.radians(error.rpy_deg))
-        for error in cell.arm.geometry or ()
-    }
+    return {error.joint - 1: pose_of(error.xyz_mm, error.rpy_deg) for error in cell.arm.geometry or ()}
 
 
 def _centre(plan: Plan, cell: CellFile, problem: Problem, name: str, rng: np.random.Generator) -> Matrix:

@@ -29,7 +29,8 @@ from zerobeam.analysis.diagnostics.accuracy import (
 from zerobeam.analysis.error_radius import radius95
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
-from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.density import Density
 from zerobeam.words.findings import accuracy_reason, tcp_words
 

@@ -24,10 +24,11 @@ from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_w
 from zerobeam.analysis.diagnostics.cause import Cause
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, _explanations, diagnose, undecided
 from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes
-from zerobeam.analysis.diagnostics.robot_variants import file_variants, with_axes_along_z
+from zerobeam.analysis.diagnostics.robot_variants import file_variants
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import Run
+from zerobeam.model.kinematics.dh import along_z
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit import cause_sentence, explanation_sentence
@@ -165,7 +166,7 @@ def test_two_things_at_once_are_said_to_be_more_than_one(tmp_path) -> None:
 def test_a_robot_with_its_axes_along_z_is_the_robot() -> None:
     for robot in (irb1600(), random_robot("rrrprr", 2)):
         q = np.random.default_rng(0).uniform(-1, 1, (5, robot.n))
-        np.testing.assert_allclose(with_axes_along_z(robot).fk(q, "rad"), robot.fk(q, "rad"), atol=1e-9)
+        np.testing.assert_allclose(along_z(robot).fk(q, "rad"), robot.fk(q, "rad"), atol=1e-9)
 
 
 def test_a_reversed_twist_is_the_robot_file_with_the_other_sign(tmp_path) -> None:

@@ -19,7 +19,7 @@ from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.identifiability import Identified, identify
 from zerobeam.model.files.header import Header
 from zerobeam.model.instruments.kind import Measurement
-from zerobeam.model.kinematics.robot import DHRow
+from zerobeam.model.kinematics.dh import DHRow
 from zerobeam.model.likelihood.problem import Problem
 
 JOINT_DEG = 0.002

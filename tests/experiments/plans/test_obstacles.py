@@ -12,7 +12,8 @@ from zerobeam.experiments.plans.obstacles import (
     segment_distance,
 )
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Joint, Robot, shift
+from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.transforms import shift
 from zerobeam.model.likelihood.problem import Problem
 
 

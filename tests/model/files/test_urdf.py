@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.kinematics.orientation import roll_pitch_yaw
 from zerobeam.model.kinematics.plausible import DoubtfulRobot
+from zerobeam.model.kinematics.transforms import euler
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">
@@ -76,11 +76,11 @@ def test_fixed_joints_before_and_after_the_moving_ones_count(tmp_path):
 
 def test_roll_pitch_yaw_turn_about_fixed_axes():
     roll, pitch, yaw = 0.3, -0.7, 1.1
-    half = roll_pitch_yaw(roll, 0, 0), roll_pitch_yaw(0, pitch, 0), roll_pitch_yaw(0, 0, yaw)
-    np.testing.assert_allclose(roll_pitch_yaw(roll, pitch, yaw), half[2] @ half[1] @ half[0], atol=1e-15)
+    half = euler("xyz", (roll, 0, 0)), euler("xyz", (0, pitch, 0)), euler("xyz", (0, 0, yaw))
+    np.testing.assert_allclose(euler("xyz", (roll, pitch, yaw)), half[2] @ half[1] @ half[0], atol=1e-15)
     # The x axis ends at heading yaw, below the horizon by pitch, whatever the roll.
     expected = [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)]
-    np.testing.assert_allclose(roll_pitch_yaw(roll, pitch, yaw)[:3, 0], expected, atol=1e-15)
+    np.testing.assert_allclose(euler("xyz", (roll, pitch, yaw))[:3, 0], expected, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -160,12 +160,12 @@ def test_panda_against_the_maker_s_rows(shared_data):
     q = [0.1, -0.5, 0.3, -2.2, 0.4, 1.8, 0.7]
     expected = np.eye(4)
     for a_i, alpha_i, d_i, q_i in zip(a, alpha, d, q, strict=True):
-        link = roll_pitch_yaw(np.radians(alpha_i), 0, 0)
+        link = euler("xyz", (np.radians(alpha_i), 0, 0))
         link[0, 3] = a_i
-        turn = roll_pitch_yaw(0, 0, q_i)
+        turn = euler("xyz", (0, 0, q_i))
         turn[2, 3] = d_i
         expected = expected @ link @ turn
-    hand = roll_pitch_yaw(0, 0, -np.pi / 4)
+    hand = euler("xyz", (0, 0, -np.pi / 4))
     hand[2, 3] = 107 + 103.4
     np.testing.assert_allclose(robot.fk(q, "rad"), expected @ hand, atol=1e-6)
 

@@ -7,8 +7,8 @@ from zerobeam.model.kinematics.orientation import (
     angles_of,
     from_quaternion,
     orientation,
-    roll_pitch_yaw,
 )
+from zerobeam.model.kinematics.transforms import euler
 
 
 def about(axis: str, degrees: float) -> np.ndarray:
@@ -37,7 +37,7 @@ def test_every_form_gives_the_rotation_back() -> None:
             Rotation.from_euler("xyz", result.roll_pitch_yaw, degrees=True).as_matrix(),
             Rotation.from_rotvec(result.rotation_vector).as_matrix(),
             Rotation.from_euler("XYZ", result.xyz, degrees=True).as_matrix(),
-            roll_pitch_yaw(*angles_of(turn))[:3, :3],
+            euler("xyz", angles_of(turn))[:3, :3],
         ]
         for form in forms:
             np.testing.assert_allclose(form, turn, rtol=0, atol=1e-12)

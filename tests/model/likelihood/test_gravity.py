@@ -7,7 +7,8 @@ from plain_model import arm
 
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.geometry import Geometry
 
 

@@ -8,7 +8,8 @@ from plain_model import URDF
 
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.constraint import Posture
 from zerobeam.model.likelihood.geometry import Geometry
 

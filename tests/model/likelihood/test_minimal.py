@@ -5,7 +5,8 @@ import pytest
 
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.model.files.header import Header
-from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.makers.generic.robot_rows import RowTable, beyond_rows, corrected_table
+from zerobeam.experiments.makers.generic.robot_rows import beyond_rows
 from zerobeam.model.files.robot_file import RobotFile, stated_rows
-from zerobeam.model.kinematics.robot import Robot, dh_chain
+from zerobeam.model.kinematics.dh import RowTable, dh_chain
+from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.geometry import Geometry
 
 HERE = Path(".")
@@ -87,7 +88,7 @@ def test_forward_kinematics_are_the_corrected_arm_s(name: str, seed: int) -> Non
     recorded = rng.uniform(robot.lower, robot.upper, (200, robot.n))
     wanted = moved.fk(recorded + delta, "rad")
     np.testing.assert_allclose(corrected.fk(recorded, "rad"), wanted, atol=1e-9)
-    table = corrected_table(stated, corrected)
+    table = stated.table_of(corrected)
     np.testing.assert_allclose(robot_of(stated, table).fk(recorded, "rad"), wanted, atol=1e-9)
     # The rows are near the file's own: no length of kilometres for an axis that is nearly parallel.
     for row, nominal in zip(table.rows, (joint.row for joint in stated.joints), strict=True):
@@ -101,7 +102,7 @@ def test_forward_kinematics_are_the_corrected_arm_s(name: str, seed: int) -> Non
 @pytest.mark.parametrize("name", [*BUILT_IN, *OWN])
 def test_nothing_estimated_changes_nothing(name: str) -> None:
     stated = stated_by(name)
-    table = corrected_table(stated, stated.robot())
+    table = stated.table_of(stated.robot())
     assert table.rows == tuple(joint.row for joint in stated.joints)
     np.testing.assert_allclose(table.flange, stated.flange.matrix(), atol=1e-12)
 
@@ -109,7 +110,7 @@ def test_nothing_estimated_changes_nothing(name: str) -> None:
 def test_offsets_alone_change_theta_alone() -> None:
     stated = stated_rows("irb1600", HERE)
     delta = np.radians([0.0, -1.2, 0.7, 0.1, 0.2, 0.3])
-    table = corrected_table(stated, stated.robot().with_offsets(delta))
+    table = stated.table_of(stated.robot().with_offsets(delta))
     assert beyond_rows(table.rows) == []
     for row, joint, value in zip(table.rows, stated.joints, delta, strict=True):
         nominal = joint.row

@@ -9,8 +9,9 @@ from command_line import zerobeam
 from zerobeam.experiments.makers.universal_robots.kinematics import DELTAS, LINKS, read_ur_calibration
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot, stated_rows
+from zerobeam.model.kinematics.dh import DHRow, dh_chain
 from zerobeam.model.kinematics.orientation import angles_of
-from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain
+from zerobeam.model.kinematics.robot import Robot
 
 # Made up, in the size of real ones: axes 2 to 4 meet metres away.
 DELTA = {
