@@ -20,8 +20,7 @@ def app(
     ] = Path(),
     browser: Annotated[bool, Option("Open the page in the browser.", "--open/--no-open")] = True,
     host: Annotated[
-        str | None,
-        Option("Address to listen at, for other machines. Default: this one alone."),
+        str | None, Option("Address to listen at, for other machines. Default: this one alone.")
     ] = None,
 ) -> None:
     """Look at robots and plans in the browser, offline. Ctrl-C ends it."""

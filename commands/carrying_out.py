@@ -34,8 +34,7 @@ def run(
     as_json: Json = False,
     json_lines: Annotated[bool, Option("Print every event as a line of JSON as it happens.")] = False,
     scene: Annotated[
-        bool,
-        Option("With --json-lines: also where the arm is sent, what the camera sees."),
+        bool, Option("With --json-lines: also where the arm is sent, what the camera sees.")
     ] = False,
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
@@ -168,8 +167,7 @@ def _instrument(
 
 def controller(
     plan: Annotated[
-        Path | None,
-        argument("Plan file (.yaml): robot, tool and targets. Default: an IRB1600 and one PSD."),
+        Path | None, argument("Plan file (.yaml): robot, tool and targets. Default: an IRB1600 and one PSD.")
     ] = None,
     cell: Annotated[Path | None, Option("Cell file (.yaml).")] = None,
     port: Annotated[int, Option("Port of Robot Web Services (0: any).", least=0, most=65535)] = 8080,

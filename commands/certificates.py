@@ -30,14 +30,8 @@ def certify(
     serial: Serial,
     private: Annotated[Path, Option("Private key to sign with.", "--key", metavar="FILE")],
     folder: Annotated[Path, Option("Folder for the certificate.", "-o --out")],
-    run: Annotated[
-        str | None,
-        Option("The run, by the beginning of its SHA-256.", metavar="SHA256"),
-    ] = None,
-    date: Annotated[
-        str | None,
-        Option("The run, by its date or time (ISO 8601). Default: the last."),
-    ] = None,
+    run: Annotated[str | None, Option("The run, by the beginning of its SHA-256.", metavar="SHA256")] = None,
+    date: Annotated[str | None, Option("The run, by its date or time (ISO 8601). Default: the last.")] = None,
     verification: Annotated[
         Path | None,
         Option(
@@ -69,8 +63,7 @@ def certify(
 def key(
     file: Annotated[Path, argument("File for the private key; the public one is FILE.pub.")],
     passphrase: Annotated[
-        bool,
-        Option(f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}."),
+        bool, Option(f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.")
     ] = False,
 ) -> None:
     """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
@@ -95,10 +88,7 @@ def verify(
             metavar="FILE...",
         ),
     ],
-    public: Annotated[
-        Path,
-        Option("Public key of the signer (.pub).", "--key", metavar="FILE"),
-    ],
+    public: Annotated[Path, Option("Public key of the signer (.pub).", "--key", metavar="FILE")],
     db: Annotated[
         str | None,
         Option("A history (SQLite file or URL): does it still hold the certified results?", metavar="URL"),

@@ -127,13 +127,7 @@ def _export(
         refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
     keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
-    judged = calibration(
-        recorded,
-        **vars(options),
-        as_data=as_data,
-        holds=holds,
-        no_place=no_place(recorded),
-    )
+    judged = calibration(recorded, **vars(options), as_data=as_data, holds=holds, no_place=no_place(recorded))
     files, notes, targets = texts(recorded, judged)
     if not file.parent.exists():
         _make_folder(file.parent)
@@ -179,8 +173,7 @@ def _plan_command() -> Command:
         ],
         plan: PlanFile,
         file: Annotated[
-            Path,
-            Option(f"File to write; {' and '.join(several)} write others beside it.", "-o --out"),
+            Path, Option(f"File to write; {' and '.join(several)} write others beside it.", "-o --out")
         ],
         *,
         motion: ProgramMotion,

@@ -198,8 +198,7 @@ def event(
     serial: Serial,
     date: Annotated[str, Option("When it happened (ISO 8601).")],
     what: Annotated[
-        What,
-        Option("collision, motor (changed), mastering (new zeros in the controller) or other."),
+        What, Option("collision, motor (changed), mastering (new zeros in the controller) or other.")
     ],
     note: Annotated[str, Option("What is to be remembered of it.")] = "",
     model: Model = None,
@@ -219,10 +218,7 @@ def event(
 @histories.of_options("export")
 def export(
     file: Annotated[Path, Option("File to write: .csv or .json.", "-o --out")],
-    serial: Annotated[
-        str | None,
-        argument("Serial number of one arm.", metavar="[SERIAL]"),
-    ] = None,
+    serial: Annotated[str | None, argument("Serial number of one arm.", metavar="[SERIAL]")] = None,
     model: Model = None,
     db: Url = None,
     force: Force = False,
@@ -257,9 +253,7 @@ def export(
 
 @histories.of_options("backup")
 def backup(
-    file: Annotated[Path, argument("SQLite file to write.")],
-    db: Url = None,
-    force: Force = False,
+    file: Annotated[Path, argument("SQLite file to write.")], db: Url = None, force: Force = False
 ) -> None:
     """Copy the whole history into one SQLite file, while others go on working with it."""
     from ..experiments.history.database import back_up
@@ -270,10 +264,7 @@ def backup(
 
 
 @histories.of_options("restore")
-def restore(
-    file: Annotated[Path, argument("A backup.")],
-    db: Url = None,
-) -> None:
+def restore(file: Annotated[Path, argument("A backup.")], db: Url = None) -> None:
     """Copy a backup into an empty history, of SQLite or PostgreSQL."""
     from ..experiments.history.database import restore as copy_back
 

@@ -130,8 +130,7 @@ def _reader_of_logs() -> Reader:
 
 def import_ur_calibration(
     calibration: Annotated[
-        Path,
-        argument("calibration.conf of the controller, or the YAML of ROS's ur_calibration."),
+        Path, argument("calibration.conf of the controller, or the YAML of ROS's ur_calibration.")
     ],
     robot: Annotated[str, Option("The nominal arm: ur3e, ur5e, ur10e, ur16e, ur20.")],
     file: Annotated[Path, Option("Robot file to write (.yaml).", "-o --out")],

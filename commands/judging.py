@@ -84,8 +84,7 @@ def analyse(
     *,
     options: AnalyseOptions,
     save: Annotated[
-        Path | None,
-        Option("With --drop: write the run without them to this new file (.jsonl)."),
+        Path | None, Option("With --drop: write the run without them to this new file (.jsonl).")
     ] = None,
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
@@ -226,12 +225,7 @@ def _analysed(recorded: Run, options: AnalyseOptions, tell: Callable[[str, float
 
     held_out = _held_out(options.hold_out or [])
     return judge(
-        recorded,
-        seed=options.seed,
-        ess=options.ess,
-        robust=options.robust,
-        held_out=held_out,
-        progress=tell,
+        recorded, seed=options.seed, ess=options.ess, robust=options.robust, held_out=held_out, progress=tell
     )
 
 
@@ -266,10 +260,7 @@ _SAMPLING: dict[bool | None, Sampling] = {None: "where needed", True: "always", 
 
 
 def batch(
-    runs: Annotated[
-        list[Path],
-        argument("Run files (.jsonl), or folders of them.", metavar="RUN..."),
-    ],
+    runs: Annotated[list[Path], argument("Run files (.jsonl), or folders of them.", metavar="RUN...")],
     folder: Annotated[Path, Option("Folder for the results.", "-o --out")],
     pattern: Annotated[
         str, Option("Which files of a folder are runs.", "--glob", metavar="PATTERN")
@@ -289,8 +280,7 @@ def batch(
     *,
     cluster: Cluster,
     ess: Annotated[
-        float,
-        Option("Effective sample size of the posteriors, for every parameter.", least=100, most=1e5),
+        float, Option("Effective sample size of the posteriors, for every parameter.", least=100, most=1e5)
     ] = 1000.0,
 ) -> None:
     """Solve many runs: results, reports if asked, tables, and one page over all."""

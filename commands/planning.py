@@ -24,8 +24,7 @@ _OF_PATTERNS = ("distance_mm", "height_mm", "width_mm", "roll_deg")
 def plan(
     context: typer.Context,
     kind: Annotated[
-        PlanKind,
-        argument("x or y: the paper's patterns; optimal; verify: the acceptance test of a RUN."),
+        PlanKind, argument("x or y: the paper's patterns; optimal; verify: the acceptance test of a RUN.")
     ],
     file: Annotated[Path, Option("Plan file to write (.yaml).", "-o --out")],
     run: Annotated[Path | None, argument("verify: run file (.jsonl) of the calibration.")] = None,

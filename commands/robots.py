@@ -41,17 +41,13 @@ def robot(
             metavar="POSE",
         ),
     ] = None,
-    angles: Annotated[
-        PoseAngles | None,
-        Option("Form of the angles of --pose, if not the maker's."),
-    ] = None,
+    angles: Annotated[PoseAngles | None, Option("Form of the angles of --pose, if not the maker's.")] = None,
     base: Annotated[str | None, Option("First link of a URDF's chain.")] = None,
     tip: Annotated[str | None, Option("Its last link.")] = None,
     picture: Annotated[Path | None, Option("Write a page with the arm in 3D (.html).")] = None,
     as_json: Json = False,
     file: Annotated[
-        Path | None,
-        Option("Robot file to write (.yaml): new, or a copy of ROBOT to be edited.", "-o --out"),
+        Path | None, Option("Robot file to write (.yaml): new, or a copy of ROBOT to be edited.", "-o --out")
     ] = None,
     pulses: Annotated[
         str | None,
@@ -74,12 +70,10 @@ def robot(
         Literal["standard", "modified"], Option("New: convention of the rows.")
     ] = "standard",
     below: Annotated[
-        float,
-        Option("New, with rows or a URDF: how far the mounting face is below the base frame, mm."),
+        float, Option("New, with rows or a URDF: how far the mounting face is below the base frame, mm.")
     ] = 0.0,
     urdf: Annotated[
-        Path | None,
-        Option("New: the URDF whose chain from --base to --tip is the arm, in rows."),
+        Path | None, Option("New: the URDF whose chain from --base to --tip is the arm, in rows.")
     ] = None,
     sheet: Annotated[
         str | None,
@@ -193,13 +187,7 @@ def _write_new(
 
 
 def _write_of_urdf(
-    file: Path,
-    vendor: str,
-    urdf: Path,
-    base: str | None,
-    tip: str | None,
-    below: float,
-    backup: Path | None,
+    file: Path, vendor: str, urdf: Path, base: str | None, tip: str | None, below: float, backup: Path | None
 ) -> None:
     from ..experiments.new_robot import with_fanuc_backup, write_robot
     from ..experiments.urdf_robot import content_of_chain, stated_chain

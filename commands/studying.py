@@ -29,12 +29,7 @@ StudyFolder = Annotated[Path, Option("Folder for the study.", "-o --out")]
 
 
 def _carry_out(
-    settings: Callable[[], Study],
-    folder: Path,
-    *,
-    seed: Seed = 0,
-    as_json: Json = False,
-    cluster: Cluster,
+    settings: Callable[[], Study], folder: Path, *, seed: Seed = 0, as_json: Json = False, cluster: Cluster
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
@@ -92,8 +87,7 @@ def study_coverage(
 
 @_command("cell")
 def study_cell(
-    runs: Annotated[int, Option("Simulated runs of each plan.", least=20)] = 200,
-    camera: Camera = True,
+    runs: Annotated[int, Option("Simulated runs of each plan.", least=20)] = 200, camera: Camera = True
 ) -> Study:
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell import cell_study
@@ -102,9 +96,7 @@ def study_cell(
 
 
 @_command("geometry")
-def study_geometry(
-    arms: Annotated[int, Option("Simulated arms for each plan.", least=20)] = 200,
-) -> Study:
+def study_geometry(arms: Annotated[int, Option("Simulated arms for each plan.", least=20)] = 200) -> Study:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry import geometry_study
 
@@ -173,10 +165,7 @@ _built_in("robots", "Does the method work on other arms?")
 
 
 @_command("file")
-def study_file(
-    file: Annotated[Path, argument("Study file (.yaml).")],
-    runs: Runs = None,
-) -> Study:
+def study_file(file: Annotated[Path, argument("Study file (.yaml).")], runs: Runs = None) -> Study:
     """A study of your own, from a file: the settings, and what changes from case to case."""
     return _sweep(file, runs)
 

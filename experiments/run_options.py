@@ -32,16 +32,14 @@ class RunOptions:
         Option("Simulated: the arm of this simulated run, with its offsets entered.", metavar="RUN"),
     ] = None
     as_found: Annotated[
-        bool,
-        Option("With --arm: without its offsets entered; with the seed of RUN the targets stay too."),
+        bool, Option("With --arm: without its offsets entered; with the seed of RUN the targets stay too.")
     ] = False
     recording: Annotated[
         Path | None, Option("Run file that a replay gives back.", "--recorded", app=False)
     ] = None
     resume: Annotated[bool, Option("Go on with a run that was stopped.")] = False
     adaptive: Annotated[
-        bool,
-        Option("Choose the next posture by the measurements so far; end when the tolerance is reached."),
+        bool, Option("Choose the next posture by the measurements so far; end when the tolerance is reached.")
     ] = False
     tolerance: Annotated[
         float | None,

@@ -240,6 +240,5 @@ def names_typed(text: str) -> list[str]:
 
 Seed = Annotated[int, Option("Random seed: the same seed gives the same answer.", least=0)]
 J3Origin = Annotated[
-    Literal["ground", "link"] | None,
-    Option("What joint 3 is counted from, if not as the robot file states."),
+    Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")
 ]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, TypeVar
 
 from ...model.errors import BadInput
-from ...model.options import Option
+from ...model.options import Option, names_typed
 from ...words.controllers import Takes
 
 if TYPE_CHECKING:
@@ -36,7 +36,9 @@ _OTHER_MODELS = r"kinova|gen ?[23]|jaco|x ?arm ?\d*|ufactory|comau|meca ?500"
 J3Counting = Annotated[
     Literal["ground", "link"] | None, Option("What joint 3 is counted from, if not as the robot file states.")
 ]
-PointNames = Annotated[str | None, Option("Points to use, by name: a,b,c (default: all).")]
+PointNames = Annotated[
+    Sequence[str] | None, Option("Points to use, by name: a,b,c (default: all).", text=names_typed)
+]
 StillDeg = Annotated[float | None, Option("Dwell: each joint within so many degrees.")]
 StillSeconds = Annotated[float | None, Option("Dwell: for at least so many seconds.")]
 StillMm = Annotated[float | None, Option("Dwell: each prismatic joint within so many mm.")]
@@ -227,11 +229,6 @@ def require_vendor(robot: Robot, vendor: Vendor, what: str, remedy: str | None =
         allowed=f"a robot of {name}",
         remedy=remedy or "choose the format of this robot's controller; csv is for every robot",
     )
-
-
-def names_of(text: str | None) -> list[str] | None:
-    """Names that are separated by commas."""
-    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def numbers_of(text: str, option: str, allowed: str) -> list[float]:

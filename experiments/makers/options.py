@@ -41,8 +41,7 @@ class ExportOptions:
         ),
     ] = False
     unvalidated: Annotated[
-        bool,
-        Option("Export in spite of a misfit (the model does not describe the run); the file says so."),
+        bool, Option("Export in spite of a misfit (the model does not describe the run); the file says so.")
     ] = False
     without: Annotated[
         Sequence[str],

@@ -322,7 +322,8 @@ def test_a_stop_of_the_robot_ends_the_run_and_it_can_be_gone_on_with(tmp_path: P
     with pytest.raises(RigFault, match="stopped by itself"):
         record(plan, tmp_path / "run.jsonl", request, silent)
     assert [shot.shot for shot in read_run(tmp_path / "run.jsonl").shots] == [0, 1, 2]
-    answer = record(plan, tmp_path / "run.jsonl", RunRequest("simulated", seed=4, cell=cell, resume=True), silent)
+    again = RunRequest("simulated", seed=4, cell=cell, resume=True)
+    answer = record(plan, tmp_path / "run.jsonl", again, silent)
     assert answer["shots"] == list(range(7))
 
 

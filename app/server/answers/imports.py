@@ -13,7 +13,8 @@ from pydantic import BeforeValidator, Field
 
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import readings
-from ....experiments.makers.generic.tables import TextTable, check_signs
+from ....experiments.makers.generic.layouts import check_signs
+from ....experiments.makers.generic.tables import TextTable
 from ....experiments.makers.known_logs import read_log
 from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix

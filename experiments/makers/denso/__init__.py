@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -29,7 +29,7 @@ def _read_pacscript(job: "ImportJob", points: PointNames = None) -> "Imported":
     if points is None and is_program_log(job):
         return import_program_log(job, source="PacScript")
     note = "Denso joint positions (J), degrees, joint 1 first"
-    return import_taught(PACSCRIPT, job, points=names_of(points), vendor="denso", note=note)
+    return import_taught(PACSCRIPT, job, points=points, vendor="denso", note=note)
 
 
 def _pacscript() -> "LineLanguage":

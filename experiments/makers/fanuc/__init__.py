@@ -14,7 +14,6 @@ from ..maker import (
     PointNames,
     ProgramFiles,
     Reader,
-    names_of,
 )
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def _read_points(
     """FANUC: positions in joint representation, taught or recorded by a plan's program."""
     from .tp_points import import_fanuc
 
-    return import_fanuc(job, j3=j3, points=names_of(points), register=register)
+    return import_fanuc(job, j3=j3, points=points, register=register)
 
 
 def _tp() -> "Language":

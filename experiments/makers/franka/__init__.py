@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, Reader, names_of
+from ..maker import Maker, PlanProgram, PointNames, Reader
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -26,7 +26,7 @@ def _read_joint_list(job: "ImportJob", points: PointNames = None) -> "Imported":
     from .joint_list import JOINT_LIST
 
     note = "Franka joints, radians, joint 1 first"
-    return import_taught(JOINT_LIST, job, points=names_of(points), vendor="franka", note=note)
+    return import_taught(JOINT_LIST, job, points=points, vendor="franka", note=note)
 
 
 def _language() -> "LineLanguage":

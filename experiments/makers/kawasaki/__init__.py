@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -28,7 +28,7 @@ def _read_as(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_taught(
         AS,
         job,
-        points=names_of(points),
+        points=points,
         vendor="kawasaki",
         note="Kawasaki joint displacement values, degrees, joint 1 first",
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -30,7 +30,7 @@ def _read_val3(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_taught(
         VAL3,
         job,
-        points=names_of(points),
+        points=points,
         vendor="staubli",
         note="Stäubli joint variables, degrees, joint 1 first",
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..line_marks import line_mark
-from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader, names_of
+from ..maker import Maker, PlanProgram, PointNames, ProgramFiles, Reader
 
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
@@ -26,7 +26,7 @@ def _read_tmscript(job: "ImportJob", points: PointNames = None) -> "Imported":
     from .tmscript_language import TMSCRIPT
 
     note = "Techman joint angles, degrees, joint 1 first"
-    return import_taught(TMSCRIPT, job, points=names_of(points), vendor="techman", note=note)
+    return import_taught(TMSCRIPT, job, points=points, vendor="techman", note=note)
 
 
 def _tmscript() -> "LineLanguage":

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
     from ..calibration import RobotCalibration
-    from ..generic.csv_file import CsvLayout
+    from ..generic.layouts import CsvLayout
     from ..options import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob
@@ -80,7 +80,7 @@ def _urscript_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapp
 
 def _rtde(joints: int) -> "CsvLayout":
     """`record.py` of the RTDE client: blanks between values, q in rad, time in s."""
-    from ..generic.csv_file import CsvLayout
+    from ..generic.layouts import CsvLayout
 
     columns = tuple(f"actual_q_{i}" for i in range(joints))
     return CsvLayout(

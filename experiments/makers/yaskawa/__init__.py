@@ -12,7 +12,6 @@ from ..maker import (
     PointNames,
     ProgramFiles,
     Reader,
-    names_of,
     require_vendor,
 )
 
@@ -69,7 +68,7 @@ def _read_inform(job: "ImportJob", points: PointNames = None) -> "Imported":
     return import_taught(
         INFORM,
         job,
-        points=names_of(points),
+        points=points,
         vendor="yaskawa",
         note="Yaskawa positions, pulses of S, L, U, R, B, T by pulses_per_deg of the robot file",
         named=named_positions,

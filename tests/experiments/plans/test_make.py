@@ -16,7 +16,6 @@ from plan_requests import plan_request
 from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans.make import MadePlan, make_plan
 from zerobeam.experiments.plans.obstacles import Obstacles
-from zerobeam.experiments.plans.patterns import Line
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import read_plan
 
