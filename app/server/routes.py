@@ -23,14 +23,13 @@ from ...model.files.whole_file import write_whole
 from ...model.parsing.confinement import confined
 from ...model.parsing.reading import LARGEST_YAML, parse_json, read_text
 from .answers.results import read_result, report_files
-from .end_points import END_POINTS, description
+from .end_points import description
 from .folder import Folder, kind_of
 from .guard import LARGEST_BODY, SHOWN, Access, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
-from .requests import EndPoint, as_model, require_plain
+from .requests import EndPoint, Precondition, as_model, require_plain
 from .versions import (
-    Precondition,
     WrittenFile,
     etag,
     matches,
@@ -86,12 +85,10 @@ class EndPoints:
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
             async with self.places:
-                of: list[Any] = [request.query_params.get(name, "") for name in point.query]
-                if point.sent is not None:
-                    of.append(as_model(point.sent, await _content(request)))
-                if point.conditional:
-                    of.append(Precondition.of(request.headers))
-                return await self._calculated(request, point, *of)
+                content = None if point.sent is None else await _content(request)
+                return await self._calculated(
+                    request, point, point.arguments(request.query_params, content, request.headers)
+                )
 
         return answered
 
@@ -188,21 +185,21 @@ class EndPoints:
             raise HTTPException(404)
         return job
 
-    async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
+    async def _calculated(self, request: Request, point: EndPoint, of: dict[str, Any]) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return _with_version(point.plain(await point.answer(self.folder, *of)), point.status)
+                return _with_version(point.plain(await point.answer(self.folder, **of)), point.status)
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
             loop = asyncio.get_running_loop()
-            work = functools.partial(self._confined, point, *of)
+            work = functools.partial(self._confined, point, of)
             return _with_version(await loop.run_in_executor(self.thread, work), point.status)
 
-    def _confined(self, point: EndPoint, *of: Any) -> Any:
+    def _confined(self, point: EndPoint, of: dict[str, Any]) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
         with confined(self.folder.root):
-            return point.plain(point.answer(self.folder, *of))
+            return point.plain(point.answer(self.folder, **of))
 
 
 def _with_version(answer: Any, status: int) -> JSONResponse:

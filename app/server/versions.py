@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import Field
@@ -13,7 +12,7 @@ from pydantic import Field
 from ...model.errors import BadInput
 from ...model.files.json_document import JsonDocument
 from .kept import Kept
-from .requests import Content, ErrorAnswer
+from .requests import Content, ErrorAnswer, Precondition
 
 MOST_HASHED = 16 * 10**6  # bytes; a larger file has its version by size and time
 _DIGITS = 32
@@ -51,18 +50,6 @@ class Conflict(BadInput):
     """A file is not the version that was to be replaced; `current` is what is there."""
 
     current: CurrentFile | None = None
-
-
-@dataclass(frozen=True)
-class Precondition:
-    """What a request that writes says of the file that is there: the headers If-Match and If-None-Match."""
-
-    match: str | None = None
-    none_match: str | None = None
-
-    @classmethod
-    def of(cls, headers: Mapping[str, str]) -> Precondition:
-        return cls(headers.get("if-match"), headers.get("if-none-match"))
 
 
 def version_of_bytes(content: bytes) -> str:

@@ -15,7 +15,7 @@ from ....model.errors import BadInput
 from ....model.files.json_document import JsonDocument
 from ....model.files.run import read_run
 from ..folder import Folder
-from ..requests import EndPoint
+from ..requests import end_point
 from .forms import FormField, form_of
 
 
@@ -30,6 +30,7 @@ class ExportForm(JsonDocument):
     options: list[FormField]
 
 
+@end_point("GET /api/exports", "The forms in which offsets are exported.")
 @cache
 def exports(_: Folder) -> list[ExportForm]:
     """The forms of all makers, those for robots of any maker first."""
@@ -57,6 +58,7 @@ class LanguageForm(JsonDocument):
     endings: list[str]
 
 
+@end_point("GET /api/languages", "The languages whose programs are corrected.")
 @cache
 def languages(_: Folder) -> list[LanguageForm]:
     """The languages whose programs are corrected."""
@@ -76,6 +78,7 @@ class PlanForm(JsonDocument):
     options: list[str] = Field(description="names of what may be stated of the motion")
 
 
+@end_point("GET /api/plan-exports", "The programs that a plan is exported as.")
 @cache
 def plan_forms(_: Folder) -> list[PlanForm]:
     """The sheet and the programs of all makers."""
@@ -110,6 +113,7 @@ class PoseToState(JsonDocument):
     form: str = Field(description="what its numbers are, with their units")
 
 
+@end_point("GET /api/program", "Tools and frames of a program whose poses must be stated to correct it.")
 def poses(folder: Folder, file: str, run: str) -> list[PoseToState]:
     """What must be stated to correct a program of the run's robot."""
     path, robot = folder.file(file), read_run(folder.file(run)).robot
@@ -128,17 +132,3 @@ def _with_units(form: str) -> str:
     values, _, units = form.partition(" in ")
     named = f" ({units})" if units else " (mm)" if "Q1" in values else " (mm, deg)"
     return values.replace(",", ", ") + named
-
-
-END_POINTS = [
-    EndPoint("/api/plan-exports", "GET", "The programs that a plan is exported as.", plan_forms),
-    EndPoint(
-        "/api/program",
-        "GET",
-        "Tools and frames of a program whose poses must be stated to correct it.",
-        poses,
-        query=("file", "run"),
-    ),
-    EndPoint("/api/languages", "GET", "The languages whose programs are corrected.", languages),
-    EndPoint("/api/exports", "GET", "The forms in which offsets are exported.", exports),
-]

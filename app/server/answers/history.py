@@ -18,7 +18,7 @@ from ....words.brief import result_tone, result_words
 from ....words.wording import clipped
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import end_point
 from .results import read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
@@ -72,6 +72,7 @@ class FolderHistory(JsonDocument):
     left_out: int
 
 
+@end_point("GET /api/history", "The folder's runs by serial number, and their results.")
 def history(folder: Folder) -> FolderHistory:
     """The runs and results of the folder, the newest first."""
     files = folder.files()
@@ -132,8 +133,3 @@ def _listed(path: Path) -> ReadResult:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
     return read_result(path)
-
-
-END_POINTS = [
-    EndPoint("/api/history", "GET", "The folder's runs by serial number, and their results.", history),
-]

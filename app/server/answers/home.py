@@ -28,7 +28,7 @@ from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_sim
 from ....words.wording import clipped
 from ..folder import Folder, KindOfFile
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import end_point
 from ..started_runs import StartedRuns
 from .due_dates import DueDate, due_dates
 from .recordings import PLAN_HASH
@@ -174,6 +174,9 @@ def _first_line(error: BadInput) -> str:
     return clipped(f"{where}{error.what}", 200)
 
 
+@end_point(
+    "GET /api/home", "The calibrations of the folder, how far each is, when the next of an arm is due."
+)
 def home(folder: Folder) -> HomeAnswer:
     """The calibrations of the folder. Nothing is fitted, and a broken file is said where it is."""
     reading = _Reading(folder)
@@ -420,12 +423,3 @@ _READERS: dict[str, tuple[Kept, Any]] = {
     "run": (_RUNS, _read_run),
     "result": (_BRIEFS, _read_result),
 }
-
-END_POINTS = [
-    EndPoint(
-        "/api/home",
-        "GET",
-        "The calibrations of the folder, how far each is, when the next of an arm is due.",
-        home,
-    ),
-]

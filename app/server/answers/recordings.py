@@ -21,7 +21,7 @@ from ....words.message import headline_so_far
 from ....words.provenance import SIMULATED
 from ....words.wording import person
 from ..folder import Folder
-from ..requests import EndPoint, noted
+from ..requests import end_point, noted
 from ..started_runs import StartedRuns
 
 _MOST = 20  # of its measurements after each of which u is said
@@ -72,10 +72,11 @@ class RunSoFar(RecordedRun):
     notes: list[str]
 
 
-def recording(folder: Folder, name: str) -> RunSoFar:
+@end_point("GET /api/run", "What a run file has so far, and how to go on with it.")
+def recording(folder: Folder, file: str) -> RunSoFar:
     """What a run file has, what that determines, and how to go on with it."""
     with noted() as notes:
-        run, facts = _read(folder, name)
+        run, facts = _read(folder, file)
         states = _states(run)
         state = states[-1][1] if states else None
     return RunSoFar(
@@ -94,6 +95,7 @@ def recording(folder: Folder, name: str) -> RunSoFar:
     )
 
 
+@end_point("GET /api/unfinished", "Runs begun here that have not reached their end.")
 def unfinished(folder: Folder) -> list[RecordedRun]:
     """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
     most; of one that cannot be read `why_not` alone."""
@@ -204,6 +206,7 @@ class LiveForm(JsonDocument):
     options: list[str] = Field(description="names of what may be stated behind ?")
 
 
+@end_point("GET /api/live", "Protocols by which joints are read from controllers.")
 def live(_: Folder) -> list[LiveForm]:
     """The protocols of all makers' controllers."""
     names = {maker.vendor: maker.name for maker in makers()}
@@ -217,16 +220,3 @@ def live(_: Folder) -> list[LiveForm]:
         )
         for name, scheme in SCHEMES.items()
     ]
-
-
-END_POINTS = [
-    EndPoint("/api/live", "GET", "Protocols by which joints are read from controllers.", live),
-    EndPoint(
-        "/api/run",
-        "GET",
-        "What a run file has so far, and how to go on with it.",
-        recording,
-        query=("file",),
-    ),
-    EndPoint("/api/unfinished", "GET", "Runs begun here that have not reached their end.", unfinished),
-]

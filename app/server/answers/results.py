@@ -17,7 +17,7 @@ from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import EndPoint
+from ..requests import end_point
 from .actions import action_of_result
 from .displacements import in_workspace
 
@@ -58,9 +58,14 @@ def _read(path: Path) -> ReadResult:
     )
 
 
-def result(folder: Folder, name: str) -> dict[str, Any]:
+@end_point(
+    "GET /api/result",
+    "A result for people, the files of its report, and the displacement of the TCP by the offsets"
+    " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
+)
+def result(folder: Folder, file: str) -> dict[str, Any]:
     """What a result says, the `files` of its report, and the `run` of the folder that it was made of."""
-    path = folder.file(name)
+    path = folder.file(file)
     content = read_result(path)
     beside = report_files(path)
     inputs = content.inputs
@@ -134,15 +139,3 @@ def _runs(folder: Folder) -> Iterator[Path]:
 def _shared(path: Path, near: Path) -> tuple[str, ...]:
     pairs = zip(path.parts, near.parts, strict=False)
     return tuple(one for i, (one, other) in enumerate(pairs) if path.parts[: i + 1] == near.parts[: i + 1])
-
-
-END_POINTS = [
-    EndPoint(
-        "/api/result",
-        "GET",
-        "A result for people, the files of its report, and the displacement of the TCP by the offsets"
-        " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
-        result,
-        query=("file",),
-    ),
-]
