@@ -36,7 +36,7 @@ from .displacement import Displacement
 from .estimation.effective_dof import noise_dof
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.changes import RunChange, run_change, run_change_with_links
-from .observability.geometry import link_columns
+from .observability.geometry import TYPICAL_DEG, TYPICAL_MM, link_columns
 from .observability.identifiability import Identified
 from .placements import placements
 from .recordings.resting import resting_columns
@@ -49,6 +49,7 @@ BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further
 # their effective number is up to 2.5 times smaller, which alone makes a factor of 1.6. By nominal geometry
 # four real arms have 2.1 to 6.7, and three placements of one of them 1.8.
 DISAGREES = 1.6
+DOUBTED, AGREES = 0.01, 0.05  # p-values of an exact arm, and with links: `exact` is the first suspect
 REDUCED = 0.75  # of the residuals: what leaves no more of them is the cause
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 
@@ -113,6 +114,17 @@ class NominalContradicted(FTest):
     """Links within typical tolerances explain what nominal geometry leaves."""
 
     kind: ClassVar[str] = "nominal_geometry"
+
+
+@dataclass(frozen=True)
+class ExactDoubted:
+    """An arm that is taken as exact: the residuals have the p-value `p_value`, below `DOUBTED`, and `typical`
+    with links within typical tolerances (`length_mm`, `angle_deg`), which no arm is without."""
+
+    p_value: float
+    typical: float
+    length_mm: float
+    angle_deg: float
 
 
 @dataclass(frozen=True)
@@ -304,6 +316,24 @@ class _Left:
         before = float(np.sqrt(square / (dof + rank)))
         p_value = float(scipy.special.fdtrc(rank, dof, ratio))
         return FTest(float(np.sqrt(ratio)), rank, dof, p_value, before, float(np.sqrt(within)))
+
+
+def exact_doubted(fit: LikelihoodFit) -> ExactDoubted | None:
+    """Whether residuals that noise hardly explains are as expected once links deviate as those of a typical
+    arm, at the linearised fit; None where nothing speaks against an exact arm, or the noise is not known."""
+    if not fit.problem.noise.known or (links := link_columns(fit.problem, fit.x)) is None:
+        return None
+    left = _Left.of(fit)
+    residual, beside = left.residual, left.beside(links)
+    dof = round(left.numbers) - left.basis.shape[1]
+    if dof <= 0:
+        return None
+    covariance = np.eye(len(residual)) + beside @ beside.T
+    chi2 = float(residual @ residual), float(residual @ np.linalg.solve(covariance, residual))
+    p_value, typical = (float(scipy.special.chdtrc(dof, each)) for each in chi2)
+    if p_value >= DOUBTED or typical < AGREES:
+        return None
+    return ExactDoubted(p_value, typical, TYPICAL_MM, TYPICAL_DEG)
 
 
 def _contradicted_links(fit: LikelihoodFit) -> Iterator[NominalContradicted]:

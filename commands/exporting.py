@@ -126,8 +126,17 @@ def _export(
     if file.parent.exists():  # else it is made once all is judged
         refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
-    keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
-    judged = calibration(recorded, **vars(options), as_data=as_data, holds=holds, no_place=no_place(recorded))
+    hold_out, how = options.hold_out, {**vars(options)}
+    del how["hold_out"]
+    keep = [run, hold_out, *read, robot_path(recorded.header.robot, run.parent)]
+    judged = calibration(
+        recorded,
+        **how,
+        as_data=as_data,
+        held_out=None if hold_out is None else read_run(hold_out),
+        holds=holds,
+        no_place=no_place(recorded),
+    )
     files, notes, targets = texts(recorded, judged)
     if not file.parent.exists():
         _make_folder(file.parent)
@@ -235,14 +244,16 @@ def _program_command() -> Command:
         hold its offsets already: do not correct them.
         """
         from ..experiments.makers.maker import vendor_of
-        from ..experiments.makers.user_programs import corrected_program, files_of
+        from ..experiments.makers.user_programs import corrected_program, files_of, program_files_of
         from ..model.files.whole_file import refuse_existing
 
         def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
+            vendor = vendor_of(recorded.robot)
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
+            program_files_of(program, vendor)[0].require_arm(recorded)
             for path in corrected.files:  # those that are there are judged by --force afterwards
                 if path.exists():
-                    refuse_existing(path, force=True, keep=files_of(program, vendor_of(recorded.robot)))
+                    refuse_existing(path, force=True, keep=files_of(program, vendor))
             return corrected.files, corrected.notes, corrected.targets
 
         _export(run, file, texts, [program], "postures", **arguments(_export, typed))

@@ -318,7 +318,7 @@ def report(
     """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
     from ..experiments.history.arm_drift import arm_drift
     from ..experiments.history.entry import moment
-    from ..experiments.history.store import arms, events, find_arm, results
+    from ..experiments.history.store import arms, events, find_arm, judgement_of, results
     from ..reports.history.arm_page import ArmHistory
     from ..reports.history.arm_page import headline as arm_headline
     from ..reports.history.fleet_page import headline as fleet_headline
@@ -342,7 +342,10 @@ def report(
 
         def of(arm: tuple[str, str]) -> ArmHistory:
             stored, logged = tuple(results(history, arm)), tuple(events(history, arm))
-            return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, logged, when)
+            judged = tuple(
+                judgement_of(history, one.sha256) if one.verdict == "pass" else None for one in stored
+            )
+            return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, judged, logged, when)
 
         if serial is not None:
             arm_history = of(find_arm(history, serial, model))

@@ -61,7 +61,8 @@ class BatchOffset:
 
 @dataclass(frozen=True)
 class BatchRow:
-    """One run. `outcome` is its verdict, or `failed`: then `message` says why, and there is nothing else.
+    """One run. `outcome` is its verdict (`weak` of a pass by which nothing is to be entered), or `failed`:
+    then `message` says why, and there is nothing else.
 
     `factor` is the root of chi-squared over its degrees of freedom, `p_value` that of the residuals by the
     stated noise (None where it is estimated); `posterior` says what became of it.
@@ -71,7 +72,10 @@ class BatchRow:
     file: Annotated[str, Field(description="path of the run file, relative to the batch")]
     outcome: Annotated[
         Outcome,
-        Field(description="the verdict, or `failed`: then `message` says why, and there is nothing else"),
+        Field(
+            description="the verdict (`weak` of a pass by which nothing is to be entered), or `failed`: then"
+            " `message` says why, and there is nothing else"
+        ),
     ]
     message: Annotated[str, Field(description="the headline, or why the run failed")]
     sha256: Annotated[str | None, Field(description="of the run")] = None

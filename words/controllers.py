@@ -38,6 +38,12 @@ def no_offsets_words(vendor: str | None) -> str:
     return f"how this controller takes offsets is not worked out here{exists}"
 
 
+def lacks_factory_calibration(vendor: str | None, robot: object) -> bool:
+    """Whether a run's robot is a built-in one (in the header a name, no path) where the controller computes
+    with a factory calibration of the arm: offsets from the nominal arm would apply that a second time."""
+    return vendor == "universal-robots" and isinstance(robot, str) and "." not in robot
+
+
 def taken_by(vendor: str | None) -> Takes:
     """What there is for the controllers of this vendor; offsets where it is not known who made the robot."""
     if vendor in _PROGRAMS:

@@ -20,6 +20,7 @@ from ..analysis.diagnostics.accuracy import TcpAccuracy
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.diagnostics.outliers import Robust
 from ..analysis.diagnostics.predicted_run import UNKNOWN, PredictedRun
+from ..analysis.misfit import ExactDoubted
 from ..analysis.posterior.posterior import Agreement, PosteriorSummary
 from . import numbers
 from .misfit import criterion_sentence
@@ -64,6 +65,14 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
                 "The posterior was not sampled, although the profile likelihood of"
                 f" {listed([name(each) for each in parameters], MOST_NAMED)} differs from the curvature at"
                 " the mode: sample it before you rely on these intervals"
+            )
+        case ExactDoubted():
+            mm, deg = numbers.exact(finding.length_mm, "mm"), numbers.exact(finding.angle_deg, "deg")
+            exact, typical = numbers.p_value(finding.p_value), numbers.p_value(finding.typical)
+            return (
+                f"Residuals are larger than the noise of an exact arm explains (p {exact}). With links as"
+                f" those of a typical arm, within {mm} and {deg}, they agree with it (p {typical}):"
+                " geometry: exact is the first suspect"
             )
         case HeldOutMisfit(factor=factor, run=str(run)):
             return (

@@ -12,11 +12,12 @@ from ..analysis.answer.document import ReadResult
 from ..analysis.answer.findings import Finding, HeldOutMisfit, OtherBasins, Outlying
 from ..analysis.answer.message import Grade, May
 from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.misfit import ExactDoubted
 from ..analysis.status import Verdict, known
-from .controllers import taken_by
+from .controllers import lacks_factory_calibration, taken_by
 from .provenance import is_simulated
 
-_AGAINST = (OtherBasins, HeldOutMisfit, Outlying, HoldOut)
+_AGAINST = (OtherBasins, ExactDoubted, HeldOutMisfit, Outlying, HoldOut)
 # Of results without a grade (before it was stated): their action says that nothing is to be entered, and not
 # because no robot was measured, none of its offsets is estimated, or its controller takes none.
 _ENTER_NOTHING = re.compile(
@@ -26,8 +27,9 @@ _ENTER_NOTHING = re.compile(
 
 @dataclass(frozen=True)
 class Judgement:
-    """`against`: something speaks against values although the verdict may be a pass: other optima, a held-out
-    run or target that is not predicted, outliers, a placement that the others do not predict."""
+    """`against`: something speaks against values although the verdict may be a pass: other optima, an arm
+    that is hardly exact, a held-out run or target that is not predicted, outliers, a placement that the
+    others do not predict."""
 
     grade: Grade
     may: May
@@ -48,9 +50,10 @@ def judgement(
     simulated: bool,
     unmet: bool,
     vendor: str | None,
+    robot: object,
 ) -> Judgement:
     """`contradicted`: something is `against` it; `determined`: the data determine an offset; `unmet`: the
-    robot does not surely meet what it must."""
+    robot does not surely meet what it must; `robot` is that of the header."""
     sound = converged and verdict != "misfit" and not contradicted and determined
     grade: Grade = verdict
     if verdict == "pass":
@@ -60,7 +63,8 @@ def judgement(
             grade = "held"
         elif unmet:
             grade = "weak"
-    enter = sound and verdict == "pass" and not simulated and taken_by(vendor) == "offsets"
+    takes = taken_by(vendor) == "offsets" and not lacks_factory_calibration(vendor, robot)
+    enter = sound and verdict == "pass" and not simulated and takes
     return Judgement(grade, May(enter=enter, certify=sound, export=sound), contradicted)
 
 
@@ -78,6 +82,7 @@ def read_judgement(result: ReadResult) -> Judgement:
         simulated=is_simulated(result.inputs.provenance),
         unmet=result.conformity is not None and result.conformity.decision != "conforms",
         vendor=result.inputs.vendor,
+        robot=result.inputs.header.get("robot"),
     )
 
 

@@ -18,6 +18,7 @@ from ..analysis.answer.findings import (
     NotConverged,
     OtherBasins,
     Outlying,
+    off_placements,
     on_the_model,
     prediction_failed,
 )
@@ -26,8 +27,14 @@ from ..analysis.answer.result import Result
 from ..analysis.diagnostics.diagnosis import Explanation, undecided
 from ..analysis.diagnostics.hold_out import HoldOut
 from ..analysis.displacement import Displacement
-from ..analysis.holm import holm
-from ..analysis.misfit import Criterion, LackOfFit, Misfit, NominalContradicted, PlacementsDisagree
+from ..analysis.misfit import (
+    Criterion,
+    ExactDoubted,
+    LackOfFit,
+    Misfit,
+    NominalContradicted,
+    PlacementsDisagree,
+)
 from ..analysis.observability.causes import (
     AsGoodAs,
     BaseFrame,
@@ -42,7 +49,7 @@ from ..analysis.observability.changes import ChangeAt, RunChange
 from ..analysis.observability.power import DetectionPower
 from ..analysis.recordings.steps import RecordingStep
 from ..analysis.solution import ParameterResult, Solution
-from ..analysis.status import LACK_OF_FIT, Status, Verdict, known
+from ..analysis.status import Status, Verdict, known
 from ..analysis.tight_priors import TightPrior
 from ..model.files.header import Header
 from ..model.files.run import in_no_file
@@ -51,7 +58,7 @@ from ..model.instruments.registry import KINDS
 from ..model.likelihood.parameters import HeldBy
 from . import numbers
 from .basis import basis_lines
-from .controllers import export_command, export_sentence, taken_by
+from .controllers import export_command, export_sentence, lacks_factory_calibration, taken_by
 from .enter import conformity_sentence, expected_sentence, met_words
 from .findings import finding_sentence, likelihood_message
 from .geometry import by_tolerances, confounded_sentence, worth_sentence
@@ -82,6 +89,9 @@ from .wording import (
     shown,
 )
 
+_ESTIMATE_LINKS = (
+    "Remove geometry: exact from the header, so that the links are estimated, and analyse again."
+)
 _SAFE = re.compile(r"[\w./+@-]+")
 _MOST_CAUTIONS = 6
 _MOST_STEPS = 2  # that are no misfit
@@ -179,6 +189,7 @@ class _Case:
             simulated=self.simulated,
             unmet=self.unmet,
             vendor=self.vendor,
+            robot=self.header.get("robot"),
         )
 
 
@@ -246,9 +257,6 @@ def _headline(case: _Case, name: Namer) -> str:
 
 def _case(result: Result) -> _Case:
     inputs, fit = result.inputs, result.likelihood
-    rows = () if result.placements.leave_one_out is None else result.placements.leave_one_out.rows
-    adjusted = holm([1.0 if row.p_value is None else row.p_value for row in rows])
-    off = sorted((p, k) for k, p in enumerate(adjusted) if p < LACK_OF_FIT)
     judged = result.conformity if result.verdict == "pass" else None
     after = None if result.entered is None else result.entered.tcp_after
     return _Case(
@@ -263,7 +271,7 @@ def _case(result: Result) -> _Case:
         header=inputs.header,
         vendor=inputs.vendor,
         diagnosis=result.diagnosis,
-        off=[rows[k] for _, k in off],
+        off=off_placements(result.placements.leave_one_out),
         warnings=tuple(_warnings(result)),
         power=result.power,
         met=None if judged is None else met_words(judged),
@@ -428,7 +436,7 @@ def _cause_words(case: _Case, name: Namer) -> str | None:
         tried = case.diagnosis is not None and isinstance(first, LackOfFit)
         return held + (f"{text}. No cause that was tried explains it" if tried else text)
     if case.doubt is not None:
-        return _doubt_sentence(case.doubt, name)
+        return doubt_sentence(case.doubt, name)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
         row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
         cause = worst_direction(case.null_space, row.name).cause
@@ -456,7 +464,8 @@ def _sharpest(misfit: Misfit) -> Criterion:
     return misfit.criteria[0]
 
 
-def _doubt_sentence(doubt: Finding | HoldOut, name: Namer) -> str:
+def doubt_sentence(doubt: Finding | HoldOut, name: Namer = str) -> str:
+    """What speaks against the values, without a full stop."""
     if not isinstance(doubt, HoldOut):
         return finding_sentence(doubt, name)
     residual, expected = (
@@ -496,7 +505,7 @@ def _action(case: _Case) -> Action:
             again += f" --drop {','.join(map(str, best.measurements))}"
         return Action(f"Enter nothing. {_mend(case)}", again)
     if (doubt := case.doubt) is not None:
-        return Action(_check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
+        return Action(check_first(doubt), _plan(case) if isinstance(doubt, OtherBasins) else again)
     if (lost := case.named("unidentifiable")) or (lost := case.named("weak")):
         row = max((row for row in case.offsets if row.name in lost), key=lambda row: row.std or 0.0)
         direction = worst_direction(case.null_space, row.name)
@@ -514,6 +523,13 @@ def _action(case: _Case) -> Action:
         return Action(
             "Enter nothing: no robot was measured. Measure your robot, by this plan or a new plan.",
             _plan(case),
+        )
+    if lacks_factory_calibration(case.vendor, robot := case.header.get("robot")):
+        return Action(
+            "Enter nothing yet: the controller computes with the arm's factory calibration, and this run was"
+            " analysed with the nominal arm, so that the values would apply that calibration twice. Make a"
+            " robot file of it, name it as robot of the run, and analyse again.",
+            f"zerobeam import ur-calibration calibration.conf --robot {robot} -o my-{robot}.yaml",
         )
     command, file = export_command(case.vendor)
     enter = export_sentence(case.vendor)
@@ -554,9 +570,7 @@ def _mend(case: _Case) -> str:
                 f" or record them again with {fixed} fixed."
             )
         case NominalContradicted():
-            return (
-                "Remove geometry: exact from the header, so that the links are estimated, and analyse again."
-            )
+            return _ESTIMATE_LINKS
         case TightPrior() as prior:
             return larger_tolerance(prior)
         case RunChange(at=at, elsewhere=elsewhere):
@@ -572,10 +586,13 @@ def _changed(at: ChangeAt) -> str:
     return "the target" if at.joint is None else f"the zero of J{at.joint} (belt, coupling, encoder)"
 
 
-def _check_first(doubt: Finding | HoldOut) -> str:
+def check_first(doubt: Finding | HoldOut) -> str:
+    """What to do about it."""
     match doubt:
         case OtherBasins():
             return "Enter nothing: record more measurements, in varied postures."
+        case ExactDoubted():
+            return f"Enter nothing yet. {_ESTIMATE_LINKS}"
         case HeldOutMisfit(run=str()):
             return "Enter nothing yet: look for what differs in the held-out run."
         case HeldOutMisfit():
@@ -642,5 +659,5 @@ def _reservations(case: _Case, name: Namer) -> Iterator[str]:
             yield finding_sentence(finding, name)
     for placement in case.off:
         if placement is not cause:
-            yield _doubt_sentence(placement, name)
+            yield doubt_sentence(placement, name)
     yield from case.warnings

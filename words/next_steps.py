@@ -10,7 +10,7 @@ from ..analysis.answer.result import EnteredValue, NextStep, NextSteps, Result
 from ..analysis.diagnostics.enter import Entered
 from ..model.instruments.flange_tool import FlangeTool
 from . import numbers
-from .controllers import export_command, taken_by
+from .controllers import export_command, lacks_factory_calibration, taken_by
 from .enter import (
     WHY_THEY_DIFFER,
     conformity_sentence,
@@ -19,6 +19,7 @@ from .enter import (
     model_sentence,
 )
 from .message import judged, run_argument
+from .provenance import is_simulated
 
 
 def next_steps(result: Result, message: Message) -> NextSteps:
@@ -51,7 +52,15 @@ def _alone(result: Result) -> tuple[NextStep, ...]:
 
 def offered(result: Result) -> Entered | None:
     """The values to enter, where they may be entered: one rule for all who show them."""
-    return None if result.verdict != "pass" or judged(result).against else result.entered
+    inputs = result.inputs
+    nominal = lacks_factory_calibration(inputs.vendor, inputs.header.get("robot"))
+    if (
+        result.verdict != "pass"
+        or judged(result).against
+        or (nominal and not is_simulated(inputs.provenance))
+    ):
+        return None
+    return result.entered
 
 
 def _values(result: Result, entered: Entered) -> tuple[EnteredValue, ...]:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..diagnostics.hold_out import HoldOut
-from ..diagnostics.influence import ShotResult
+from ..diagnostics.hold_out import HoldOut, LeaveOneOut, fits_without, leave_one_out
+from ..diagnostics.influence import ShotResult, shot_results
 from ..diagnostics.outliers import OUTLYING, Robust
 from ..diagnostics.predicted_run import PredictedRun
-from ..misfit import Criterion
+from ..holm import holm
+from ..misfit import Criterion, ExactDoubted, exact_doubted
 from ..posterior.posterior import PosteriorSummary
 from ..solution import Solution, undecided_names
 from ..status import LACK_OF_FIT
@@ -90,6 +91,7 @@ Finding = (
     NotConverged
     | Criterion
     | OtherBasins
+    | ExactDoubted
     | NoPosterior
     | PoorCurvature
     | HeldOutMisfit
@@ -107,6 +109,27 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
     if solution.fit.other_basins:
         undecided = undecided_names(solution.identified.facts.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
+    if solution.converged and solution.misfit is None:
+        doubted = exact_doubted(solution.fit)
+        yield from () if doubted is None else (doubted,)
+
+
+def without_a_result(solution: Solution, held_out: PredictedRun | None = None) -> Iterator[Finding | HoldOut]:
+    """What a result would say against the values of a solution, but for what the posterior shows; of a misfit
+    what is said of the model alone."""
+    yield from on_the_model(solution)
+    yield from on_held_out(held_out)
+    if solution.converged and solution.misfit is None:
+        yield from _on_shots(solution, shot_results(solution.fit))
+        yield from off_placements(leave_one_out(solution, fits_without(solution)))
+
+
+def off_placements(left_out: LeaveOneOut | None) -> tuple[HoldOut, ...]:
+    """The placements that the others do not predict, by Holm's method, the clearest first."""
+    rows = () if left_out is None else left_out.rows
+    adjusted = holm([1.0 if row.p_value is None else row.p_value for row in rows])
+    off = sorted((p, k) for k, p in enumerate(adjusted) if p < LACK_OF_FIT)
+    return tuple(rows[k] for _, k in off)
 
 
 def findings(

@@ -28,7 +28,7 @@ from .folder import Folder, kind_of
 from .guard import LARGEST_BODY, SHOWN, Access, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import AppJob, Jobs
-from .requests import EndPoint, Precondition, as_model, require_plain
+from .requests import END_POINTS, EndPoint, Precondition, as_model, require_plain
 from .versions import (
     WrittenFile,
     etag,

@@ -403,6 +403,10 @@ class FleetArm(JsonDocument):
     counted: int = Field(description="results that count")
     last: Moment | None = Field(description="time of the last result")
     verdict: Verdict | None
+    grade: Grade | None = Field(
+        default=None,
+        description="of the last result where it is a pass: `weak` where nothing is to be entered",
+    )
     jumps: int
     clearest_jump: ClearestJump | None
     undecided: int = Field(description="changes that may be a jump or drift")
@@ -420,8 +424,8 @@ class FleetDocument(JsonDocument):
     drift: FleetDriftRow = Field(description="`fleet` of `drift --json`")
     arms: list[FleetArm] = Field(
         description=(
-            "a list of `serial`, `model`, `state`, `results`, `counted`, `last`, `verdict`, `jumps`, "
-            "`undecided` (numbers), `clearest_jump` (`offset`, `before`, `p_value`, `events`), `due` and "
-            "`page`"
+            "a list of `serial`, `model`, `state`, `results`, `counted`, `last`, `verdict`, `grade`, "
+            "`jumps`, `undecided` (numbers), `clearest_jump` (`offset`, `before`, `p_value`, `events`), "
+            "`due` and `page`"
         )
     )

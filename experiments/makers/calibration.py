@@ -15,9 +15,10 @@ from functools import partial
 
 import numpy as np
 
-from ...analysis.answer.findings import on_the_model
+from ...analysis.answer.findings import OtherBasins, without_a_result
 from ...analysis.covariance import Covariance
 from ...analysis.diagnostics.enter import ValueToEnter, offsets_to_enter
+from ...analysis.diagnostics.predicted_run import PredictedRun, predict_run, require_predictable
 from ...analysis.displacement import Displacement
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.ladder import solve_run
@@ -32,6 +33,7 @@ from ...model.kinematics.robot import JointKind, Robot
 from ...model.likelihood.problem import Problem
 from ...model.parsing.reading import did_you_mean, read_bytes
 from ...words.judgement import against
+from ...words.message import check_first, doubt_sentence
 from ...words.misfit import criterion_sentence, misfit_headline
 from ...words.observability import reason
 from ...words.provenance import is_simulated
@@ -353,18 +355,20 @@ def calibration(
     unvalidated: bool = False,
     as_data: bool = False,
     without: Sequence[str] = (),
+    held_out: Run | None = None,
     holds: Holds = "offsets",
     no_place: Collection[str] = (),
 ) -> RobotCalibration:
     """The offsets of a run, ready to be applied; `without` are names of offsets and geometry parameters to
-    leave out, `holds` says what the kind of file has room for, but for the parameters `no_place`, by name.
+    leave out, `held_out` is a run that they must predict, `holds` says what the kind of file has room for,
+    but for the parameters `no_place`, by name.
 
-    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where other
-    offsets fit nearly as well; where nothing is left to apply. An offset that is as good as what is assumed
-    is left out, unless that is allowed. That a target seems to have moved may be allowed: then the warnings
-    say so. NotValidated where the model does not describe the run, unless that is asked for (`unvalidated`)
-    or the file states the statuses (`as_data`), in which nothing is then applied. FitFailed where the fit did
-    not converge.
+    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where the
+    message of the run would say to enter nothing; where nothing is left to apply. An offset that is as good
+    as what is assumed is left out, unless that is allowed. That a target seems to have moved may be allowed:
+    then the warnings say so. NotValidated where the model does not describe the run, unless that is asked for
+    (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied. FitFailed
+    where the fit did not converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with one_blas_thread(), located(run.path, run.header_line):
@@ -378,10 +382,12 @@ def calibration(
                 remedy="name the nominal arm (robot: …) in the head of a copy of this run, or correct the"
                 " program by the first run, whose offsets are in that file",
             )
+        if held_out is not None:
+            require_predictable(run, held_out)
         solution = converged_solution(run, "nothing can be exported")
         if not (unvalidated or as_data):
             require_validated(solution, allow_displaced)
-        _require_nothing_against(solution)
+        _require_nothing_against(solution, None if held_out is None else predict_run(solution, held_out))
         despite = unvalidated or (allow_displaced and not as_data)
         rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
         _check_without(without, rows)
@@ -502,14 +508,20 @@ def require_validated(solution: Solution, allow_displaced: bool = False) -> None
     )
 
 
-def _require_nothing_against(solution: Solution) -> None:
-    """BadInput where several sets of offsets fit nearly as well: the rule of `words/judgement.py`, as far as
-    a fit alone can say."""
-    if against(on_the_model(solution)) is not None:
+def _require_nothing_against(solution: Solution, held_out: PredictedRun | None) -> None:
+    """BadInput where the message of the run says to enter nothing: the rule of `words/judgement.py`."""
+    doubt = against(without_a_result(solution, held_out))
+    if isinstance(doubt, OtherBasins):
         raise BadInput(
             "the measurements do not determine which of several sets of offsets is the true one",
             found=f"{solution.fit.other_basins} more that fit nearly as well",
             remedy="record more measurements, in varied postures",
+        )
+    if doubt is not None:
+        raise BadInput(
+            "the measurements speak against the values of this run, so nothing is exported",
+            found=doubt_sentence(doubt),
+            remedy=check_first(doubt),
         )
 
 

@@ -58,6 +58,10 @@ def all_have_a_place(run: Run) -> Collection[str]:
     return ()
 
 
+def takes_any_arm(run: Run) -> None:
+    """The controller computes with the nominal arm, or it is not known with which."""
+
+
 def nothing_lacks(options: Mapping[str, Any]) -> str | None:
     """What a file lacks where an option was not stated: nothing."""
     return None
@@ -140,7 +144,8 @@ class KnownLog:
 class ProgramFiles:
     """`zerobeam export program`: files of a language by their endings. A program is several files where they
     are `paired` (of one name), or those of the `folder` with these endings; `paired` has the order of all.
-    `language` loads what reads them (`program_parts.Language`)."""
+    `language` loads what reads them (`program_parts.Language`), `require_arm` refuses a run of another arm
+    than the one that the controller computes with."""
 
     name: str
     about: str
@@ -148,6 +153,7 @@ class ProgramFiles:
     language: Callable[[], Any]
     paired: tuple[str, ...] = ()
     folder: tuple[str, ...] = ()
+    require_arm: Callable[[Run], None] = takes_any_arm
 
 
 @dataclass(frozen=True)

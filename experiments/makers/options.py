@@ -47,6 +47,13 @@ class ExportOptions:
         Sequence[str],
         Option("Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.", metavar="NAME"),
     ] = ()
+    hold_out: Annotated[
+        Path | None,
+        Option(
+            "Another run of the same header, which the offsets must predict (as analyse --hold-out).",
+            metavar="RUN",
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 _ANSWERS = 3  # of the longest silence: until a reading has ended
@@ -39,14 +40,14 @@ class BoundedSocket(socket.socket):
         return left
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        self._await()
-        content = super().recv(size, flags)
+        with self._waiting():
+            content = super().recv(size, flags)
         self._count(len(content))
         return content
 
     def recv_into(self, buffer: Any, nbytes: int = 0, flags: int = 0) -> int:
-        self._await()
-        size = super().recv_into(buffer, nbytes, flags)
+        with self._waiting():
+            size = super().recv_into(buffer, nbytes, flags)
         self._count(size)
         return size
 
@@ -54,8 +55,15 @@ class BoundedSocket(socket.socket):
         self.settimeout(self._answer_s)
         super().sendall(content, flags)
 
-    def _await(self) -> None:
+    @contextmanager
+    def _waiting(self) -> Iterator[None]:
+        """Wait as long as a silence may be, and not beyond the end of the reading."""
         self.settimeout(min(self._answer_s, self.require_time()))
+        try:
+            yield
+        except TimeoutError:
+            self.require_time()  # where the reading's time ended, and not a silence
+            raise
 
     def _count(self, size: int) -> None:
         self._left -= size

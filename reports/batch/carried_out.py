@@ -36,7 +36,7 @@ from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import Run, read_run
 from ...model.files.whole_file import write_whole
 from ...model.likelihood.problem import Problem
-from ...words.message import headline, message
+from ...words.message import headline, judged, message
 from ...words.result_json import dumps, to_json
 from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
@@ -273,7 +273,7 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
     return BatchRow(
         name=one.name,
         file=one.file,
-        outcome=result.verdict,
+        outcome="weak" if result.verdict == "pass" and judged(result).against else result.verdict,
         message=headline(result, person),
         sha256=inputs.sha256,
         robot=inputs.robot,

@@ -14,11 +14,10 @@ from ...experiments.history.arm_drift import NOT_SOON, ArmDrift, DatedChange
 from ...experiments.history.content import Event, StoredResult
 from ...experiments.history.documents import ClearestJump, DueRow, FleetArm
 from ...words import numbers
-from ...words.verdict import VERDICT_WORDS
+from ...words.judgement import Judgement
 from ...words.wording import clipped, label, listed
 from ..style.blocks import (
     Block,
-    Cell,
     Facts,
     FigureBlock,
     Page,
@@ -39,7 +38,7 @@ from .drift_text import (
     jumps_blocks,
     offsets_block,
 )
-from .lists import day, events_table, offset_names
+from .lists import day, events_table, offset_names, verdict_cell
 from .trend_figure import AT_ONCE
 
 State = Literal["overdue", "jump without event", "jump", "misfit", "no due date", "on schedule"]
@@ -74,6 +73,7 @@ class ArmState:
     counted: int
     last: datetime | None
     verdict: Verdict | None
+    judged: Judgement | None
     jumps: int
     clearest: DatedChange[Jump] | None
     tolerance_mm: float
@@ -88,8 +88,11 @@ class ArmState:
         return STATES.index(self.state), self.due or datetime.max, self.serial, self.model
 
 
-def arm_state(arm: ArmDrift, results: Sequence[StoredResult], as_of: datetime | None) -> ArmState:
-    """The row of an arm with its drift and all its results; `as_of` is the day on which it is asked."""
+def arm_state(
+    arm: ArmDrift, results: Sequence[StoredResult], judged: Judgement | None, as_of: datetime | None
+) -> ArmState:
+    """The row of an arm with its drift, all its results and what the last one is worth; `as_of` is the day on
+    which it is asked."""
     last = results[-1] if results else None
     return ArmState(
         serial=arm.serial,
@@ -98,6 +101,7 @@ def arm_state(arm: ArmDrift, results: Sequence[StoredResult], as_of: datetime | 
         counted=len(arm.used),
         last=None if last is None else last.measured_at,
         verdict=None if last is None else last.verdict,
+        judged=judged,
         jumps=len(arm.jumps),
         clearest=min(arm.jumps, key=lambda jump: (bool(jump.events), jump.change.p_value), default=None),
         tolerance_mm=arm.tolerance_mm,
@@ -128,7 +132,8 @@ def fleet_arm(state: ArmState, page: str | None) -> FleetArm:
     if jump is not None:
         clearest = ClearestJump.filled(jump.change, before=jump.before, events=len(jump.events))
     due = DueRow.of(state.tolerance_mm, state.due, state.due_reason)
-    return FleetArm.filled(state, clearest_jump=clearest, due=due, page=page)
+    grade = None if state.judged is None else state.judged.grade
+    return FleetArm.filled(state, grade=grade, clearest_jump=clearest, due=due, page=page)
 
 
 def state_row(state: ArmState) -> dict[str, object]:
@@ -154,13 +159,6 @@ DUE_MEANS = (
     "until then the TCP error stays within the tolerance with a probability of 95\u00a0%, if the offsets of"
     " the last result are applied; jumps are not foreseen"
 )
-VERDICTS: dict[str, str] = {str(key): word for key, word in VERDICT_WORDS.items()}
-_MARKS = {
-    "misfit": "unvalidated",
-    "degenerate": "unidentifiable",
-    "weak": "weak",
-    "pass": "identified",
-}
 KEYS: dict[State, str] = {
     "overdue": "misfit",
     "jump without event": "weak",
@@ -181,18 +179,20 @@ WORDS: dict[State, str] = {
 
 @dataclass(frozen=True, eq=False)
 class ArmHistory:
-    """An arm with all that the history has of it; `as_of` is the day of the question, None without a result
-    in the history."""
+    """An arm with all that the history has of it, and what each pass is worth (`judged`); `as_of` is the day
+    of the question, None without a result in the history."""
 
     arm: ArmDrift
     results: tuple[StoredResult, ...]
+    judged: tuple[Judgement | None, ...]
     events: tuple[Event, ...]
     as_of: datetime | None
 
     @cached_property
     def state(self) -> ArmState:
         """Its row in the list of all arms."""
-        return arm_state(self.arm, self.results, self.as_of)
+        judged = self.judged[-1] if self.judged else None
+        return arm_state(self.arm, self.results, judged, self.as_of)
 
     @cached_property
     def never(self) -> tuple[str, ...]:
@@ -355,14 +355,15 @@ def calibrations(history: ArmHistory) -> Table:
     caption = "The newest first. Worst u: largest standard uncertainty; document: SHA-256 of result.json"
     if len(history.results) > _MOST_ROWS:
         caption += f". The last {_MOST_ROWS} of {len(history.results):,}: arm.json has all"
-    rows = [_calibration(one) for one in reversed(history.results[-_MOST_ROWS:])]
+    newest = list(zip(history.results, history.judged, strict=True))[: -_MOST_ROWS - 1 : -1]
+    rows = [_calibration(one, judged) for one, judged in newest]
     return table_of(caption, columns, rows)
 
 
-def _calibration(result: StoredResult) -> Row:
+def _calibration(result: StoredResult, judged: Judgement | None) -> Row:
     return row_of(
         day(result.measured_at),
-        Cell(VERDICTS[result.verdict], mark=_MARKS[result.verdict]),
+        verdict_cell(result.verdict, judged),
         _worst(result),
         clipped(result.instrument, 24) or _NO_TEXT,
         clipped(result.operator, 24) or _NO_TEXT,

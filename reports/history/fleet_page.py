@@ -18,8 +18,9 @@ from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, 
 from ..style.blocks import Verdict as Headline
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
-from .arm_page import DUE_MEANS, KEYS, MARKS, STATES, VERDICTS, WORDS, ArmState, State
+from .arm_page import DUE_MEANS, KEYS, MARKS, STATES, WORDS, ArmState, State
 from .drift_text import clearest_jump, fleet_blocks, with_labels
+from .lists import verdict_cell
 
 MOST_ROWS = 1000  # on the page, and with a page of their own
 _MOST_REASONS = 50
@@ -144,7 +145,7 @@ def _row(fleet: Fleet, row: ArmState) -> Row:
         clearest_jump(row.clearest, row.undecided) or _NO_TEXT,
         f"{row.counted} of {row.results}" if row.counted < row.results else str(row.results),
         _NO_TEXT if row.last is None else f"{row.last:%Y-%m-%d}",
-        _NO_TEXT if row.verdict is None else VERDICTS[row.verdict],
+        _NO_TEXT if row.verdict is None else verdict_cell(row.verdict, row.judged),
     )
 
 

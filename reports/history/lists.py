@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 
+from ...analysis.status import Verdict
 from ...experiments.history.content import Arm, Event, StoredResult
 from ...experiments.history.documents import HISTORY_SCHEMA, HistoryEvent, HistoryResult, utc
 from ...model.files.json_document import JsonDocument
 from ...words import numbers
 from ...words.judgement import Judgement, verdict_words
 from ...words.result_json import one_line
-from ...words.wording import clipped, counted, label, shown
+from ...words.wording import capital, clipped, counted, label, shown
 from ..style.blocks import Cell, Table, row_of, table_of
 
 _NONE = "none"
+_MARKS: dict[Verdict, str] = {
+    "misfit": "unvalidated",
+    "degenerate": "unidentifiable",
+    "weak": "weak",
+    "pass": "identified",
+}
 
 
 def day(when: datetime | None) -> str:
@@ -56,6 +63,12 @@ def results_table(results: Sequence[StoredResult], judged: Sequence[Judgement | 
         for result, worth in zip(results, judged, strict=True)
     ]
     return table_of(f"{counted(len(results), 'result')}, ± standard uncertainty", columns, rows)
+
+
+def verdict_cell(verdict: Verdict, judged: Judgement | None) -> Cell:
+    """The verdict of a stored result with its shape and colour, and what it is worth."""
+    mark = _MARKS[verdict] if verdict != "pass" or _tone(judged) == "" else "weak"
+    return Cell(capital(verdict_words(verdict, judged)), mark=mark)
 
 
 def offset_names(results: Iterable[StoredResult]) -> list[str]:

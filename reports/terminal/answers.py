@@ -13,7 +13,8 @@ from ...analysis.answer.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.geometry import worth_sentence
-from ...words.message import message
+from ...words.judgement import verdict_words
+from ...words.message import judged, message
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
 from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
@@ -177,7 +178,8 @@ def print_side_by_side(console: Console, titles: Sequence[str], results: Sequenc
             label(name),
             *(_compared(by_name.get(name), result) for by_name, result in zip(rows, results, strict=True)),
         )
-    verdicts = [Text(result.verdict, style=VERDICT_STYLE[result.verdict]) for result in results]
+    worth = [(result.verdict, judged(result)) for result in results]
+    verdicts = [Text(verdict_words(word, one), style=VERDICT_STYLE[one.grade]) for word, one in worth]
     table.add_section()
     table.add_row("verdict", *verdicts)
     console.print(table)

@@ -25,9 +25,10 @@ from zerobeam.app.server.folder import Folder
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.run import read_run
+from zerobeam.reports.batch.carried_out import BatchRun, _row
 from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.console import VERDICT_STYLE
-from zerobeam.reports.terminal.answers import print_result
+from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.words.judgement import judgement, read_judgement
 from zerobeam.words.message import judged, message
 from zerobeam.words.next_steps import next_steps
@@ -66,6 +67,21 @@ def terminal(result: Result) -> str:
     return next((grade for grade, begin in begins.items() if text.getvalue().startswith(begin)), "?")
 
 
+def page_of(folder: Path, serial: str | None, *db: object) -> str:
+    """The page of an arm, or of all arms."""
+    there = folder / ("fleet" if serial is None else "arm")
+    arm = () if serial is None else (serial,)
+    assert zerobeam("history", "report", *arm, "-o", there, *db).status == 0
+    return (there / ("fleet.html" if serial is None else "arm.html")).read_text()
+
+
+def compared(result: Result) -> str:
+    """The verdict in a table of several results."""
+    text = StringIO()
+    print_side_by_side(Console(file=text, width=200), ["one"], [result])
+    return text.getvalue()
+
+
 def told(folder: Path, result: Result) -> dict[str, str]:
     """What each reader says of a result: the report, the terminal, and those of its result.json."""
     (folder / "job").mkdir()
@@ -88,6 +104,9 @@ def told(folder: Path, result: Result) -> dict[str, str]:
         "list": zerobeam("history", "list", *db).out,
         "show": zerobeam("history", "show", "A-1", *db).out,
         "json": row["grade"],
+        "arm's page": page_of(folder, "A-1", *db),
+        "all arms": page_of(folder, None, *db),
+        "compared": compared(result),
         "certify": "" if certified.status == 0 else certified.refused(),
     }
 
@@ -103,6 +122,9 @@ def test_what_speaks_against_a_pass_is_seen_by_every_reader(why: str, tmp_path: 
     assert "enter nothing" in said["home words"]
     assert "pass, enter nothing" in said["list"]
     assert {"pass,", "enter", "nothing"} <= set(said["show"].split())  # in a narrow column
+    assert "Pass, enter nothing" in said["arm's page"]
+    assert "Pass, enter nothing" in said["all arms"]
+    assert "pass, enter nothing" in said["compared"]
     assert "this result is not certified: something speaks against it" in said["certify"]
 
 
@@ -112,8 +134,15 @@ def test_a_pass_is_one_to_every_reader(tmp_path: Path) -> None:
     assert message(result).may == May(enter=True, certify=True, export=True)
     said = told(tmp_path, result)
     assert {said[name] for name in ("report", "terminal", "home", "app's list", "json")} == {"pass"}
-    assert "enter nothing" not in said["list"] + said["show"] + said["home words"]
+    pages = said["arm's page"] + said["all arms"] + said["compared"]
+    assert "enter nothing" not in said["list"] + said["show"] + said["home words"] + pages
     assert said["certify"] == ""
+
+
+@pytest.mark.parametrize(("why", "outcome"), [(None, "pass"), ("outliers", "weak")])
+def test_a_batch_counts_no_pass_that_nothing_is_to_be_entered_by(why: str | None, outcome: str) -> None:
+    result = replace(passed(), findings=() if why is None else (AGAINST[why],))
+    assert _row(BatchRun("one", "one.jsonl", read_run(demo_runs()[0].path)), result).outcome == outcome
 
 
 @pytest.mark.parametrize("why", [None, *AGAINST])
@@ -136,6 +165,8 @@ def test_a_result_of_an_earlier_version_is_judged_by_what_it_says(why: str | Non
         ({"determined": False}, "held", May()),
         ({"unmet": True}, "weak", May(True, True, True)),
         ({"vendor": "doosan"}, "pass", May(False, True, True)),
+        ({"vendor": "universal-robots"}, "pass", May(True, True, True)),
+        ({"vendor": "universal-robots", "robot": "ur5e"}, "pass", May(False, True, True)),
         ({"verdict": "weak"}, "weak", May(False, True, True)),
         ({"verdict": "misfit"}, "misfit", May()),
         ({"verdict": "weak", "converged": False}, "weak", May()),
@@ -143,6 +174,6 @@ def test_a_result_of_an_earlier_version_is_judged_by_what_it_says(why: str | Non
 )
 def test_the_rule(changed, grade, may) -> None:
     usual = {"contradicted": False, "converged": True, "determined": True, "simulated": False, "unmet": False}
-    case = {"verdict": "pass", "vendor": None, **usual, **changed}
+    case = {"verdict": "pass", "vendor": None, "robot": "arm.yaml", **usual, **changed}
     found = judgement(case.pop("verdict"), **case)
     assert (found.grade, found.may) == (grade, may)

@@ -13,12 +13,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import scipy
-from cells import TABLE_2, good_plan, run_of, simulated
+from cells import TABLE_2, good_plan, pattern_plan, run_of, simulated
 from rich.console import Console
 
 import zerobeam as zb
 from zerobeam.analysis.answer.findings import FileWarning, HeldOutMisfit, OtherBasins, Outlying
+from zerobeam.analysis.answer.message import Message
 from zerobeam.analysis.displacement import Displacement
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.recordings.steps import RecordingStep
 from zerobeam.analysis.solution import Solution, solve
@@ -294,3 +296,26 @@ def test_a_misfit_names_held_offsets_but_the_last_of_a_free_tool(
     shown = _message(replace(case, parameters=rows, header={**case.header, "tool": tool}), person)
     assert (f"J{held} (δ{held}) is held, not estimated" in (shown.cause or "")) == named
     assert (f"Estimate J{held} (δ{held}) too" in shown.action.text) == named
+
+
+def y_pattern(seed: int, geometry: object) -> Message:
+    """What is said of the paper's seven postures of an arm with such a geometry, taken as exact."""
+    truth = Truth.drawn(pattern_plan("y", geometry=geometry), np.random.default_rng(seed))
+    shots = simulated_shots(truth, np.random.default_rng(seed))
+    run = run_of(pattern_plan("y", geometry="exact").header, shots)
+    solution = solve_run(Problem.from_run(run), run.header)
+    assert solution.misfit is None
+    return message_so_far(solution, "run.jsonl", run.header)
+
+
+def test_exact_is_the_first_suspect_of_a_weak_result_too() -> None:
+    """Residuals of an ordinary arm that an exact one explains with a p between 0.001 and 0.01."""
+    said = y_pattern(11, {})
+    assert "geometry: exact is the first suspect" in (said.cause or "")
+    assert said.action.text.startswith("Enter nothing yet. Remove geometry: exact from the header")
+    assert said.grade == "weak"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arm_that_is_exact_is_not_suspected(seed: int) -> None:
+    assert "suspect" not in (y_pattern(seed, "exact").cause or "")

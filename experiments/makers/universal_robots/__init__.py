@@ -32,7 +32,8 @@ _ABOUT = [
     "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",
     "manual. For each joint below: bring it to the position in the column 'drive to', as the",
     "pendant shows it, and set its zero there. Afterwards the joint is truly at 0 where it shows 0.",
-    "The arm's factory calibration (calibration.yaml) stays valid: it describes the links.",
+    "The controller computes with the arm's factory calibration, and so was this run analysed. It describes",
+    "the links and must stay as it is: compare calibration.conf of a backup before and after.",
 ]
 
 
@@ -40,9 +41,11 @@ def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
     from ....model.kinematics.pendant import Pendant, require_link_encoder
     from ..sheets import sheet_text
+    from .kinematics import require_factory_arm
 
     require_vendor(run.robot, "universal-robots", "this sheet")
     require_link_encoder(run.robot, "this sheet")
+    require_factory_arm(run)
     table = ["joint  offset deg   drive to (pendant, deg), set zero there"]
     for i, offset in enumerate(calibration.offsets, start=1):
         if offset.exported:
@@ -109,6 +112,12 @@ def _read(
     )
 
 
+def _require_arm(run: "Run") -> None:
+    from .kinematics import require_factory_arm
+
+    require_factory_arm(run)
+
+
 def _urscript() -> "Language":
     from .urscript_targets import URSCRIPT
 
@@ -141,6 +150,10 @@ MAKER = Maker(
         ),
     ),
     logs=(KnownLog("ur", "RTDE recording", _rtde, ("timestamp", "actual_q_0")),),
-    correct=(ProgramFiles("URScript", ".script (URScript)", (".script", ".urscript"), _urscript),),
+    correct=(
+        ProgramFiles(
+            "URScript", ".script (URScript)", (".script", ".urscript"), _urscript, require_arm=_require_arm
+        ),
+    ),
     live="ur://HOST",
 )

@@ -24,14 +24,14 @@ import numpy as np
 from ....model.arrays import Matrix
 from ....model.errors import BadInput, located
 from ....model.files.header import UrdfRef
-from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
+from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, robot_path, stated_rows
 from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES
 from ....model.kinematics.dh import DHRow, dh_chain, with_fixed
 from ....model.kinematics.orientation import angles_of
 from ....model.kinematics.robot import Robot
 from ....model.kinematics.transforms import euler, shift
-from ....model.parsing.reading import did_you_mean, read_text, read_yaml
+from ....model.parsing.reading import did_you_mean, read_bytes, read_text, read_yaml
 from ..calibration import RobotCalibration
 from ..generic.robot_rows import rows_text
 from ..maker import one_line, require_vendor
@@ -40,6 +40,7 @@ DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 POSE_KEYS = ("x", "y", "z", "roll", "pitch", "yaw")
 _POSTURES = 400
+_FACTORY = "with the factory calibration of"  # in the head of a robot file of an individual arm
 _LARGEST = 1e6  # m, rad: `delta_d` of nearly parallel axes may be kilometres
 _FARTHEST = 50.0  # mm at the flange: a calibrated arm is nearer to its nominal geometry
 
@@ -78,6 +79,23 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
                 remedy=f"state the right --robot: {', '.join(known)}",
             )
     return CalibratedArm(file, robot, (rms, most))
+
+
+def require_factory_arm(run: Run) -> None:
+    """BadInput unless the robot of the run is a file of `import ur-calibration`: a UR's controller computes
+    with its factory calibration, which offsets from the nominal arm would apply a second time."""
+    ref = run.header.robot
+    path = robot_path(ref, run.path.parent)
+    if path is not None and path.is_file() and _FACTORY.encode() in read_bytes(path):
+        return
+    raise BadInput(
+        "a UR's controller computes with the factory calibration of its arm, and this run was analysed with"
+        " another arm: what the factory has corrected would be corrected twice",
+        found=f"robot: {ref.urdf if isinstance(ref, UrdfRef) else ref}",
+        allowed="a run with the robot file that zerobeam import ur-calibration makes",
+        remedy="zerobeam import ur-calibration calibration.conf --robot ur5e -o arm.yaml (calibration.conf of"
+        " the controller; ur5e: the arm's model); name arm.yaml as robot in the head of a copy of this run",
+    )
 
 
 def flanges_apart(one: Robot, other: Robot) -> tuple[float, float]:
@@ -239,7 +257,7 @@ def calibrated_text(arm: CalibratedArm, source: Path) -> str:
     """The robot file of a calibrated arm: rows near the nominal ones, exact for its chain."""
     rms, most = arm.apart_mm
     head = [
-        f"{arm.nominal_file.model} with the factory calibration of {source.name}.",
+        f"{arm.nominal_file.model} {_FACTORY} {source.name}.",
         f"Its flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal arm.",
     ]
     file = arm.nominal_file

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import OPEN_LASER, OPEN_PROBE, good_plan, pattern_plan, simulated
+from cells import OPEN_LASER, OPEN_PROBE, good_plan, pattern_plan, run_of, simulated
 from export_runs import TRUTH, arm_run, hostile
 
 from zerobeam.analysis.analyse import analyse
@@ -171,6 +171,26 @@ def test_two_answers_are_none(monkeypatch: pytest.MonkeyPatch, refused: Refused)
     other = Optimum(np.zeros(1), np.ones(1), 10.0)
     changed(monkeypatch, others=(other, other))
     assert "several sets of offsets" in refused(calibration, RUNS["good"]()).what
+
+
+def test_an_outlier_is_exported_by_nothing(refused: Refused) -> None:
+    """What the message says to enter nothing by is in no file: `may.export` and the exporters are one."""
+    run = simulated(good_plan(16, geometry={}), TRUTH, 2)[1]
+    joints = np.add(run.shots[4].joints_deg, [0, 0, 0, 0.13, 0, 0])
+    off = run.shots[4].model_copy(update={"joints_deg": tuple(joints.tolist())})
+    error = refused(calibration, run_of(run.header, [*run.shots[:4], off, *run.shots[5:]]))
+    assert "speak against the values" in error.what
+    assert "Outlying: measurement 4" in error.found
+    assert "remove them, or repeat them" in error.remedy
+
+
+def test_a_run_that_is_not_predicted_is_exported_by_nothing(refused: Refused) -> None:
+    """By `--hold-out`, as `analyse` judges it; the same arm again is predicted."""
+    plan, other_arm = good_plan(10), TRUTH | {"delta3": TRUTH["delta3"] + 0.4}
+    run = simulated(plan, TRUTH, 2)[1]
+    same, other = (replace(simulated(plan, truth, 5)[1], sha256="1" * 64) for truth in (TRUTH, other_arm))
+    assert calibration(run, held_out=same).offsets
+    assert "is predicted with errors" in refused(calibration, run, held_out=other).found
 
 
 def test_names_stay_on_one_line_of_ascii(tmp_path: Path) -> None:

@@ -28,7 +28,8 @@ def run(tmp_path_factory):
     told = zerobeam("export", "robot", GOOD, "-o", made)
     assert told.status == 0
     text = re.sub(r"^vendor:.*\n", "", made.read_text(), flags=re.MULTILINE)
-    made.write_text(re.sub(r"^name:.*", "name: arm", text, flags=re.MULTILINE))
+    factory = "# Arm with the factory calibration of calibration.conf.\n"
+    made.write_text(factory + re.sub(r"^name:.*", "name: arm", text, flags=re.MULTILINE))
     copy = folder / "run.jsonl"
     stated = '"sigma":{"tilt_deg":1e-5,"shift_mm":1e-5},"kind":"laser"'  # what is assumed is not exported
     text = GOOD.read_text().replace('"robot":"irb1600"', '"robot":"arm.yaml"', 1)

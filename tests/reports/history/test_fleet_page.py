@@ -13,6 +13,7 @@ import pytest
 from arms_over_years import FIRST, arm_history, over_years
 from pages import Page
 
+from zerobeam.analysis.answer.message import May
 from zerobeam.experiments.history.arm_drift import NOT_SOON
 from zerobeam.experiments.history.fleet_drift import fleet_drift
 from zerobeam.model.errors import BadInput
@@ -30,13 +31,15 @@ from zerobeam.reports.history.fleet_page import (
 from zerobeam.reports.history.history_folder import write_arm, write_fleet
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
+from zerobeam.words.judgement import Judgement
 
 AS_OF = datetime(2026, 4, 15)
+PASSED = Judgement("pass", May(True, True, True), False)
 Arm = tuple[str, str]
 
 
 def row(serial: str, state: State = "on schedule", due: datetime | None = None, reason: str = "") -> ArmState:
-    return ArmState(serial, "irb1600", 3, 3, FIRST, "pass", 0, None, 0.5, due, reason, state)
+    return ArmState(serial, "irb1600", 3, 3, FIRST, "pass", PASSED, 0, None, 0.5, due, reason, state)
 
 
 def fleet(*rows: ArmState) -> Fleet:

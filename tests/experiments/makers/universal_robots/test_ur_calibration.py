@@ -1,14 +1,23 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import zerobeam
 
-from zerobeam.experiments.makers.universal_robots.kinematics import DELTAS, LINKS, read_ur_calibration
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.experiments.makers.maker import program_languages, takes_any_arm
+from zerobeam.experiments.makers.universal_robots.kinematics import (
+    DELTAS,
+    LINKS,
+    read_ur_calibration,
+    require_factory_arm,
+)
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot, stated_rows
+from zerobeam.model.files.run import read_run
 from zerobeam.model.kinematics.dh import DHRow, dh_chain
 from zerobeam.model.kinematics.orientation import angles_of
 from zerobeam.model.kinematics.robot import Robot
@@ -118,3 +127,30 @@ def test_another_file_is_refused(change, said: str, tmp_path: Path) -> None:
 def test_another_vendor_s_robot_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="another vendor"):
         read_ur_calibration(conf(tmp_path), "irb120")
+
+
+def measured(folder: Path, robot: str) -> Path:
+    """A run of the demo's measurements, as if they were a UR's: only who made the robot counts here."""
+    head, *rows = demo_runs()[0].path.read_text(encoding="utf-8").splitlines()
+    header = json.loads(head)
+    header |= {"robot": robot, "provenance": {}}
+    path = folder / "run.jsonl"
+    path.write_text("\n".join([json.dumps(header), *rows]), encoding="utf-8")
+    return path
+
+
+def test_what_the_factory_has_corrected_is_not_corrected_twice(tmp_path: Path) -> None:
+    """A sheet needs the robot file of the factory calibration, which the controller computes with."""
+    out = tmp_path / "mine.yaml"
+    zerobeam("import", "ur-calibration", conf(tmp_path), "--robot", "ur3e", "-o", out)
+    run = read_run(measured(tmp_path, "ur3e"))
+    with pytest.raises(BadInput, match="corrected twice") as refused:
+        require_factory_arm(run)
+    assert refused.value.found == "robot: ur3e"
+    assert "import ur-calibration" in (refused.value.remedy or "")
+    require_factory_arm(read_run(measured(tmp_path, "mine.yaml")))
+
+
+def test_a_program_too_is_refused_for_the_nominal_arm() -> None:
+    ((files, _),) = [each for each in program_languages() if each[0].name == "URScript"]
+    assert files.require_arm is not takes_any_arm
