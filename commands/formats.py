@@ -32,7 +32,7 @@ def typer_parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
 
 def _parameter(one: OptionField) -> inspect.Parameter:
     option, default = one.option, one.typed_default
-    how: dict[str, Any] = {
+    how: Any = {
         "help": option.help,
         "min": option.least,
         "max": option.most,

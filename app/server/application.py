@@ -20,7 +20,7 @@ from ...model.errors import BadInput, ZerobeamError
 from .folder import Folder
 from .guard import Access, Guard, refusal
 from .page import PageFiles
-from .requests import error_answer
+from .requests import error_answer, to_json
 from .versions import Conflict, ConflictAnswer
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def application(folder: Folder, access: Access) -> Starlette:
         answer = error_answer(error, folder.without)
         if isinstance(error, Conflict):
             conflict = ConflictAnswer(error=answer.error, current=error.current)
-            return JSONResponse(conflict.to_json(), status_code=412)
-        return JSONResponse(answer.to_json(), status_code=400 if isinstance(error, BadInput) else 422)
+            return JSONResponse(to_json(conflict), status_code=412)
+        return JSONResponse(to_json(answer), status_code=400 if isinstance(error, BadInput) else 422)
 
     return Starlette(
         routes=[Route("/", page.answer), Route("/page/{path:path}", page.answer)],

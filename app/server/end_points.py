@@ -166,5 +166,5 @@ def _described(operation: _Operation, content: Schema) -> Schema:
     return described
 
 
-def _json_of(model: type[BaseModel]) -> Schema:
+def _json_of(model: type) -> Schema:
     return {"application/json": {"schema": {"$ref": _REF.format(model=model.__name__)}}}

@@ -6,17 +6,16 @@ import os
 import re
 import stat
 from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
-
-from pydantic import Field
+from typing import Annotated, NamedTuple
 
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import refuse_existing
 from ...model.parsing.confinement import resolved
 from .kept import Kept
+from .requests import it
 from .versions import version_of
 
 MOST_FILES = 2000  # listed
@@ -27,14 +26,15 @@ _HEAD = 4096  # bytes: where the schema of a file is
 _SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 
 
-class FolderFile(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class FolderFile:
     """A file below the folder of the app."""
 
-    path: str = Field(description="relative to the folder, with /")
-    kind: str = Field(description="run, plan, header, robot, result, cell, sensors, obstacles or other")
+    path: Annotated[str, it("relative to the folder, with /")]
+    kind: Annotated[str, it("run, plan, header, robot, result, cell, sensors, obstacles or other")]
     bytes: int
-    modified: str = Field(description="ISO 8601, UTC")
-    version: str = Field(description="changes with the file; what If-Match takes when it is replaced")
+    modified: Annotated[str, it("ISO 8601, UTC")]
+    version: Annotated[str, it("changes with the file; what If-Match takes when it is replaced")]
 
 
 class KindOfFile(NamedTuple):

@@ -22,7 +22,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from .requests import ErrorAnswer, ErrorFacts
+from .requests import ErrorAnswer, ErrorFacts, to_json
 
 LARGEST_BODY = 64 * 10**6  # bytes
 SHOWN = "/shown/"  # pages of the folder, by a ticket: a page in a sandbox sends no cookie with its links
@@ -106,7 +106,7 @@ def _scope(page: str) -> str:
 def refusal(status: int, what: str, *, allowed: str | None = None, to_do: str | None = None) -> JSONResponse:
     """A refusal in the form of all errors."""
     answer = ErrorAnswer(error=ErrorFacts(what=what, allowed=allowed, to_do=to_do))
-    return JSONResponse(answer.to_json(), status_code=status)
+    return JSONResponse(to_json(answer), status_code=status)
 
 
 class Guard:

@@ -7,14 +7,13 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, Field, TypeAdapter, create_model
 
 from ...model.errors import BadInput, ZerobeamError
-from ...model.files.json_document import JsonDocument
 from ...model.parsing.reading import DEEPEST, MOST_VALUES, KeyPath
 from ...model.parsing.validation import FileModel, Model, validate
 
@@ -24,6 +23,22 @@ Answering = TypeVar("Answering", bound=Callable[..., Any])
 def it(description: str, **how: Any) -> Any:
     """What a value is that is sent, or a key of an answer."""
     return Field(description=description, **how)
+
+
+def if_any(description: str | None = None) -> Any:
+    """The same of a key that is absent, and not null, where it has no value."""
+    return Field(description=description, exclude_if=lambda value: value is None)
+
+
+@cache
+def _writer(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def to_json(answer: object) -> Any:
+    """An answer as plain values."""
+    kind: Any = type(answer)
+    return _writer(kind).dump_python(answer, mode="json", by_alias=True, warnings=False)
 
 
 @dataclass(frozen=True)
@@ -96,9 +111,9 @@ class EndPoint:
         fields: Any = self._sent
         return create_model(f"{name}Request", __base__=FileModel, __doc__=self.says, **fields)
 
-    def arguments(self, query: Mapping[str, str], content: Any, headers: Mapping[str, str]) -> dict[str, Any]:
+    def arguments(self, query: Mapping[str, str], content: Any, headers: Mapping[str, str]) -> Arguments:
         """The arguments of `answer` behind the folder; Refused with the key of what is wrong."""
-        arguments: dict[str, Any] = {name: query.get(name, "") for name in self.query}
+        arguments: Arguments = {name: query.get(name, "") for name in self.query}
         if self.sent is not None:
             sent = as_model(self.sent, content)
             arguments |= {next(iter(self._sent)): sent} if self._model is not None else dict(sent)
@@ -113,7 +128,7 @@ class EndPoint:
 
     def plain(self, answer: object) -> Any:
         """An answer as JSON has it."""
-        return self.returned.dump_python(answer, mode="json", by_alias=True)
+        return self.returned.dump_python(answer, mode="json", by_alias=True, warnings=False)
 
 
 END_POINTS: list[EndPoint] = []
@@ -133,6 +148,7 @@ def end_point(route: str, says: str, *, status: int = 200) -> Callable[[Answerin
 
 Answer = TypeVar("Answer")
 Content = dict[str, Any]  # of a YAML file, as it is sent
+Arguments = Content  # of a function, by name
 
 
 class Refused(BadInput):
@@ -211,17 +227,19 @@ def refused(error: BadInput, key: KeyPath) -> Refused:
     return same
 
 
-class ErrorFacts(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ErrorFacts:
     """What is wrong."""
 
     what: str
     found: str | None = None
     allowed: str | None = None
     to_do: str | None = None
-    key: list[str | int] | None = Field(default=None, description="leads to the value in what was sent")
+    key: Annotated[list[str | int] | None, it("leads to the value in what was sent")] = None
 
 
-class ErrorAnswer(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ErrorAnswer:
     """A refusal."""
 
     error: ErrorFacts

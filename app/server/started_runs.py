@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import Field
+from pydantic import TypeAdapter
 
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from ...model.files.whole_file import write_whole
 from .folder import Folder
 from .job_commands import job_command
+from .requests import to_json
 
 _FILE = "runs.json"
 _SCHEMA: Literal["zerobeam/app-runs/1"] = "zerobeam/app-runs/1"
@@ -24,17 +25,19 @@ _RESUME = "--resume"
 _OURS = ("--json-lines", "--scene", "--")  # what the server adds to what was asked for
 
 
-class StartedRun(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class StartedRun:
     """A run that the app has started."""
 
     command: list[str]
     ended: bool
 
 
-class _RunsFile(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class _RunsFile:
     """The content of the file, by the names of run files."""
 
-    schema_: Literal["zerobeam/app-runs/1"] = Field(default=_SCHEMA, alias="schema")
+    schema: Literal["zerobeam/app-runs/1"] = _SCHEMA
     runs: dict[str, StartedRun]
 
 
@@ -82,7 +85,7 @@ class StartedRuns:
         """What is not as it was written counts as nothing: it only spares a person the typing."""
         try:
             content = json.loads(self._folder.private(_FILE).read_text(encoding="utf-8"))
-            return _RunsFile.from_json(content).runs
+            return TypeAdapter(_RunsFile).validate_python(content).runs
         except (OSError, ValueError, BadInput):
             return {}
 
@@ -90,7 +93,7 @@ class StartedRuns:
         runs = self._read()
         runs.pop(name, None)
         runs[name] = entry
-        content = _RunsFile(runs=dict(list(runs.items())[-_MOST:])).to_json()
+        content = to_json(_RunsFile(runs=dict(list(runs.items())[-_MOST:])))
         try:
             path = self._folder.private(_FILE)
             path.parent.mkdir(exist_ok=True)

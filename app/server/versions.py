@@ -5,26 +5,27 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-
-from pydantic import Field
+from typing import Annotated, Any
 
 from ...model.errors import BadInput
-from ...model.files.json_document import JsonDocument
 from .kept import Kept
-from .requests import Content, ErrorAnswer, Precondition
+from .requests import Content, ErrorAnswer, Precondition, it, to_json
 
 MOST_HASHED = 16 * 10**6  # bytes; a larger file has its version by size and time
 _DIGITS = 32
 _VERSIONS = Kept(8000)
 
 
-class Versioned(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class Versioned:
     """What is made of one file."""
 
-    version: str = Field(description="of the file: what If-Match takes when it is replaced")
+    version: Annotated[str, it("of the file: what If-Match takes when it is replaced")]
 
 
+@dataclass(frozen=True, kw_only=True)
 class WrittenFile(Versioned):
     """A file that was written as it was sent."""
 
@@ -32,18 +33,21 @@ class WrittenFile(Versioned):
     bytes: int
 
 
+@dataclass(frozen=True, kw_only=True)
 class CurrentFile(Versioned):
     """What a file holds now."""
 
-    content: Content | str | None = Field(
-        description="what GET answers, the text of a file that is sent as it is; null where it is neither"
-    )
+    content: Annotated[
+        Content | str | None,
+        it("what GET answers, the text of a file that is sent as it is; null where it is neither"),
+    ]
 
 
+@dataclass(frozen=True, kw_only=True)
 class ConflictAnswer(ErrorAnswer):
     """A refusal: the file is not the one that was to be replaced."""
 
-    current: CurrentFile | None = Field(description="null where there is no file any more")
+    current: Annotated[CurrentFile | None, it("null where there is no file any more")]
 
 
 class Conflict(BadInput):
@@ -86,9 +90,7 @@ def matches(header: str, version: str) -> bool:
 
 
 @contextmanager
-def replacing(
-    path: Path, precondition: Precondition, current: Callable[[], JsonDocument | str | None]
-) -> Iterator[bool]:
+def replacing(path: Path, precondition: Precondition, current: Callable[[], object]) -> Iterator[bool]:
     """Within, the file may be written: whether it takes the place of one that is there.
 
     Conflict where it is not the one that `precondition` states, also where a new file's name is taken
@@ -115,7 +117,7 @@ def replacing(
         raise
 
 
-def _conflict(path: Path, *, changed: bool, current: Callable[[], JsonDocument | str | None]) -> Conflict:
+def _conflict(path: Path, *, changed: bool, current: Callable[[], object]) -> Conflict:
     error = Conflict(
         "the file has changed since it was read" if changed else "the file exists already",
         found=path.name,
@@ -128,6 +130,6 @@ def _conflict(path: Path, *, changed: bool, current: Callable[[], JsonDocument |
         content = current()
     except BadInput:
         content = None
-    plain = content.to_json() if isinstance(content, JsonDocument) else content
+    plain: Any = to_json(content) if is_dataclass(content) else content
     error.current = CurrentFile(version=version, content=plain)
     return error

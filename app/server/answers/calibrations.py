@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -16,6 +17,7 @@ from pydantic import Field
 from ....experiments.demos import example_files
 from ....experiments.plans.new_calibration import (
     PLACES,
+    PlaceChoice,
     PlaceKind,
     mounted_of,
     new_calibration,
@@ -24,7 +26,6 @@ from ....experiments.plans.new_calibration import (
 )
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, write_header
-from ....model.files.json_document import JsonDocument
 from ....model.files.robot_file import load_robot, rebased
 from ....model.files.whole_file import sync_folder, write_whole, writer
 from ....model.instruments.registry import KINDS
@@ -56,16 +57,18 @@ StatedRobot = Annotated[RobotRef, it("a built-in name, a robot file below the fo
 StatedInstrument = Annotated[str, it("kind of the instrument")]
 
 
-class MadeCalibration(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class MadeCalibration:
     """A new calibration: its folder and header, and the words of the job that makes its plan."""
 
     name: str
     header: str
-    version: str = Field(description="of the header")
+    version: Annotated[str, it("of the header")]
     command: list[str]
 
 
-class MadeExample(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class MadeExample:
     """A new calibration that has a plan, and the words of the job that simulates its run."""
 
     name: str
@@ -74,50 +77,48 @@ class MadeExample(JsonDocument):
     command: list[str]
 
 
-class InstrumentChoice(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class InstrumentChoice:
     """A kind of instrument."""
 
     name: str
     words: str
     about: str
-    plans: bool = Field(description="whether a plan can be made with the defaults")
+    plans: Annotated[bool, it("whether a plan can be made with the defaults")]
 
 
-class PlaceWords(JsonDocument):
-    """A place of the target."""
-
-    kind: PlaceKind
-    words: str
-    facing: list[float]
-
-
-class PlaceAt(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class PlaceAt:
     """Where a place of the target is at an arm."""
 
     kind: PlaceKind
-    at_mm: list[float] = Field(description="base frame")
+    at_mm: Annotated[list[float], it("base frame")]
 
 
-class CalibrationProposal(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CalibrationProposal:
     """What a new calibration assumes of an arm and an instrument."""
 
-    places: list[PlaceAt] = Field(description="without the one that is stated")
-    mounted: dict[str, list[float]] = Field(
-        description="how the instrument is on the flange, by the key of the header; empty: not asked"
-    )
+    places: Annotated[list[PlaceAt], it("without the one that is stated")]
+    mounted: Annotated[
+        dict[str, list[float]],
+        it("how the instrument is on the flange, by the key of the header; empty: not asked"),
+    ]
 
 
-class WithdrawnCalibration(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class WithdrawnCalibration:
     """A calibration that was taken back."""
 
     name: str
 
 
-class CalibrationChoices(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CalibrationChoices:
     """What a new calibration can be made of."""
 
     instruments: list[InstrumentChoice]
-    places: list[PlaceWords]
+    places: Sequence[PlaceChoice]
 
 
 @end_point("GET /api/calibrations/choices", "What a new calibration can be made of.")
@@ -131,7 +132,7 @@ def choices(_: Folder) -> CalibrationChoices:
             )
             for name, words in titles().items()
         ],
-        places=[PlaceWords(kind=row.kind, words=row.words, facing=list(row.facing)) for row in PLACES],
+        places=PLACES,
     )
 
 
@@ -192,7 +193,7 @@ def make(
     name: Annotated[str, it("of the new folder")],
     robot: StatedRobot,
     instrument: StatedInstrument,
-    place: Annotated[PlaceOfTarget, it("where the target is")],
+    at: Annotated[PlaceOfTarget, it("where the target is", alias="place")],
     mounted: Annotated[
         dict[str, Vector],
         it(
@@ -210,8 +211,8 @@ def make(
     with _at_key("robot"):
         arm = load_robot(whole_ref(folder, robot, folder.root), folder.root)
     with _at_key("place", "point_mm"):
-        target = place_of(place.kind, arm, place.point_mm)
-    facing = place.facing or next(row.facing for row in PLACES if row.kind == place.kind)
+        target = place_of(at.kind, arm, at.point_mm)
+    facing = at.facing or next(row.facing for row in PLACES if row.kind == at.kind)
     if not any(facing):
         raise _refusal(("place", "facing"), "this direction has no length", facing, "a direction")
     with _at_key("instrument"):

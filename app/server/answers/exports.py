@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal
-
-from pydantic import Field
+from typing import Annotated, Literal
 
 from ....experiments.makers.maker import makers, plan_programs, program_languages
 from ....experiments.makers.user_programs import poses_to_state
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
 from ....model.files.run import read_run
 from ..folder import Folder
-from ..requests import end_point
+from ..requests import end_point, it
 from .forms import FormField, form_of
 
 
-class ExportForm(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ExportForm:
     """A form: `export NAME` writes it."""
 
     name: str
     maker: str
-    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
     about: str
     ending: str
     options: list[FormField]
@@ -49,11 +48,12 @@ def exports(_: Folder) -> list[ExportForm]:
     ]
 
 
-class LanguageForm(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class LanguageForm:
     """A language: `export program` corrects its programs."""
 
     name: str
-    vendor: str = Field(description="of the robots that it is for, as robot files name it")
+    vendor: Annotated[str, it("of the robots that it is for, as robot files name it")]
     about: str
     endings: list[str]
 
@@ -68,14 +68,15 @@ def languages(_: Folder) -> list[LanguageForm]:
     ]
 
 
-class PlanForm(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class PlanForm:
     """A program that a plan is exported as, or the sheet for a person: `export plan NAME` writes it."""
 
     name: str
-    vendor: str | None = Field(description="of the robots that it is for, as robot files name it; null: any")
+    vendor: Annotated[str | None, it("of the robots that it is for, as robot files name it; null: any")]
     label: str
-    files: list[str] = Field(description="usual names; others with the first one's stem follow its name")
-    options: list[str] = Field(description="names of what may be stated of the motion")
+    files: Annotated[list[str], it("usual names; others with the first one's stem follow its name")]
+    options: Annotated[list[str], it("names of what may be stated of the motion")]
 
 
 @end_point("GET /api/plan-exports", "The programs that a plan is exported as.")
@@ -105,12 +106,13 @@ def plan_forms(_: Folder) -> list[PlanForm]:
 _LARGEST = 2 * 10**6  # bytes of a program that is read while somebody waits
 
 
-class PoseToState(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class PoseToState:
     """A tool or frame of a program whose pose a person must state: `export program --tool NAME=POSE`."""
 
     what: Literal["tool", "frame"]
-    name: str = Field(description="as the program has it; empty: the one that it leaves open")
-    form: str = Field(description="what its numbers are, with their units")
+    name: Annotated[str, it("as the program has it; empty: the one that it leaves open")]
+    form: Annotated[str, it("what its numbers are, with their units")]
 
 
 @end_point("GET /api/program", "Tools and frames of a program whose poses must be stated to correct it.")

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field
-
-from ....model.files.json_document import JsonDocument
 from ....model.options import REQUIRED, options_of
+from ..requests import it
 
 
-class FormField(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class FormField:
     """An option of a format."""
 
     flag: str
     help: str
-    choices: list[str] = Field(description="empty: any text")
-    file: bool = Field(description="its value is a file of the folder")
-    box: bool = Field(description="it takes no value")
-    number: bool = Field(description="its value is a number")
+    choices: Annotated[list[str], it("empty: any text")]
+    file: Annotated[bool, it("its value is a file of the folder")]
+    box: Annotated[bool, it("it takes no value")]
+    number: Annotated[bool, it("its value is a number")]
     required: bool
     default: str | None
 

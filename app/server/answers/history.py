@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-
-from pydantic import Field
+from typing import Annotated
 
 from ....analysis.answer.document import ReadResult
 from ....analysis.answer.message import Grade
 from ....analysis.status import Status, Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
-from ....model.files.json_document import JsonDocument, is_none
 from ....reports.run.inputs import origin_of
 from ....words.brief import result_tone, result_words
 from ....words.wording import clipped
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import end_point
+from ..requests import end_point, if_any
 from .results import read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
@@ -29,7 +28,8 @@ _WIDTH = 80  # letters of a text that a header states
 _HEADERS, _BRIEFS = Kept(2000), Kept(2000)
 
 
-class BriefOffset(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class BriefOffset:
     """An offset of a result, which is not held."""
 
     name: str
@@ -39,32 +39,35 @@ class BriefOffset(JsonDocument):
     std: float | None
 
 
-class BriefResult(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class BriefResult:
     """A result of the folder."""
 
     file: str
-    verdict: Verdict | None = Field(default=None, exclude_if=is_none)
-    grade: Grade | None = Field(default=None, description="how it is coloured", exclude_if=is_none)
-    words: str | None = Field(default=None, description="verdict and worth in words", exclude_if=is_none)
-    offsets: list[BriefOffset] | None = Field(default=None, exclude_if=is_none)
-    error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
+    verdict: Annotated[Verdict | None, if_any()] = None
+    grade: Annotated[Grade | None, if_any("how it is coloured")] = None
+    words: Annotated[str | None, if_any("verdict and worth in words")] = None
+    offsets: Annotated[list[BriefOffset] | None, if_any()] = None
+    error: Annotated[str | None, if_any("why it cannot be read")] = None
 
 
-class BriefRun(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class BriefRun:
     """A run of the folder: what its header states, and its results, the newest first."""
 
     file: str
-    robot: str | None = Field(default=None, exclude_if=is_none)
-    serial: str | None = Field(default=None, exclude_if=is_none)
-    when: str | None = Field(default=None, exclude_if=is_none)
-    who: str | None = Field(default=None, exclude_if=is_none)
-    instrument: str | None = Field(default=None, exclude_if=is_none)
-    origin: str | None = Field(default=None, exclude_if=is_none)
-    error: str | None = Field(default=None, description="why it cannot be read", exclude_if=is_none)
+    robot: Annotated[str | None, if_any()] = None
+    serial: Annotated[str | None, if_any()] = None
+    when: Annotated[str | None, if_any()] = None
+    who: Annotated[str | None, if_any()] = None
+    instrument: Annotated[str | None, if_any()] = None
+    origin: Annotated[str | None, if_any()] = None
+    error: Annotated[str | None, if_any("why it cannot be read")] = None
     results: list[BriefResult]
 
 
-class FolderHistory(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class FolderHistory:
     """The runs of the folder, and the results of no run here; `left_out` counts what is not listed."""
 
     runs: list[BriefRun]
@@ -118,7 +121,11 @@ def _brief(folder: Folder, name: str) -> tuple[str | None, BriefResult]:
         return None, BriefResult(file=name, error=folder.without(error.what))
     except OSError:
         return None, BriefResult(file=name, error="the file cannot be read")
-    offsets = [BriefOffset.filled(row) for row in result.parameters if row.group == "offset" and not row.held]
+    offsets = [
+        BriefOffset(name=row.name, unit=row.unit, status=row.status, estimate=row.estimate, std=row.std)
+        for row in result.parameters
+        if row.group == "offset" and not row.held
+    ]
     brief = BriefResult(
         file=name,
         verdict=result.verdict,

@@ -6,18 +6,15 @@ import json
 import re
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
-
-from pydantic import Field
+from typing import Annotated, Any, Literal
 
 from ....analysis.answer.document import ReadResult
 from ....analysis.status import Verdict
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA, Header, UrdfRef
-from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import plan_of
 from ....model.files.robot_file import built_in_robots, read_rows, stated_rows
 from ....model.instruments.registry import kinds_of
@@ -28,7 +25,7 @@ from ....words.provenance import KEYS, SERIAL, by_plain_key, first_entry, is_sim
 from ....words.wording import clipped
 from ..folder import Folder, KindOfFile
 from ..kept import Kept
-from ..requests import end_point
+from ..requests import end_point, if_any, it
 from ..started_runs import StartedRuns
 from .due_dates import DueDate, due_dates
 from .recordings import PLAN_HASH
@@ -60,7 +57,8 @@ _PARTS = ("header", "plan", "run", "result", "obstacles", "cell", "sensors")
 _MAKING = frozenset({"header", "plan", "run", "result"})  # what makes a folder a calibration
 
 
-class CalibrationFiles(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CalibrationFiles:
     """Files by kind, the newest first."""
 
     header: list[str]
@@ -72,18 +70,20 @@ class CalibrationFiles(JsonDocument):
     sensors: list[str]
 
 
-class CalibrationState(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CalibrationState:
     """How far a calibration is, by its newest run or result."""
 
-    kind: StateKind = Field(description="`held`: a pass of a simulated run")
+    kind: Annotated[StateKind, it("`held`: a pass of a simulated run")]
     text: str
-    verdict: Verdict | None = Field(default=None, exclude_if=is_none)
-    recorded: int | None = Field(default=None, description="measurements", exclude_if=is_none)
-    of: int | None = Field(default=None, description="measurements of the plan", exclude_if=is_none)
-    file: str | None = Field(default=None, description="what this is said of", exclude_if=is_none)
+    verdict: Annotated[Verdict | None, if_any()] = None
+    recorded: Annotated[int | None, if_any("measurements")] = None
+    of: Annotated[int | None, if_any("measurements of the plan")] = None
+    file: Annotated[str | None, if_any("what this is said of")] = None
 
 
-class CalibrationDue(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CalibrationDue:
     """When the next calibration is due."""
 
     date: str
@@ -91,29 +91,31 @@ class CalibrationDue(JsonDocument):
     text: str
 
 
-class Calibration(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
     """A folder with a header, a plan, a run or a result."""
 
-    name: str = Field(description="the folder, relative to the app's; `.`: that itself")
+    name: Annotated[str, it("the folder, relative to the app's; `.`: that itself")]
     robot: str | None
     maker: str | None
     model: str | None
     serial: str | None
-    instrument: str | None = Field(description="kinds, separated by commas")
+    instrument: Annotated[str | None, it("kinds, separated by commas")]
     files: CalibrationFiles
     state: CalibrationState
     due: CalibrationDue | None
     simulated: bool
-    modified: str = Field(description="ISO 8601, UTC")
+    modified: Annotated[str, it("ISO 8601, UTC")]
 
 
-class HomeAnswer(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class HomeAnswer:
     """All calibrations, the newest first."""
 
     calibrations: list[Calibration]
     left_out: int
-    unread: int = Field(description="of which files were not read yet: ask again")
-    history: bool = Field(description="whether the folder has a database of results")
+    unread: Annotated[int, it("of which files were not read yet: ask again")]
+    history: Annotated[bool, it("whether the folder has a database of results")]
 
 
 @dataclass(frozen=True)
@@ -196,9 +198,7 @@ def _with_due_dates(calibrations: list[Calibration], databases: list[Path]) -> l
     serials = {one.serial for one in calibrations if one.serial and not one.simulated}
     dates = due_dates(databases, serials)
     return [
-        one
-        if one.simulated or one.serial not in dates
-        else one.model_copy(update={"due": _due(dates[one.serial])})
+        one if one.simulated or one.serial not in dates else replace(one, due=_due(dates[one.serial]))
         for one in calibrations
     ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -13,6 +14,7 @@ from pydantic import BeforeValidator, Field
 
 from ....experiments.makers import contents as columns_found
 from ....experiments.makers import readings
+from ....experiments.makers.contents import Contents
 from ....experiments.makers.generic.layouts import check_signs
 from ....experiments.makers.generic.tables import TextTable
 from ....experiments.makers.known_logs import read_log
@@ -20,7 +22,6 @@ from ....experiments.makers.maker import makers
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
-from ....model.files.json_document import JsonDocument
 from ....model.files.limits import beyond_limits
 from ....model.files.robot_file import load_robot
 from ....model.kinematics.pendant import Pendant
@@ -83,58 +84,64 @@ FileOfHeader = Annotated[str, it("path below the folder (.yaml), which paths in 
 StatedHeader = Annotated[Content, it("the content of a header file")]
 
 
-class RecordingAnswer(contents_process.Holdings):
+@dataclass(frozen=True, kw_only=True)
+class RecordingAnswer(Contents):
     """What a file is and holds, and what an import can choose from."""
 
     file: str
     bytes: int
 
 
-class JointColumn(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class JointColumn:
     """A joint as its column has it."""
 
     name: str
     unit: str
     lower: float
     upper: float
-    recorded: Ends | None = Field(description="range of the column; null without one")
-    seen: Ends | None = Field(description="range of the joint; null where the unit is not stated")
-    outside: int | None = Field(description="rows outside the limits")
+    recorded: Annotated[Ends | None, it("range of the column; null without one")]
+    seen: Annotated[Ends | None, it("range of the joint; null where the unit is not stated")]
+    outside: Annotated[int | None, it("rows outside the limits")]
     sign: readings.Reading | None
 
 
-class ProposedColumns(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ProposedColumns:
     """Columns that are proposed for the joints."""
 
     choice: list[str | None]
     why: str
 
 
-class ColumnsAnswer(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ColumnsAnswer:
     """Columns as joints, and what the limits say of unit, signs and joint 3 (null: nothing)."""
 
     robot: str
     rows: int
-    whole: bool = Field(description="all rows were looked at")
+    whole: Annotated[bool, it("all rows were looked at")]
     joints: list[JointColumn]
     columns: ProposedColumns | None
     units: readings.Reading | None
     lengths: readings.Reading | None
     j3: readings.Reading | None
-    first: list[list[float | None]] = Field(description="the first rows, as joints")
+    first: Annotated[list[list[float | None]], it("the first rows, as joints")]
 
 
-class ImportForm(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ImportForm:
     """A format: `import NAME` reads it."""
 
-    name: str = Field(description="the words of the command behind `import`")
+    name: Annotated[str, it("the words of the command behind `import`")]
     about: str
     maker: str
     files: str
     options: list[FormField]
 
 
-class HeaderUse(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class HeaderUse:
     """A header that can be used."""
 
     robot: str
@@ -143,12 +150,14 @@ class HeaderUse(JsonDocument):
     notes: list[str]
 
 
+@dataclass(frozen=True, kw_only=True)
 class WrittenHeader(HeaderUse, Versioned):
     """A header that was written."""
 
     file: str
 
 
+@dataclass(frozen=True, kw_only=True)
 class ReadHeader(Versioned):
     """The header of a header file or a plan, as it is stated."""
 
@@ -194,7 +203,7 @@ async def recording(folder: Folder, request: RecordingRequest) -> RecordingAnswe
     """What a file is and holds."""
     path = folder.file(request.file)
     holdings = await contents_process.contents(path, _layout(request))
-    return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **dict(holdings))
+    return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **vars(holdings))
 
 
 @end_point("POST /api/columns", "Columns as joints: ranges, limits, units, signs.")
@@ -306,7 +315,7 @@ def write(
     read, use = _checked(folder, file, header)
     with replacing(path, precondition, lambda: header_file(folder, file)) as force:
         write_header(path, read, force=force)
-    return WrittenHeader(version=version_of(path), file=folder.called(path), **dict(use))
+    return WrittenHeader(version=version_of(path), file=folder.called(path), **vars(use))
 
 
 def _checked(folder: Folder, file: str, header: Content) -> tuple[Header, HeaderUse]:

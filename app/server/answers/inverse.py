@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from ....analysis.inverse import nearest_posture
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef
-from ....model.files.json_document import JsonDocument
 from ....model.files.robot_file import load_robot
 from ....model.instruments.rotations import rotation_of_quaternion
 from ....model.kinematics.pendant import beyond_limits
@@ -22,15 +22,16 @@ from .robots import rounded, whole_ref
 _REACHED_MM, _REACHED_DEG = 0.01, 0.01
 
 
-class InversePosture(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class InversePosture:
     """The nearest posture, as near to the pose as the arm comes."""
 
     joints_deg: list[float]
     reached: bool
     off_mm: float
     off_deg: float
-    at_limit: list[int] = Field(description="joints, from 1, at an end of their range")
-    beyond: list[int] = Field(description="joints, from 1, outside a range that depends on another joint")
+    at_limit: Annotated[list[int], it("joints, from 1, at an end of their range")]
+    beyond: Annotated[list[int], it("joints, from 1, outside a range that depends on another joint")]
 
 
 @end_point("POST /api/inverse", "The nearest joints with the flange there, within the limits.")

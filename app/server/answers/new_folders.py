@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from ....model.errors import BadInput, NotWritten
-from ....model.files.json_document import JsonDocument
 from ..folder import Folder
 from ..requests import end_point, it, refused
 
 
-class MadeFolder(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class MadeFolder:
     """A folder that was made."""
 
     name: str

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from ....analysis.answer.message import Message
 from ....analysis.observability.aim import AimedPlan, aim_plan
@@ -21,7 +21,6 @@ from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
-from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.plan_file import Obstacles
 from ....model.instruments.kind import POINT, Mark, Target
@@ -35,7 +34,7 @@ from ....words.plan_message import plan_message
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
 from ..folder import Folder
-from ..requests import NOWHERE, Content, Precondition, end_point, it, keyed, noted
+from ..requests import NOWHERE, Content, Precondition, end_point, if_any, it, keyed, noted
 from ..versions import Versioned, replacing, version_of, version_of_sum
 from .actions import OfferedAction, action_of_plan
 from .robots import DrawnArm, arm_of, placed_links, require_robot_inside, rounded, whole_ref
@@ -50,16 +49,18 @@ FileOfPlan = Annotated[
 ]
 
 
+@dataclass(frozen=True, kw_only=True)
 class ReadPlan(Versioned):
     """A plan file."""
 
     file: str
-    plan: Content = Field(description="its content")
-    targets: list[str] = Field(description="of its postures")
+    plan: Annotated[Content, it("its content")]
+    targets: Annotated[list[str], it("of its postures")]
     robot: DrawnArm
     notes: list[str]
 
 
+@dataclass(frozen=True, kw_only=True)
 class WrittenPlan(Versioned):
     """A plan that was written."""
 
@@ -67,41 +68,40 @@ class WrittenPlan(Versioned):
     notes: list[str]
 
 
-class PostureScene(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class PostureScene:
     """A posture as the servo will leave it, mm in the base frame."""
 
     joints_deg: list[float]
-    skeleton: list[list[float]] = Field(description="the arm's points")
+    skeleton: Annotated[list[list[float]], it("the arm's points")]
     tool: list[float]
-    beam: list[list[float]] | None = Field(description="from the laser to its end; null for a probe")
+    beam: Annotated[list[list[float]] | None, it("from the laser to its end; null for a probe")]
     target: list[float]
     target_name: str
-    reaches: bool = Field(description="beam or probe comes to the target")
-    violations: list[str] = Field(description="what it breaks of the plan's constraints, in words")
+    reaches: Annotated[bool, it("beam or probe comes to the target")]
+    violations: Annotated[list[str], it("what it breaks of the plan's constraints, in words")]
     touches: list[str]
-    sights: list[list[list[float]]] = Field(description="lines to what an instrument measures")
-    axes: list[list[float]] | None = Field(
-        default=None, description="n unit vectors, of the joints; with `links`", exclude_if=is_none
-    )
-    links: list[list[list[float]]] | None = Field(
-        default=None, description="n + 1 poses of base and links: rows of 3 x 4", exclude_if=is_none
-    )
+    sights: Annotated[list[list[list[float]]], it("lines to what an instrument measures")]
+    axes: Annotated[list[list[float]] | None, if_any("n unit vectors, of the joints; with `links`")] = None
+    links: Annotated[
+        list[list[list[float]]] | None, if_any("n + 1 poses of base and links: rows of 3 x 4")
+    ] = None
 
 
-class CellMark(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CellMark:
     """What stands in the cell: an instrument or a target, mm in the base frame."""
 
     kind: Mark
     name: str
     at: list[float]
-    normal: list[float] | None = Field(default=None, exclude_if=is_none)
-    radius: float | None = Field(default=None, description="of a ball or a face", exclude_if=is_none)
-    acceptance_deg: float | None = Field(
-        default=None, description="largest angle of a beam to the normal", exclude_if=is_none
-    )
+    normal: Annotated[list[float] | None, if_any()] = None
+    radius: Annotated[float | None, if_any("of a ball or a face")] = None
+    acceptance_deg: Annotated[float | None, if_any("largest angle of a beam to the normal")] = None
 
 
-class NullMotion(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class NullMotion:
     """How far joints, targets and tool go along a null-space direction, each in its own unit, for one prior
     standard deviation of the leading parameter: to first order the beam stays on the target."""
 
@@ -110,46 +110,50 @@ class NullMotion(JsonDocument):
     others: dict[str, float]
 
 
-class WorthColumn(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class WorthColumn:
     """The column beside u: its head, and what it says of each offset."""
 
     head: str
     of: dict[str, str]
 
 
-class CheckRemarks(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class CheckRemarks:
     """What the command prints besides the table."""
 
     worth: WorthColumn
-    tolerated: list[str] = Field(description="parameters with tolerances, of geometry and tool")
-    lines: list[str] = Field(description="on the geometry")
+    tolerated: Annotated[list[str], it("parameters with tolerances, of geometry and tool")]
+    lines: Annotated[list[str], it("on the geometry")]
     advice: str | None
     over_target: str | None
 
 
-class CheckAnswer(JsonDocument):
+class CheckAnswer(BaseModel):
     """`zerobeam/check/1` with its message and action; with `scene` also what a picture needs and what the
     command prints besides."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     message: Message
     action: OfferedAction
-    marks: list[CellMark] | None = Field(default=None, exclude_if=is_none)
-    scene: list[PostureScene] | None = Field(default=None, exclude_if=is_none)
-    touched_boxes: list[int] | None = Field(default=None, exclude_if=is_none)
-    null_motion: list[NullMotion] | None = Field(default=None, exclude_if=is_none)
-    said: CheckRemarks | None = Field(default=None, exclude_if=is_none)
+    marks: Annotated[list[CellMark] | None, if_any()] = None
+    scene: Annotated[list[PostureScene] | None, if_any()] = None
+    touched_boxes: Annotated[list[int] | None, if_any()] = None
+    null_motion: Annotated[list[NullMotion] | None, if_any()] = None
+    said: Annotated[CheckRemarks | None, if_any()] = None
     warnings: list[str]
 
 
-class WithoutOne(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class WithoutOne:
     """What a plan determines without a posture; null for one that gives no measurement."""
 
     posture: int
     rest: WithoutPosture | None
 
 
+@dataclass(frozen=True, kw_only=True)
 class ReadObstacles(Versioned):
     """An obstacles file."""
 
@@ -157,6 +161,7 @@ class ReadObstacles(Versioned):
     obstacles: Obstacles
 
 
+@dataclass(frozen=True, kw_only=True)
 class WrittenObstacles(Versioned):
     """Obstacles that were written."""
 

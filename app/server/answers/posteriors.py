@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from ....analysis.estimation.fit import LikelihoodFit
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
-from ....model.files.json_document import JsonDocument
 from ....model.likelihood.problem import Problem
 from ....model.parsing.validation import as_tuple
 from ....words.wording import shown
@@ -103,19 +102,21 @@ def _member(group: Any, name: str) -> Any:
     return member
 
 
-class PosteriorDraws(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class PosteriorDraws:
     """Thinned draws of the offsets that the data determine: `draws` has a list for each of the `names`."""
 
     file: str
     converged: bool
-    total: int = Field(description="draws in the file")
+    total: Annotated[int, it("draws in the file")]
     names: list[str]
     units: list[str]
     draws: list[list[float]]
-    prior_only: list[str] = Field(description="offsets that the data do not determine")
+    prior_only: Annotated[list[str], it("offsets that the data do not determine")]
 
 
-class BrushedShot(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class BrushedShot:
     """A measurement: mean length of its normalised residual over all draws, and over the chosen ones."""
 
     shot: int
@@ -123,13 +124,14 @@ class BrushedShot(JsonDocument):
     chosen: float
 
 
-class Brushed(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class Brushed:
     """What choosing some draws does to the residuals."""
 
     draws: int
     chosen: int
     shots: list[BrushedShot]
-    reason: str | None = Field(description="why there is none")
+    reason: Annotated[str | None, it("why there is none")]
 
 
 @end_point("GET /api/posterior", "Thinned posterior draws of the offsets.")

@@ -24,7 +24,7 @@ from ....words.misfit import criterion_sentence
 from ....words.result_json import direction_document, parameter_document
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import Refused, end_point, it
+from ..requests import Content, Refused, end_point, it
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
 
@@ -73,7 +73,7 @@ def refit(
         BeforeValidator(as_tuple),
         it("numbers of the measurements to leave out", max_length=MOST_MEASUREMENTS),
     ] = (),
-) -> dict[str, Any]:
+) -> Content:
     """The answer `without` some measurements: verdict, headline, offsets (as in result.json, with `before`:
     their rows by all measurements), null-space directions, misfit; `lost` are the parameters that are
     unidentifiable without them, and were not."""

@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 from ....analysis.answer.document import ReadResult, from_json
 from ....analysis.answer.result import RESULT_SCHEMA
@@ -17,7 +16,7 @@ from ....reports.run.inputs import origin_of
 from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
 from ..kept import Kept
-from ..requests import end_point
+from ..requests import Content, end_point, to_json
 from .actions import action_of_result
 from .displacements import in_workspace
 
@@ -63,7 +62,7 @@ def _read(path: Path) -> ReadResult:
     "A result for people, the files of its report, and the displacement of the TCP by the offsets"
     " (`tcp_map`, mm; null where it is not known, with `tcp_why`).",
 )
-def result(folder: Folder, file: str) -> dict[str, Any]:
+def result(folder: Folder, file: str) -> Content:
     """What a result says, the `files` of its report, and the `run` of the folder that it was made of."""
     path = folder.file(file)
     content = read_result(path)
@@ -80,8 +79,8 @@ def result(folder: Folder, file: str) -> dict[str, Any]:
         **content.model_dump(include=_SENTENCES),
         "action": None
         if content.message is None
-        else action_of_result(folder, content.message.action, run).to_json(),
-        **in_workspace(content, run).to_json(),
+        else to_json(action_of_result(folder, content.message.action, run)),
+        **to_json(in_workspace(content, run)),
         "misfit": [] if content.misfit is None else [row.sentence for row in content.misfit.criteria],
         "diagnosis": [row.sentence for row in content.diagnosis],
         "parameters": [

@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef, UrdfRef
-from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.kinematics.robot import Robot
 from ....model.parsing.validation import as_tuple
 from ..folder import Folder
-from ..requests import end_point, it, noted
+from ..requests import end_point, if_any, it, noted
 from .meshes import read_mesh, simplified, solid
 
 MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned
 
 
-class BuiltInRobot(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class BuiltInRobot:
     """A robot of the library."""
 
     name: str
-    vendor: str | None = Field(description="null where it is not stated")
-    model: str | None = Field(description="null where it is not stated")
+    vendor: Annotated[str | None, it("null where it is not stated")]
+    model: Annotated[str | None, it("null where it is not stated")]
 
 
-class DrawnArm(JsonDocument):
+class DrawnArm(BaseModel):
     """`zerobeam/arm/1` (docs/files.md), and the arm in its first posture, in the base frame."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     skeleton: list[list[float]] = Field(description="n + 2 points, mm: base, joints, flange")
     axes: list[list[float]] = Field(description="n unit vectors, of the joints")
@@ -45,22 +46,24 @@ class DrawnArm(JsonDocument):
     ranges: list[list[float]] = Field(
         description="n lower and upper limits, deg (mm), joint 3 from link 2; `joints` has the pendant's"
     )
-    notes: list[str] | None = Field(default=None, description="where numbers look wrong", exclude_if=is_none)
+    notes: Annotated[list[str] | None, if_any("where numbers look wrong")] = None
 
 
-class LinkMesh(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class LinkMesh:
     """What a URDF shows of a link."""
 
-    link: int = Field(description="0: the base; k: the link behind joint k of the chain")
-    vertices: list[list[float]] = Field(description="in the link's frame, mm")
-    faces: list[list[int]] = Field(description="three vertices each")
+    link: Annotated[int, it("0: the base; k: the link behind joint k of the chain")]
+    vertices: Annotated[list[list[float]], it("in the link's frame, mm")]
+    faces: Annotated[list[list[int]], it("three vertices each")]
 
 
-class ArmMeshes(JsonDocument):
+@dataclass(frozen=True, kw_only=True)
+class ArmMeshes:
     """What a URDF shows of its links."""
 
     meshes: list[LinkMesh]
-    notes: list[str] = Field(description="on what is left out")
+    notes: Annotated[list[str], it("on what is left out")]
 
 
 @end_point("GET /api/robots", "The built-in robots: name, vendor, model.")

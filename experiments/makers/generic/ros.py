@@ -10,8 +10,9 @@ import math
 import re
 from array import array
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -173,7 +174,8 @@ def import_ros(
     return job.finish(parts, notes)
 
 
-class Topic(NamedTuple):
+@dataclass(frozen=True)
+class Topic:
     """A topic of a bag, its number of messages, and the joints in the first of its joint states (empty for
     other messages)."""
 
