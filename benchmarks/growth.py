@@ -28,7 +28,7 @@ import numpy as np
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import RUN_SCHEMA, Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
 from zerobeam.model.likelihood.problem import Problem
@@ -96,7 +96,9 @@ def write(
     robot = load_robot(own.robot, path.parent)
     found = candidates(own, robot, np.array(place), shots, seed=1)
     names, lines = ("psd",) * shots, tuple(range(shots))
-    plan = Plan(own, robot, found.postures, names, lines, Path("plan.yaml"), "0" * 64, ())
+    plan = Plan(
+        own, robot, planned(found.postures * robot.display, names), lines, Path("plan.yaml"), "0" * 64, ()
+    )
     stated, rng = Truth.with_values(plan, truth), np.random.default_rng(2)
     files = [path] if runs == 1 else [path.with_stem(f"{path.stem}-{k}") for k in range(runs)]
     for file in files:

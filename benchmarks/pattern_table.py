@@ -16,7 +16,7 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.experiments.plans.patterns import Pattern, pattern
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 
 PATTERNS: tuple[Pattern, ...] = ("x", "y")
@@ -43,7 +43,13 @@ def row(which: Pattern, aside_m: float) -> str:
     except BadInput:
         return f"{name} cannot be made | | | | | |"
     plan = Plan(
-        header, robot, postures, ("psd",) * SHOTS, tuple(range(SHOTS)), Path("plan.yaml"), "0" * 64, ()
+        header,
+        robot,
+        planned(postures * robot.display, ("psd",) * SHOTS),
+        tuple(range(SHOTS)),
+        Path("plan.yaml"),
+        "0" * 64,
+        (),
     )
     spread = float(np.degrees(np.ptp(postures[:, 0])))
     offsets = [own for own in check(plan).parameters if own.group == "offset" and not own.held]

@@ -1,10 +1,9 @@
-"""The commands that move an arm, or simulate one: run, controller."""
+"""The command that moves an arm, or simulates one: run."""
 
 from __future__ import annotations
 
 import os
 import sys
-import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,9 +13,8 @@ import typer
 
 from ..experiments.rigs.manual.lines import Lines, TypedLines, WatchedLines
 from ..experiments.run_options import RIGS, RunOptions
-from ..interruption import answered
 from ..model.errors import BadInput, RigFault
-from ..model.options import Option, Seed, argument
+from ..model.options import Option
 from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json, say
 from .options import Json, NewRunFile, PlanFile
 
@@ -163,69 +161,6 @@ def _instrument(
     instrument, about = open_instrument(sensors, plan)
     opened.callback(instrument.close)
     return instrument, about
-
-
-def controller(
-    plan: Annotated[
-        Path | None, argument("Plan file (.yaml): robot, tool and targets. Default: an IRB1600 and one PSD.")
-    ] = None,
-    cell: Annotated[Path | None, Option("Cell file (.yaml).")] = None,
-    port: Annotated[int, Option("Port of Robot Web Services (0: any).", least=0, most=65535)] = 8080,
-    egm_port: Annotated[
-        int, Option("UDP port of the client that EGM goes to (0: any).", least=0, most=65535)
-    ] = 6510,
-    sensor_port: Annotated[int, Option("Port of PSD and camera (0: any).", least=0, most=65535)] = 6520,
-    bind: Annotated[str, Option("Address to listen at.")] = "127.0.0.1",
-    client: Annotated[str, Option("Address of the client that EGM goes to.")] = "127.0.0.1",
-    lost: Annotated[float, Option("Share of EGM packets that are lost.", least=0, most=1)] = 0.0,
-    late: Annotated[float, Option("Share that comes 20 ms late.", least=0, most=1)] = 0.0,
-    duplicated: Annotated[float, Option("Share that is duplicated.", least=0, most=1)] = 0.0,
-    reordered: Annotated[float, Option("Share that is reordered.", least=0, most=1)] = 0.0,
-    amplifier: Annotated[
-        Path | None,
-        Option("PSD calibration file (.yaml): the PSDs are also at serial ports, to try a sensors file."),
-    ] = None,
-    seed: Seed = 0,
-) -> None:
-    """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
-    from ..controller.egm_server import PacketFaults
-    from ..controller.sensor_server import CellSensors
-    from ..controller.service import SimulatedController, own_plan
-    from ..experiments.rigs.simulated.cell_file import CellFile, read_cell
-    from ..experiments.sensors.stand_in import stand_ins
-    from ..model.files.plan import read_plan
-
-    planned = own_plan() if plan is None else read_plan(plan)
-    stands = CellFile() if cell is None else read_cell(cell)
-    faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
-    with ExitStack() as opened:
-        try:
-            simulated = opened.enter_context(
-                SimulatedController(
-                    planned,
-                    stands,
-                    seed,
-                    port=port,
-                    egm_port=egm_port,
-                    sensor_port=sensor_port,
-                    bind=bind,
-                    client=client,
-                    packet_faults=faults,
-                )
-            )
-            devices = {}
-            if amplifier is not None:
-                devices = stand_ins(opened, CellSensors(simulated.irc5), amplifier)
-            say(f"Robot Web Services: {simulated.url}")
-            say(f"EGM: to {client}, port {simulated.egm_port}")
-            say(f"PSD and camera: {bind}, port {simulated.sensor_port}")
-            for target, device in devices.items():
-                say(f"PSD amplifier of {target}: {device}")
-            say("Ctrl-C ends it.")
-            threading.Event().wait()
-        except KeyboardInterrupt:
-            answered()
-            raise typer.Exit(0) from None
 
 
 def _access(options: RunOptions) -> ControllerAccess:

@@ -59,7 +59,6 @@ _COMMANDS = {
     "verify": "planning",
     "robot": "robots",
     "run": "carrying_out",
-    "controller": "carrying_out",
     "app": "app",
     "schema": "judging",
 }

@@ -228,7 +228,7 @@ def _by_hand(plan: Plan, request: RunRequest, listener: Listener) -> _Way:
 
 def _require_one_reading(plan: Plan) -> None:
     """BadInput for a plan of which an instrument's lines would not say what they are of."""
-    postures = [means.posture for means in plan.means if means.posture is not None]
+    postures = [shot.posture for shot in plan.shots if shot.posture is not None]
     if len(plan.header.kinds) > 1 or len(set(postures)) < len(postures):
         raise BadInput(
             "lines of an instrument are read for one instrument, once at each posture",

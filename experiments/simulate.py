@@ -12,7 +12,7 @@ from ..analysis.observability.aim import aim, servo_joints
 from ..analysis.observability.outlook import GUESSED
 from ..model.arrays import Matrix
 from ..model.errors import RigFault
-from ..model.files.plan import Plan
+from ..model.files.plan import Means, Plan
 from ..model.files.shot import Shot, shot_model
 from ..model.instruments.kind import Instrument
 from ..model.likelihood.problem import Problem
@@ -118,7 +118,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
                 "shot": row,
                 "target": item.target,
                 "joints_deg": tuple(round(float(v), 9) for v in joints * display),
-                **(plan.means[row]._asdict() if plan.means else {}),
+                **Means.of(plan.shots[row])._asdict(),
                 **_rounded(readings[item.instrument, item.variant]),
             }
             yield model.model_validate(content)

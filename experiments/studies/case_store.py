@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
-from io import FileIO
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from pydantic import TypeAdapter
 
 from ...analysis.status import UnsoundResult, versions
-from ...interruption import obey, uninterrupted
+from ...interruption import obey
 from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, located
-from ...model.files.whole_file import Closing, lock
-from ...model.parsing.reading import parse_json, shown
+from ...model.files.journal import LineJournal
+from ...model.files.whole_file import Closing
+from ...model.parsing.reading import json_line, parse_json, shown
 from ..processes import side_by_side
 
 CASES_SCHEMA = "zerobeam/study-cases/1"
@@ -30,9 +28,9 @@ Piece = TypeVar("Piece")
 class CaseStore(Closing, Generic[Case]):
     """A file of JSON lines: first what the cases are of, then a line a finished case, a dataclass `kind`.
 
-    Each line is on the disk before `add` returns. A torn last line, of a process that was killed, is taken
-    out. BadInput, and the file is left as it is, where it is of another study, other settings or another
-    seed, or was made by other versions: such cases do not belong together.
+    A torn last line, of a process that was killed, is taken out. BadInput, and the file is left as it is,
+    where it is of another study, other settings or another seed, or was made by other versions: such cases do
+    not belong together.
     """
 
     def __init__(
@@ -43,19 +41,17 @@ class CaseStore(Closing, Generic[Case]):
         self._done: dict[int, Case] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = FileIO(path, "a+")  # every line goes to the end
+            path.touch()
         except OSError as error:
-            raise _cannot_keep(path, error) from None
-        try:
-            with located(path):
-                self._lock()
-                self._begin({"schema": CASES_SCHEMA, **heading})
-        except OSError as error:
-            self.close()
-            raise _cannot_keep(path, error) from None
-        except BaseException:
-            self.close()
-            raise
+            raise self._failed(error) from None
+        busy = BadInput(
+            f"another process carries this {of} out",
+            remedy=f"wait until it has ended, stop it, or name another folder for the {of}",
+            file=path,
+        )
+        self._lines = LineJournal(path, busy, self._failed)
+        with self._lines.closed_on_failure(), located(path):
+            self._begin({"schema": CASES_SCHEMA, **heading})
 
     @property
     def done(self) -> dict[int, Case]:
@@ -64,39 +60,29 @@ class CaseStore(Closing, Generic[Case]):
 
     def add(self, number: int, answer: Case) -> None:
         """Keep a finished case."""
-        try:
-            self._write(_line({"case": number, "answer": self._case.dump_python(answer, mode="json")}))
-        except OSError as error:
-            raise _cannot_keep(self._path, error) from None
+        self._lines.write(json_line({"case": number, "answer": self._case.dump_python(answer, mode="json")}))
         self._done[number] = answer
 
     def close(self) -> None:
-        self._file.close()
+        self._lines.close()
 
-    def _lock(self) -> None:
-        if not lock(self._file):
-            raise BadInput(
-                f"another process carries this {self._of} out",
-                remedy=f"wait until it has ended, stop it, or name another folder for the {self._of}",
-            )
+    def _failed(self, error: OSError) -> NotWritten:
+        return NotWritten(
+            f"the finished cases cannot be kept: {error.strerror or error}",
+            file=self._path,
+            remedy="name a folder beside which files may be written",
+        )
 
     def _begin(self, heading: Mapping[str, object]) -> None:
-        self._file.seek(0)
-        content, first = self._file.readall(), _line(heading)
+        content, first = self._lines.content, json_line(heading)
         whole = content[: content.rfind(b"\n") + 1]
-        if whole or not first.startswith(content):
+        if whole or not first.encode().startswith(content):
             self._read(whole, heading)
-            self._file.truncate(len(whole))
+            self._lines.cut(len(whole))
         else:
             # Of a process that was killed while it wrote the first line, if of any.
-            self._file.truncate(0)
-            self._write(first)
-
-    @uninterrupted()
-    def _write(self, line: bytes) -> None:
-        while line:
-            line = line[self._file.write(line) :]
-        os.fsync(self._file.fileno())
+            self._lines.cut(0)
+            self._lines.write(first)
 
     def _read(self, content: bytes, heading: Mapping[str, object]) -> None:
         lines = content.splitlines()
@@ -200,15 +186,3 @@ def _completed(
                     kept.add(number, answer)
                 tell(len(finished))
     return [finished[number] for number in range(count)]
-
-
-def _line(value: Mapping[str, object]) -> bytes:
-    return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def _cannot_keep(path: Path, error: OSError) -> NotWritten:
-    return NotWritten(
-        f"the finished cases cannot be kept: {error.strerror or error}",
-        file=path,
-        remedy="name a folder beside which files may be written",
-    )

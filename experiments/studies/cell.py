@@ -18,7 +18,7 @@ from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution
 from ...model.arrays import Matrix, Progress, normal_half_width
 from ...model.files.header import Header
-from ...model.files.plan import Plan
+from ...model.files.plan import Plan, planned
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
 from ..procedure.session import PHASES, state_of
@@ -156,8 +156,9 @@ def optimal_plan(header: Header, seed: int) -> Plan:
 
 
 def _plan(header: Header, postures: Matrix) -> Plan:
-    lines = tuple(range(1, len(postures) + 1))
-    return Plan(header, robot_of(header), postures, ("psd",) * len(postures), lines, Path(), "", ())
+    robot, lines = robot_of(header), tuple(range(1, len(postures) + 1))
+    shots = planned(postures * robot.display, ("psd",) * len(postures))
+    return Plan(header, robot, shots, lines, Path(), "", ())
 
 
 def studied_plans(seed: int, camera: bool) -> list[CellPlanStudied]:

@@ -1,4 +1,5 @@
-"""The journal: a run file that grows by each measurement and can be resumed after a stop at any instant."""
+"""Files that grow by a line at a time and can be gone on with after a stop at any instant: runs, and whatever
+else is finished piece by piece."""
 
 from __future__ import annotations
 
@@ -25,6 +26,81 @@ from .whole_file import Closing, lock, refuse_existing, sync_folder, write_whole
 RunCheck = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
 
 
+class LineJournal(Closing):
+    """A file of lines, each on the disk before `write` returns, whole or taken back.
+
+    One process at a time may write to it: the lock is the system's and goes with the process, however that
+    ends. `path` must be there. BadInput `busy` where another process has it; where the system fails, the file
+    is closed and what `failed` makes of the error is raised.
+    """
+
+    def __init__(self, path: Path, busy: BadInput, failed: Callable[[OSError], Exception]) -> None:
+        self.path, self._failed = path, failed
+        try:
+            self._file = FileIO(path, "r+")
+        except OSError as error:
+            raise NotWritten(f"the file cannot be written to: {error.strerror}", file=path) from None
+        with self.closed_on_failure():
+            if not lock(self._file):
+                raise busy
+            self.content = self._file.readall()
+            self._end = len(self.content)
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
+
+    @property
+    def end(self) -> int:
+        """How long the file is, bytes."""
+        return self._end
+
+    def cut(self, length: int) -> None:
+        """Leave only so many bytes of it, and go on behind them."""
+        with self.closed_on_failure():
+            self._file.truncate(length)
+            self._end = self._file.seek(length)
+
+    def write(self, text: str) -> None:
+        """Text at the end of the file, brought to the disk whole or taken back."""
+        rest = content = text.encode("utf-8")
+        with uninterrupted(), self.closed_on_failure():
+            try:
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+                os.fsync(self._file.fileno())
+            except BaseException:
+                # What is left of the line would spoil the file for whatever came after it.
+                with contextlib.suppress(OSError):
+                    self._file.truncate(self._end)
+                raise
+        self._end += len(content)
+
+    def blank(self, start: int, length: int) -> None:
+        """Blanks in place of so many bytes, at once; all others stay as they are."""
+        with uninterrupted(), self.closed_on_failure():
+            self._file.seek(start)
+            self._file.write(b" " * length)
+            os.fsync(self._file.fileno())
+            self._file.seek(self._end)
+
+    @contextlib.contextmanager
+    def closed_on_failure(self) -> Iterator[None]:
+        """Close the file if what is done with it fails; raise a failure of the system as `failed` says."""
+        try:
+            yield
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                self.close()
+            if isinstance(error, OSError):
+                raise self._failed(error) from error
+            raise
+
+    def close(self) -> None:
+        """Let others write to the file; nothing happens the second time."""
+        self._file.close()
+
+
 class RunJournal(Closing):
     """A run file that grows measurement by measurement; each is on the disk before `append` returns.
 
@@ -32,9 +108,6 @@ class RunJournal(Closing):
     disk, and never writes into or over another; `RunJournal.resumed` goes on with one. Joints outside
     their limits are recorded as they are: what happened, happened; `read_run` judges them, and so does
     `resumed`.
-
-    One process at a time may record to a file: the lock is the system's and goes with the process,
-    however that ends.
     """
 
     def __init__(self, path: Path | str, header: Header) -> None:
@@ -63,7 +136,7 @@ class RunJournal(Closing):
 
     def append(self, shot: Shot) -> None:
         """Record one measurement; RigFault if it cannot be brought to the disk."""
-        if self._file.closed:
+        if self._lines.closed:
             raise RigFault(f"{self.path}: the run is closed, measurement {shot.shot} was not recorded")
         self._rules.check(shot, file=self.path, line=None)
         if shot.posture is not None:
@@ -75,19 +148,14 @@ class RunJournal(Closing):
                 allowed="each number once",
                 file=self.path,
             )
-        began, text = self._end, shot_text(shot)
-        self._write(text)
+        began, text = self._lines.end, shot_text(shot)
+        self._lines.write(text)
         self._shots[shot.shot] = shot
         self._places[shot.shot] = began, len(text.encode("utf-8")) - 1
 
     def withdraw(self, number: int) -> None:
         """Take a measurement out: its line becomes a blank one, at once, and all others stay as they are."""
-        start, length = self._places[number]
-        with uninterrupted(), self._closed_on_failure():
-            self._file.seek(start)
-            self._file.write(b" " * length)
-            os.fsync(self._file.fileno())
-            self._file.seek(self._end)
+        self._lines.blank(*self._places[number])
         del self._shots[number], self._places[number]
 
     def _open(self, path: Path, header: Header, fits: RunCheck | None = None) -> None:
@@ -100,13 +168,14 @@ class RunJournal(Closing):
                 file=path,
             )
         self.path = path
-        try:
-            self._file = FileIO(path, "r+")
-        except OSError as error:
-            raise NotWritten(f"the run cannot be recorded: {error.strerror}", file=path) from None
-        with self._closed_on_failure():
-            self._lock()
-            content = self._file.readall()
+        busy = BadInput(
+            "another process is recording to this file",
+            remedy="wait until it has ended, or stop it",
+            file=path,
+        )
+        self._lines = LineJournal(path, busy, self._failed)
+        with self._lines.closed_on_failure():
+            content = self._lines.content
             if not content.strip():
                 raise BadInput("the file is empty", remedy="remove it, start without --resume", file=path)
             run, torn = recorded(content, path)
@@ -128,50 +197,17 @@ class RunJournal(Closing):
                     f"line {torn}, the last, was torn: it is removed, the measurements before it are kept"
                 )
                 content = content[: content.rstrip().rfind(b"\n") + 1]  # blank lines may follow it
-                self._file.truncate(len(content))
-            self._end = self._file.seek(len(content))
+                self._lines.cut(len(content))
             # Whoever recorded this may have been killed before it was on the disk.
-            self._write("" if content.endswith(b"\n") else "\n")
+            self._lines.write("" if content.endswith(b"\n") else "\n")
             sync_folder(path.parent)
 
-    def _lock(self) -> None:
-        if not lock(self._file):
-            raise BadInput(
-                "another process is recording to this file",
-                remedy="wait until it has ended, or stop it",
-                file=self.path,
-            )
-
-    def _write(self, text: str) -> None:
-        """Text at the end of the file, brought to the disk whole or taken back."""
-        rest = content = text.encode("utf-8")
-        with uninterrupted(), self._closed_on_failure():
-            try:
-                while rest:
-                    rest = rest[self._file.write(rest) :]
-                os.fsync(self._file.fileno())
-            except BaseException:
-                # What is left of the line would spoil the file for whatever came after it.
-                with contextlib.suppress(OSError):
-                    self._file.truncate(self._end)
-                raise
-        self._end += len(content)
-
-    @contextlib.contextmanager
-    def _closed_on_failure(self) -> Iterator[None]:
-        """Close the file if what is done to it fails, and raise a failure of the system as a RigFault."""
-        try:
-            yield
-        except BaseException as error:
-            with contextlib.suppress(OSError):
-                self.close()
-            if isinstance(error, OSError):
-                raise RigFault(f"{self.path}: the run cannot be recorded: {error.strerror}") from error
-            raise
+    def _failed(self, error: OSError) -> RigFault:
+        return RigFault(f"{self.path}: the run cannot be recorded: {error.strerror}")
 
     def close(self) -> None:
         """End the recording and let others record to the file; nothing happens the second time."""
-        self._file.close()
+        self._lines.close()
 
 
 def _require_same(recorded: Header, required: Header, *, file: Path, line: int | None) -> None:

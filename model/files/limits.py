@@ -20,14 +20,6 @@ ROUNDING = 1e-6
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
 
 
-def warned(warnings: Sequence[str]) -> str:
-    """The last of a run's or plan's warnings, as the end of its repr; a doubt about the unit is the last."""
-    if not warnings:
-        return ""
-    more = "" if len(warnings) == 1 else f" ({len(warnings) - 1} more in warnings)"
-    return f"; warning: {warnings[-1]}{more}"
-
-
 def require_joint_count(
     values: Sequence[float], robot: Robot, what: str, file: Path | None, line: int | None
 ) -> None:

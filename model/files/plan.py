@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from ..arrays import ByValue, Matrix
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
 from ..parsing.reading import Document, read_yaml, require_schema
 from ..parsing.validation import validate
@@ -34,10 +33,11 @@ from .arguments import (
 )
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
-from .limits import check_limits, require_joint_count, warned
+from .limits import check_limits, require_joint_count
+from .measurements import Measurements, always
 from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
-from .robot_file import load_robot, require_loadable
-from .shot import Shot, ShotRules, check_ties, target_names, unknown_targets
+from .robot_file import load_robot
+from .shot import Shot, check_shots, check_ties, target_names
 from .whole_file import flow, refuse_existing, schema_line, short_in_one_line, write_whole, yaml_text
 
 _DECIMALS = 9  # of degrees in a file: what they lose on the way to radians and back is far below
@@ -52,40 +52,22 @@ class Means(NamedTuple):
     posture: int | None = None
 
     @classmethod
-    def of(cls, row: StatedPosture) -> Self:
+    def of(cls, row: StatedPosture | Shot) -> Self:
         return cls(row.instrument, row.reflector, row.posture)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan(ByValue):
+class Plan(Measurements):
     """Planned postures of a robot of n joints: from a file (`read_plan`) or from arrays.
-
-    Plans are equal if header, robot, postures, targets, constraints and means are, wherever they are kept.
 
     Attributes
     ----------
-    header : Header
-        What all measurements have in common.
-    robot : Robot
-        The arm.
-    postures : ndarray
-        (N, n) joint positions, rad (mm for prismatic joints).
-    targets : tuple of str
-        (N,) the target of each posture; None where its instrument has none.
-    lines : tuple
-        (N,) where each is in its file; None for a plan that is in no file.
-    path : Path
-        The file; the name of a plan that is in none.
-    sha256 : str
-        Of the file, or of the text that a file would have.
-    warnings : tuple of str
-        Sentences that a reader must see, such as joints outside their limits.
+    header, robot, shots, lines, path, sha256, warnings
+        As of all `Measurements`.
     via : tuple of ndarray
         (N,) the intermediate postures on the way to each, (k, n) rad or mm; empty without any.
     constraints : StatedConstraints
         What every measurement must keep, in degrees and mm: `check` judges it.
-    means : tuple of Means
-        (N,) the instrument and reflector of each posture, as stated; empty where none is stated.
 
     Examples
     --------
@@ -101,17 +83,19 @@ class Plan(ByValue):
     <Plan arrays: 2 postures at psd, irb1600>
     """
 
-    header: Header
-    robot: Robot
-    postures: Matrix
-    targets: tuple[str | None, ...]
-    lines: tuple[int | None, ...] = field(compare=False)
-    path: Path = field(compare=False)
-    sha256: str = field(compare=False)
-    warnings: tuple[str, ...] = field(compare=False)
     via: tuple[Matrix, ...] = ()
     constraints: StatedConstraints = UNCONSTRAINED
-    means: tuple[Means, ...] = ()
+
+    @property
+    def postures(self) -> Matrix:
+        """(N, n) joint positions, rad (mm for prismatic joints)."""
+        return self.joints
+
+    @cached_property
+    def means(self) -> tuple[Means, ...]:
+        """(N,) the instrument and reflector of each posture, as stated; empty where none is stated."""
+        means = tuple(map(Means.of, self.shots))
+        return means if any(map(any, means)) else ()
 
     @classmethod
     def from_arrays(
@@ -213,53 +197,19 @@ class Plan(ByValue):
         """A plan that is in no file, `postures_deg` (N, n) degrees or mm; BadInput where it is unsound."""
         if not len(postures_deg):
             raise BadInput("the plan has no postures", remedy="state one at least")
-        nowhere = (None,) * len(postures_deg)
-        warnings = _check_postures(header, robot, postures_deg.tolist(), targets, means, nowhere, None)
+        shots, nowhere = planned(postures_deg, targets, means), (None,) * len(postures_deg)
+        warnings = check_shots(header, robot, shots, nowhere, file=None, planned=True)
         check_ties(header, target_names(targets), file=None, line=None)
-        text = _plan_text(header, postures_deg.tolist(), targets, constraints=constraints, means=means)
+        text = _plan_text(header, shots, constraints=constraints)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
-        postures = postures_deg / robot.display
-        return cls(
-            header,
-            robot,
-            postures,
-            tuple(targets),
-            nowhere,
-            Path(name),
-            sha256,
-            warnings,
-            constraints=constraints,
-            means=tuple(means),
-        )
+        return cls(header, robot, shots, nowhere, Path(name), sha256, warnings, constraints=constraints)
 
-    def __repr__(self) -> str:
-        targets, count = ", ".join(self.target_names), len(self.postures)
-        what = f"{count} posture{'' if count == 1 else 's'} at {targets}, {self.robot.name}"
-        return f"<Plan {self.path.name}: {what}{warned(self.warnings)}>"
+    @property
+    def _content(self) -> str:
+        count = len(self.shots)
+        return f"{count} posture{'' if count == 1 else 's'} at {', '.join(self.target_names)}"
 
-    def write(self, path: Path | str, *, force: bool = False) -> Path:
-        """Write the plan to a new file (.yaml), whole or not at all.
-
-        Parameters
-        ----------
-        path
-            The file; what the header names is relative to its folder.
-        force
-            A file that is there is replaced.
-
-        Returns
-        -------
-        Path
-            The file; its postures are rounded to 1e-9 degrees (mm).
-
-        Raises
-        ------
-        BadInput
-            The file is there, or the plan could not be read again: its robot is in no file, say.
-        """
-        path = Path(path)
-        refuse_existing(path, force=force)
-        require_loadable(self.robot, self.header.robot, path)
+    def _write(self, path: Path, *, force: bool) -> None:
         write_plan(
             path,
             self.header,
@@ -270,30 +220,10 @@ class Plan(ByValue):
             constraints=self.constraints,
             force=force,
         )
-        return path
 
     def via_of(self, posture: int) -> Matrix:
         """(k, n) the intermediate postures on the way to a posture (from 0), rad or mm; k may be 0."""
         return self.via[posture] if self.via else np.zeros((0, self.robot.n))
-
-    @cached_property
-    def target_names(self) -> tuple[str, ...]:
-        """The targets in the order in which they first appear."""
-        return target_names(self.targets)
-
-    @cached_property
-    def target_index(self) -> NDArray[np.int64]:
-        """(N,) index into `target_names` of each posture; -1 of one without a target."""
-        index: dict[str | None, int] = {None: -1}
-        index |= {name: k for k, name in enumerate(self.target_names)}
-        return np.array([index[name] for name in self.targets], dtype=np.int64)
-
-    @cached_property
-    def measurements(self) -> tuple[Measurement, ...]:
-        """(N,) what is to be measured in each posture; nothing is `measured` yet."""
-        rows = (self.postures * self.robot.display).tolist()
-        shots = _planned(rows, self.targets, self.means)
-        return tuple(ShotRules(self.header, self.robot).measurements(shots))
 
     @cached_property
     def called(self) -> tuple[str, ...]:
@@ -345,39 +275,23 @@ def plan_of(document: Document) -> Plan:
     robot = load_robot(header.robot, file.parent, file=file, line=document.line(("robot",)))
     check_header(header, robot, file=file, line=document.line)
     lines = tuple(document.line(("postures_deg", i)) for i in range(len(content.postures_deg)))
-    rows: list[tuple[float, ...]] = []
-    targets: list[str | None] = []
-    means: list[Means] = []
-    via: list[Matrix] = []
-    for i, posture in enumerate(content.postures_deg):
-        if isinstance(posture, StatedPosture):
-            rows.append(posture.joints_deg)
-            targets.append(posture.target)
-            means.append(Means.of(posture))
-            via.append(_checked_via(posture.via_deg, i, header, robot, file, lines[i]))
-        else:
-            rows.append(posture)
-            targets.append(_only_target(header, i, file, lines[i]))
-            means.append(Means())
-            via.append(np.zeros((0, robot.n)))
-    warnings = _check_postures(header, robot, rows, targets, means, lines, file)
+    rows = [
+        row
+        if isinstance(row, StatedPosture)
+        else StatedPosture.model_construct(joints_deg=row, target=_only_target(header, i, file, lines[i]))
+        for i, row in enumerate(content.postures_deg)
+    ]
+    joints, targets = [row.joints_deg for row in rows], [row.target for row in rows]
+    shots = planned(joints, targets, [Means.of(row) for row in rows])
+    via = tuple(
+        _checked_via(row.via_deg, i, header, robot, file, line)
+        for i, (row, line) in enumerate(zip(rows, lines, strict=True))
+    )
+    warnings = check_shots(header, robot, shots, lines, file=file, planned=True)
     line = document.line(("distances",) if header.distances else ("angles",))
     check_ties(header, target_names(targets), file=file, line=line)
-    postures = np.array(rows) / robot.display
-    passing = tuple(via) if any(len(between) for between in via) else ()
-    return Plan(
-        header,
-        robot,
-        postures,
-        tuple(targets),
-        lines,
-        file,
-        document.sha256,
-        warnings,
-        passing,
-        content.constraints,
-        tuple(means) if any(map(any, means)) else (),
-    )
+    passing = via if any(len(between) for between in via) else ()
+    return Plan(header, robot, shots, lines, file, document.sha256, warnings, passing, content.constraints)
 
 
 def _without_none(**values: object) -> dict[str, object]:
@@ -428,35 +342,16 @@ def _only_target(header: Header, posture: int, file: Path | None, line: int | No
     return header.only_target
 
 
-def _check_postures(
-    header: Header,
-    robot: Robot,
-    rows: Sequence[Sequence[float]],
-    targets: Sequence[str | None],
-    means: Sequence[Means],
-    lines: Sequence[int | None],
-    file: Path | None,
-) -> tuple[str, ...]:
-    rules, shots = ShotRules(header, robot), _planned(rows, targets, means)
-    for shot, line in zip(shots, lines, strict=True):
-        rules.check_planned(shot, file=file, line=line)
-    rules.check_postures(shots, lines, file=file)
-    numbers = list(range(len(rows)))
-    values = np.array(rows, dtype=float)
-    limits = check_limits(robot, values, "posture", numbers, lines, limits=header.limits, file=file)
-    return robot.doubts + limits + unknown_targets(header, target_names(targets))
-
-
-def _planned(
-    rows: Sequence[Sequence[float]], targets: Sequence[str | None], means: Sequence[Means]
-) -> list[Shot]:
-    """The measurements of a plan, (N, n) degrees or mm, without what is measured."""
-    return [
-        Shot.model_construct(shot=i, target=target, joints_deg=tuple(row), **more._asdict())
+def planned(
+    rows: Sequence[Sequence[float]] | Matrix, targets: Sequence[str | None], means: Sequence[Means] = ()
+) -> tuple[Shot, ...]:
+    """The measurements of a plan at joints (N, n), degrees or mm, without what is measured."""
+    return tuple(
+        Shot.model_construct(shot=i, target=target, joints_deg=tuple(map(float, row)), **more._asdict())
         for i, (row, target, more) in enumerate(
             zip(rows, targets, means or [Means()] * len(rows), strict=True)
         )
-    ]
+    )
 
 
 def write_plan(
@@ -479,40 +374,37 @@ def write_plan(
     """
     path = Path(path)
     refuse_existing(path, force=force)
-    rows = [[float(value) for value in row] for row in postures_deg]
-    if not rows:
+    if not len(postures_deg):
         raise BadInput("the plan has no postures", file=path)
-    if not np.all(np.isfinite(np.concatenate(rows))):
+    shots = planned(postures_deg, targets, means)
+    if not np.all(np.isfinite(np.concatenate([shot.joints_deg for shot in shots]))):
         raise BadInput("a posture holds a number that is not finite", file=path)
     robot = load_robot(header.robot, path.parent)
-    check_header(header, robot, file=None, line=lambda _: None)
-    _check_postures(header, robot, rows, targets, means, [0] * len(rows), None)
+    check_header(header, robot, file=None, line=always(None))
+    check_shots(header, robot, shots, [0] * len(shots), file=None, planned=True)
     check_ties(header, target_names(targets), file=None, line=None)
-    text = _plan_text(header, rows, targets, via_deg, constraints, means)
+    text = _plan_text(header, shots, via_deg, constraints)
     write_whole(path, schema_line(path, "plan") + text, force=force)
 
 
 def _plan_text(
     header: Header,
-    rows: Sequence[Sequence[float]],
-    targets: Sequence[str | None],
+    shots: Sequence[Shot],
     via: Sequence[Matrix] = (),
     constraints: StatedConstraints = UNCONSTRAINED,
-    means: Sequence[Means] = (),
 ) -> str:
-    """The text of a plan file: `rows` (N, n) degrees or mm."""
+    """The text of a plan file: `via` (k, n) degrees or mm."""
     keys = header_content(header, PLAN_SCHEMA)
     if constraints.model_fields_set:
         keys["constraints"] = constraints.model_dump(mode="json", exclude_unset=True)
     content = CommentedMap(short_in_one_line(keys))
-    bare = len(header.targets) < 2 and not via and not any(map(any, means))
-    if bare and any(targets):
-        bare = len(header.kinds) == 1 and set(targets) == {header.only_target}
-    whole = [
-        {"joints_deg": flow(row), **_without_none(target=target, **more._asdict())}
-        for row, target, more in zip(rows, targets, means or [Means()] * len(rows), strict=True)
-    ]
-    content["postures_deg"] = CommentedSeq(map(flow, rows if bare else whole))
+    rows = [{"joints_deg": flow(shot.joints_deg), "target": shot.target} for shot in shots]
+    means = [Means.of(shot)._asdict() for shot in shots]
+    bare = len(header.targets) < 2 and not via and not any(any(each.values()) for each in means)
+    if bare and any(shot.target for shot in shots):
+        bare = len(header.kinds) == 1 and {shot.target for shot in shots} == {header.only_target}
+    whole = [_without_none(**row, **more) for row, more in zip(rows, means, strict=True)]
+    content["postures_deg"] = CommentedSeq([row["joints_deg"] for row in rows] if bare else map(flow, whole))
     for posture, between in zip(content["postures_deg"], via, strict=False):
         if len(between):
             posture["via_deg"] = flow([flow(row) for row in between.tolist()])

@@ -9,22 +9,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..arrays import ByValue, Matrix
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..instruments.kind import Measurement
 from ..kinematics.robot import Robot
 from ..parsing.reading import (
     LARGEST_RECORDING,
-    KeyPath,
     did_you_mean,
     json_line,
     json_rows,
@@ -47,8 +45,8 @@ from .arguments import (
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .header_file import completed
-from .limits import warned
-from .robot_file import load_robot, require_loadable
+from .measurements import Measurements, always
+from .robot_file import load_robot
 from .shot import (
     Shot,
     ShotRules,
@@ -57,7 +55,6 @@ from .shot import (
     copied_rows,
     copies,
     shot_model,
-    target_names,
 )
 from .whole_file import refuse_existing, write_whole
 
@@ -67,37 +64,18 @@ REFIT = " (refit)"  # what the name of a run that was made of another one ends w
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run(ByValue):
+class Run(Measurements):
     """A recorded run of N measurements: from a file (`read_run`) or from arrays.
-
-    Runs are equal if header, robot and measurements are, wherever they are kept.
 
     Attributes
     ----------
-    header : Header
-        What all measurements have in common.
-    robot : Robot
-        The arm, with n joints.
-    shots : tuple of Shot
-        (N,) the measurements as recorded, in degrees and mm.
-    lines, header_line
-        Where each measurement and the header are in the file; None for a run that is in no file.
-    path : Path
-        The file; the name of a run that is in none.
-    sha256 : str
-        Of the file, or of the text that a file would have.
-    warnings : tuple of str
-        Sentences that a reader must see: a torn last line, joints outside their limits.
+    header, robot, shots, lines, path, sha256, warnings
+        As of all `Measurements`.
+    header_line
+        Where the header is in the file; None for a run that is in no file.
     """
 
-    header: Header
-    robot: Robot
-    shots: tuple[Shot, ...]
-    lines: tuple[int | None, ...] = field(compare=False)
-    header_line: int | None = field(compare=False)
-    path: Path = field(compare=False)
-    sha256: str = field(compare=False)
-    warnings: tuple[str, ...] = field(compare=False)
+    header_line: int | None = field(default=None, compare=False)
 
     @classmethod
     def from_arrays(
@@ -193,7 +171,7 @@ class Run(ByValue):
             if spots is not None:
                 content["spot_mm"] = spots[i].tolist()
             try:
-                shots.append(validate(model, {**others[i], **content}, file=None, line=_always(None)))
+                shots.append(validate(model, {**others[i], **content}, file=None, line=always(None)))
             except BadInput as error:  # all else is checked already
                 raise error.of_argument("measured" if others[i] else "targets") from None
         try:
@@ -207,7 +185,7 @@ class Run(ByValue):
         warnings = check_shots(header, robot, shots, [None] * len(shots), file=None)
         text = header_text(header) + "".join(shot_text(shot) for shot in shots)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
-        run = cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
+        run = cls(header, robot, tuple(shots), (None,) * len(shots), Path(name), sha256, warnings)
         return run.without_copies()
 
     def without_copies(self) -> Self:
@@ -274,67 +252,22 @@ class Run(ByValue):
         # What the header names is beside the run's file.
         return replace(made, path=self.path.with_name(name), lines=tuple(self.lines[i] for i in kept))
 
-    def __repr__(self) -> str:
-        targets, count = ", ".join(self.target_names), len(self.shots)
-        what = f"{count} measurement{'' if count == 1 else 's'} of {targets}, {self.robot.name}"
-        return f"<Run {self.path.name}: {what}{warned(self.warnings)}>"
+    @property
+    def _content(self) -> str:
+        count = len(self.shots)
+        return f"{count} measurement{'' if count == 1 else 's'} of {', '.join(self.target_names)}"
 
-    def write(self, path: Path | str, *, force: bool = False) -> Path:
-        """Write the run to a new file (.jsonl), whole or not at all.
-
-        Parameters
-        ----------
-        path
-            The file; what the header names is relative to its folder.
-        force
-            A file that is there is replaced.
-
-        Returns
-        -------
-        Path
-            The file; `read_run` of it gives an equal run.
-
-        Raises
-        ------
-        BadInput
-            The file is there, or the run could not be read again: its robot is in no file, say.
-        """
-        path = Path(path)
-        refuse_existing(path, force=force)
-        require_loadable(self.robot, self.header.robot, path)
+    def _write(self, path: Path, *, force: bool) -> None:
         write_run(path, self.header, self.shots, force=force)
-        return path
-
-    @cached_property
-    def joints(self) -> Matrix:
-        """(N, n) recorded joint positions, rad or mm."""
-        return np.array([shot.joints_deg for shot in self.shots]) / self.robot.display
 
     @cached_property
     def spots(self) -> Matrix:
         """(N, 2) mm, of a laser; zeros where a shot states no spot."""
         return np.array([shot.spot_mm or (0.0, 0.0) for shot in self.shots])
 
-    @cached_property
-    def target_names(self) -> tuple[str, ...]:
-        """The targets in the order in which they first appear."""
-        return target_names(shot.target for shot in self.shots)
-
-    @cached_property
-    def target_index(self) -> NDArray[np.int64]:
-        """(N,) index into `target_names` of each shot; -1 of one that has no target."""
-        index: dict[str | None, int] = {None: -1}
-        index |= {name: k for k, name in enumerate(self.target_names)}
-        return np.array([index[shot.target] for shot in self.shots], dtype=np.int64)
-
-    @cached_property
-    def measurements(self) -> tuple[Measurement, ...]:
-        """(N,) what each measurement is of, and what was measured."""
-        return tuple(ShotRules(self.header, self.robot).measurements(self.shots))
-
     def require_analysable(self) -> None:
         """BadInput for a run that no analysis can say anything about."""
-        check_header(self.header, self.robot, file=self.path, line=_always(self.header_line))
+        check_header(self.header, self.robot, file=self.path, line=always(self.header_line))
         rules = ShotRules(self.header, self.robot)
         calibrated = all(instrument.calibrated for instrument in rules.instruments.values())
         enough = ENOUGH_CALIBRATED if calibrated else ENOUGH_UNCALIBRATED
@@ -438,10 +371,10 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
             line=header_line,
         )
     require_schema(top, RUN_SCHEMA, file=path, line=header_line)
-    header = validate(Header, top, file=path, line=_always(header_line))
-    header = completed(header, path.parent, file=path, line=_always(header_line))
+    header = validate(Header, top, file=path, line=always(header_line))
+    header = completed(header, path.parent, file=path, line=always(header_line))
     robot = load_robot(header.robot, path.parent, file=path, line=header_line)
-    check_header(header, robot, file=path, line=_always(header_line))
+    check_header(header, robot, file=path, line=always(header_line))
     shots, lines = [], []
     model = shot_model(header)
     for line, row in rows[1:]:
@@ -453,13 +386,13 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
                 file=path,
                 line=line,
             )
-        shots.append(validate(model, row, file=path, line=_always(line)))
+        shots.append(validate(model, row, file=path, line=always(line)))
         lines.append(line)
     warnings: tuple[str, ...] = () if torn is None else (_torn(torn),)
     if shots:
         warnings += check_shots(header, robot, shots, lines, file=path)
     sha256 = hashlib.sha256(content).hexdigest()
-    return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
+    return Run(header, robot, tuple(shots), tuple(lines), path, sha256, warnings, header_line), torn
 
 
 def in_no_file(name: str) -> bool:
@@ -477,11 +410,6 @@ def header_of_run(path: Path) -> Header:
     header = read_run(path).header.model_copy(update={"provenance": {}})
     header.model_fields_set.discard("provenance")
     return header
-
-
-def _always(line: int | None) -> Callable[[KeyPath], int | None]:
-    """All places of one line of JSON are on that line."""
-    return lambda _: line
 
 
 def _torn(line: int) -> str:
@@ -535,7 +463,7 @@ def write_run(path: Path | str, header: Header, shots: Iterable[Shot], *, force:
     path, shots = Path(path), list(shots)
     refuse_existing(path, force=force)
     robot = load_robot(header.robot, path.parent)
-    check_header(header, robot, file=None, line=_always(None))
+    check_header(header, robot, file=None, line=always(None))
     check_shots(header, robot, shots, [i + 2 for i in range(len(shots))], file=path)
     text = header_text(header) + "".join(shot_text(shot) for shot in shots)
     write_whole(path, text, force=force)

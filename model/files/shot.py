@@ -194,17 +194,15 @@ class ShotRules:
             label: header.made(label, robot.n) for label in header.labels
         }
 
-    def check(self, shot: Shot, *, file: Path | None, line: int | None) -> None:
-        """BadInput for a measurement with the wrong number of joints, or that its instrument cannot make."""
-        require_joint_count(shot.joints_deg, self.robot, f"measurement {shot.shot}", file, line)
-        with _called(f"measurement {shot.shot}", file, line):
-            self._check_readings(shot, self.instruments[self._what(shot)])
-
-    def check_planned(self, shot: Shot, *, file: Path | None, line: int | None) -> None:
-        """BadInput for a measurement that cannot be planned: in the posture of that number."""
-        require_joint_count(shot.joints_deg, self.robot, f"posture {shot.shot}", file, line)
-        with _called(f"posture {shot.shot}", file, line):
-            self._what(shot)
+    def check(self, shot: Shot, *, file: Path | None, line: int | None, planned: bool = False) -> None:
+        """BadInput for a measurement with the wrong number of joints, or that its instrument cannot make; of
+        one that is `planned` nothing is read yet."""
+        called = f"{_noun(planned)} {shot.shot}"
+        require_joint_count(shot.joints_deg, self.robot, called, file, line)
+        with _called(called, file, line):
+            label = self._what(shot)
+            if not planned:
+                self._check_readings(shot, self.instruments[label])
 
     def _what(self, shot: Shot) -> str:
         """The label of a measurement's instrument; BadInput where it cannot be what the measurement says."""
@@ -443,8 +441,18 @@ def unknown_targets(header: Header, targets: Sequence[str]) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def _noun(planned: bool) -> str:
+    return "posture" if planned else "measurement"
+
+
 def check_shots(
-    header: Header, robot: Robot, shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None
+    header: Header,
+    robot: Robot,
+    shots: Sequence[Shot],
+    lines: Sequence[int | None],
+    *,
+    file: Path | None,
+    planned: bool = False,
 ) -> tuple[str, ...]:
     """Judge measurements against header and robot: BadInput, or the sentences that a reader must see."""
     if not shots:
@@ -452,7 +460,7 @@ def check_shots(
     first_line: dict[int, int | None] = {}
     rules = ShotRules(header, robot)
     for shot, line in zip(shots, lines, strict=True):
-        rules.check(shot, file=file, line=line)
+        rules.check(shot, file=file, line=line, planned=planned)
         if shot.shot in first_line:
             raise BadInput(
                 f"duplicate measurement number {shot.shot}",
@@ -467,7 +475,7 @@ def check_shots(
     limits = check_limits(
         robot,
         np.array([shot.joints_deg for shot in shots]),
-        "measurement",
+        _noun(planned),
         [shot.shot for shot in shots],
         lines,
         limits=header.limits,

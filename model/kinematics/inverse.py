@@ -155,3 +155,76 @@ def _distance(robot: Robot, joints: Matrix) -> Matrix:
         return np.asarray(np.linalg.norm(between, axis=1))
     axis = first.fixed[:3, :3] @ first.axis
     return np.asarray(np.linalg.norm(np.cross(between, axis), axis=1))
+
+
+# The posture nearest to another one, within the limits: a joint that would leave its range stays at its end
+# while the step leads outwards (an active set, which is exact for a box).
+_MOST_STEPS = 40
+_POSITION_MM, _ANGLE_RAD = 1e-6, 1e-9  # reached
+_LEVER_MM = 300.0  # what a radian of orientation counts for beside positions
+_DAMPING = 1e-6  # of the largest eigenvalue, at first
+
+
+@dataclass(frozen=True, eq=False)
+class ReachedPosture:
+    """`joints` (n,) rad or mm; `off_mm` and `off_rad` are how far the flange is from what was asked for,
+    `at_limit` the joints (from 1) that are at an end of their range."""
+
+    joints: Matrix
+    off_mm: float
+    off_rad: float
+    at_limit: tuple[int, ...]
+
+
+def nearest_posture(
+    robot: Robot, joints: Matrix, position: Matrix, rotation: Matrix | None = None
+) -> ReachedPosture:
+    """From `joints` (n,) rad or mm to where the flange is at `position` (3,) mm, with `rotation` (3, 3) if
+    one is asked for."""
+    lower, upper = robot.lower, robot.upper
+    q = np.clip(joints, lower, upper)
+    residual, jacobian = _off_goal(robot, q, position, rotation)
+    damping = _DAMPING
+    for _ in range(_MOST_STEPS):
+        if _reached(residual):
+            break
+        free = np.ones(len(q), dtype=bool)
+        gradient = jacobian.T @ residual
+        free[(q <= lower + _AT_LIMIT) & (gradient > 0)] = False
+        free[(q >= upper - _AT_LIMIT) & (gradient < 0)] = False
+        if not free.any():
+            break
+        columns = jacobian[:, free]
+        normal = columns.T @ columns
+        damped = normal + damping * max(float(np.trace(normal)), 1e-12) * np.eye(int(free.sum()))
+        step = np.zeros(len(q))
+        step[free] = -np.linalg.solve(damped, gradient[free])
+        tried = np.clip(q + step, lower, upper)
+        new, new_jacobian = _off_goal(robot, tried, position, rotation)
+        if float(new @ new) < float(residual @ residual):
+            q, residual, jacobian = tried, new, new_jacobian
+            damping = max(damping / 10, 1e-12)
+        elif damping > 1e3:
+            break
+        else:
+            damping *= 10
+    off_rad = 0.0 if rotation is None else float(np.linalg.norm(residual[3:])) / _LEVER_MM
+    ends = (q <= lower + _AT_LIMIT) | (q >= upper - _AT_LIMIT)
+    at_limit = tuple(int(i) + 1 for i in np.flatnonzero(ends))
+    return ReachedPosture(q, float(np.linalg.norm(residual[:3])), off_rad, at_limit)
+
+
+def _reached(residual: Matrix) -> bool:
+    near = float(np.linalg.norm(residual[3:])) < _ANGLE_RAD * _LEVER_MM
+    return near and float(np.linalg.norm(residual[:3])) < _POSITION_MM
+
+
+def _off_goal(robot: Robot, q: Matrix, position: Matrix, rotation: Matrix | None) -> tuple[Matrix, Matrix]:
+    """(3,) or (6,) mm from the goal, and its Jacobian by the joints."""
+    goal = np.eye(4)
+    goal[:3, :3] = np.eye(3) if rotation is None else rotation
+    goal[:3, 3] = position
+    error, jacobian = _errors(robot, goal[None], q[None])
+    rows = slice(0, 3 if rotation is None else 6)
+    scale = np.repeat([_LENGTH, _LEVER_MM], 3)[rows]
+    return -error[0, rows] * scale, jacobian[0, rows] * scale[:, None]

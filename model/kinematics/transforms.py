@@ -44,9 +44,10 @@ def pose_of(xyz_mm: Sequence[float], rpy_deg: Sequence[float]) -> Matrix:
 def rotations(axis: Matrix, angles: Matrix) -> Matrix:
     """(…, 3, 3) about a unit `axis` (3,) by angles (…), rad (Rodrigues)."""
     x, y, z = axis
+    along = np.outer(axis, axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    sine, rest = np.sin(angles)[..., None, None], 1 - np.cos(angles)[..., None, None]
-    return np.asarray(np.eye(3) + sine * cross + rest * (cross @ cross))
+    cosine, sine = np.cos(angles)[..., None, None], np.sin(angles)[..., None, None]
+    return np.asarray(along + cosine * (np.eye(3) - along) + sine * cross)
 
 
 def onto_z(axis: Matrix) -> Matrix:

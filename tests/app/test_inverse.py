@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from zerobeam.analysis.inverse import nearest_posture
 from zerobeam.model.files.robot_file import built_in_robots, load_robot
+from zerobeam.model.kinematics.inverse import nearest_posture
 
 START = [10.0, -20.0, 30.0, 15.0, 40.0, 20.0]
 

@@ -72,7 +72,6 @@ def test_a_job_that_is_not_there_is_not_found(client: TestClient) -> None:
     "command",
     [
         ["demo"],
-        ["controller"],
         ["app"],
         ["import", "csv", "run.jsonl"],
         ["run", "plan.yaml", "-o", "new.jsonl", "--rig", "abb", "--yes"],

@@ -17,7 +17,7 @@ import yaml
 from app_jobs import unfinished_run
 from app_page import SCREENS, App, app, root, touch, wait
 from cells import good_plan
-from child import ZEROBEAM, child
+from child import ABB_CONTROLLER, child
 from chromium import LAPTOP, Size, Tab, chromium
 from command_line import plan_file, zerobeam
 
@@ -280,10 +280,9 @@ CELL = {
 def test_a_robot_moves_once_a_person_has_confirmed(server: App, folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("abb_robot_client")
     (tmp_path / "cell.yaml").write_text(json.dumps(CELL))
-    asked = ["controller", str(folder / "cell" / "two.yaml"), "--cell", str(tmp_path / "cell.yaml")]
-    ports = [part for name in ("--port", "--egm-port", "--sensor-port") for part in (name, "0")]
+    asked = [str(folder / "cell" / "two.yaml"), "--cell", str(tmp_path / "cell.yaml")]
     unbuffered = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with child([*ZEROBEAM, *asked, *ports], stderr=subprocess.PIPE, env=unbuffered) as there:
+    with child([*ABB_CONTROLLER, *asked], stderr=subprocess.PIPE, env=unbuffered) as there:
         assert there.stdout is not None
         lines = itertools.takewhile(lambda line: "Ctrl-C" not in line, there.stdout)
         numbers = [re.findall(r"\d+", line)[-1] for line in lines]

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from abb_controller.service import SimulatedController
 from controllers import Client, controller
 
-from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.sensors.interface import RemoteSensors
 
 DIGEST = (

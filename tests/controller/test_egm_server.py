@@ -8,11 +8,11 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from abb_controller.egm_server import PacketFaults
+from abb_controller.irc5 import GUIDED_SPEED, PATIENCE
+from abb_controller.service import SimulatedController
 from controllers import Client, Guide, controller
 
-from zerobeam.controller.egm_server import PacketFaults
-from zerobeam.controller.irc5 import GUIDED_SPEED, PATIENCE
-from zerobeam.controller.service import SimulatedController
 from zerobeam.model.arrays import Matrix
 
 GOAL = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6])

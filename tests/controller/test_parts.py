@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from abb_controller.cell_behind import CellBehind
+from abb_controller.egm_server import PacketFaults, PacketLine
+from abb_controller.irc5 import Drive
+from abb_controller.sensor_server import CellSensors
+from abb_controller.service import own_plan
 from cells import header, plan_of, random_robot, varied_postures
-from child import DEAF, ZEROBEAM, child
-from command_line import zerobeam
+from child import ABB_CONTROLLER, DEAF, child
 from controllers import FAST, Client, controller, plan
+from start_abb_controller import parser, serve
 
-from zerobeam.controller.cell_behind import CellBehind
-from zerobeam.controller.egm_server import PacketFaults, PacketLine
-from zerobeam.controller.irc5 import Drive
-from zerobeam.controller.sensor_server import CellSensors
-from zerobeam.controller.service import own_plan
 from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors.interface import RemoteSensors
@@ -200,10 +200,9 @@ def test_the_own_plan_is_seen_by_its_cell() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGINT for another process")
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.at_length(r"^2")
-def test_the_command_serves_until_it_is_ended(how: signal.Signals) -> None:
+def test_it_serves_until_it_is_ended(how: signal.Signals) -> None:
     """Even if it was started by one who ignores both."""
-    ports = ["--port", "0", "--egm-port", "0", "--sensor-port", "0"]
-    with child([*DEAF, *ZEROBEAM, "controller", *ports], stderr=subprocess.STDOUT) as process:
+    with child([*DEAF, *ABB_CONTROLLER], stderr=subprocess.STDOUT) as process:
         lines = [process.stdout.readline() for _ in range(4)]
         client = Client(lines[0].split()[-1])
         assert client.get_operation_mode() == "AUTO"
@@ -216,10 +215,12 @@ def test_the_command_serves_until_it_is_ended(how: signal.Signals) -> None:
     assert rest == ""
 
 
-def test_nothing_is_printed_before_the_amplifier_is_known(tmp_path: Path) -> None:
+def test_nothing_is_printed_before_the_amplifier_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Found by damaged files: the addresses of a controller that did not stand."""
     file = tmp_path / "psd.yaml"
     file.write_text("schema: zerobeam/psd-calibration/1\n")
-    ports = ["--port", "0", "--egm-port", "0", "--sensor-port", "0"]
-    answer = zerobeam("controller", *ports, "--amplifier", file)
-    assert "psd.yaml, line 1" in answer.refused()
+    with pytest.raises(BadInput, match=r"psd\.yaml, line 1"):
+        serve(parser().parse_args([*ABB_CONTROLLER[2:], "--amplifier", str(file)]))
+    assert capsys.readouterr().out == ""

@@ -11,11 +11,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from abb_controller.irc5 import PATIENCE
+from abb_controller.rws_server import REQUESTS_A_SECOND
+from abb_controller.service import SimulatedController
 from controllers import FAST, NAME, Client, client_rws, controller, plan
 
-from zerobeam.controller.irc5 import PATIENCE
-from zerobeam.controller.rws_server import REQUESTS_A_SECOND
-from zerobeam.controller.service import SimulatedController
 from zerobeam.model.errors import BadInput
 
 requests = pytest.importorskip("requests")

@@ -10,6 +10,7 @@ import pytest
 
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.plan import planned
 
 HEADER = {
     "robot": "irb1600",
@@ -66,7 +67,7 @@ def test_another_number_makes_another_thing(run: zb.Run, solution: zb.Analysed) 
     joint = replace(run.robot.joints[1], upper=1.0)
     assert run.robot != replace(run.robot, joints=(run.robot.joints[0], joint, *run.robot.joints[2:]))
     plan = zb.Plan.from_arrays(**HEADER, postures=run.joints, unit="rad")
-    assert plan != replace(plan, postures=plan.postures + 1e-9)
+    assert plan != replace(plan, shots=planned(run.joints, plan.targets))
     assert solution.profile("J2", size=5) != solution.profile("J3", size=5)
 
 

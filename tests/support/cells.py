@@ -14,7 +14,7 @@ from zerobeam.experiments.plans.patterns import Pattern, pattern
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
@@ -67,15 +67,16 @@ def plan_of(
 ) -> Plan:
     """A plan as if read from a file; `postures` (N, n) rad or mm."""
     names = tuple(targets) if targets is not None else ("psd",) * len(postures)
-    lines = tuple(range(1, len(postures) + 1))
-    return Plan(own, robot or irb1600(), np.array(postures), names, lines, Path("plan.yaml"), "0" * 64, ())
+    lines, arm = tuple(range(1, len(postures) + 1)), robot or irb1600()
+    shots = planned(np.array(postures) * arm.display, names)
+    return Plan(own, arm, shots, lines, Path("plan.yaml"), "0" * 64, ())
 
 
 def run_of(own: Header, shots: Iterable[Shot], robot: Robot | None = None) -> Run:
     """A run as if read from a file."""
     shots = tuple(shots)
     lines = tuple(range(2, len(shots) + 2))
-    return Run(own, robot or irb1600(), shots, lines, 1, Path("run.jsonl"), "0" * 64, ())
+    return Run(own, robot or irb1600(), shots, lines, Path("run.jsonl"), "0" * 64, (), 1)
 
 
 def simulated(plan: Plan, values: dict[str, float] | None = None, seed: int = 0) -> tuple[Truth, Run]:

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from abb_controller import irc5
+from abb_controller.service import SimulatedController
 from cells import good_plan
 
-from zerobeam.controller import irc5
-from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure import session
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws

@@ -12,8 +12,6 @@ import random
 import re
 import resource
 import shlex
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -128,8 +126,6 @@ WHOLE = (
           " --ratio 100,121,-90.5,60,50,-40", (*RUN, "MOC.cfg"), ("MOC.cfg",)),
     Whole("study file study.yaml -o made --runs 0", ("study.yaml",), ("study.yaml",), 0.3),
     Whole("schema run-header", (), (), 0.3),
-    Whole("controller plan.yaml --cell cell.yaml --amplifier psd-a.yaml --port 0 --egm-port 0 --sensor-port 0"
-          " --lost 0.1 --seed 1", CELL, CELL, 0.5),
 )  # fmt: skip
 
 
@@ -406,7 +402,6 @@ _OF_TEXT = (
 # --- what must hold ---------------------------------------------------------------------------------
 
 LONGEST_S = 10.0
-CONTROLLER_S = 1.0  # that it stands before Ctrl-C
 MOST_BYTES = 10**9
 # Of other programs' libraries, or of numbers: they say nothing to a person who gave a file.
 _NOT_FOR_PEOPLE = ("Traceback", "fault of zerobeam itself", "Warning", "encountered in", "pydantic", "casadi")
@@ -437,27 +432,11 @@ def judged(one: Damaged, folder: Path) -> tuple[Answer, list[str]]:
         (folder / name).write_bytes(content)
     with contextlib.chdir(folder):
         start, largest = time.process_time(), _peak() if _peak() * 1024 > MOST_BYTES else 0
-        with ctrl_c(CONTROLLER_S) if one.words[0] == "controller" else contextlib.nullcontext():
-            answer = zerobeam(*one.words)
+        answer = zerobeam(*one.words)
         seconds = time.process_time() - start
     after = {path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else b""
              for path in folder.rglob("*")}  # fmt: skip
     return answer, faults(answer, one.files, after, seconds, _peak() - largest)
-
-
-@contextlib.contextmanager
-def ctrl_c(seconds: float) -> Iterator[None]:
-    """Ctrl-C after so long, unless what is done within has ended before."""
-    main = threading.main_thread().ident
-    assert main is not None
-    timer = threading.Timer(seconds, signal.pthread_kill, (main, signal.SIGINT))
-    timer.start()
-    try:
-        yield
-        timer.cancel()
-        timer.join()
-    except KeyboardInterrupt:  # just after the command
-        timer.join()
 
 
 def _peak() -> int:

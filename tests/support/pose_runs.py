@@ -11,7 +11,7 @@ from cells import run_of
 
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 
@@ -57,8 +57,8 @@ def pose_run(
     """The run of these postures by an arm with the true `values` (deg, mm), the camera turned and mounted."""
     own = own or pose_header()
     robot = load_robot("ur5e", Path("."))
-    count = len(joints_deg)
-    plan = Plan(own, robot, np.radians(joints_deg), (None,) * count, (None,) * count, Path("p"), "0" * 64, ())
+    nowhere = (None,) * len(joints_deg)
+    plan = Plan(own, robot, planned(joints_deg, nowhere), nowhere, Path("p"), "0" * 64, ())
     placed = {"cam.x": 1500.0, "cam.y": 500.0, "cam.z": 600.0, "cam.rz": 40.0, "cam.mount.z": 80.0}
     truth = Truth.with_values(plan, {**placed, **(values or {})})
     return run_of(own, simulated_shots(truth, np.random.default_rng(seed)), robot)

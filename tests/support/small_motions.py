@@ -10,7 +10,7 @@ import numpy as np
 
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 
@@ -44,7 +44,7 @@ def halves(
     centre = np.array(CENTRE_DEG[: arm.n])
     q = centre + np.where(still, 0.0, rng.uniform(-half_deg, half_deg, (2 * count, arm.n)))
     lines = (None,) * len(q)
-    plan = Plan(own, arm, np.radians(q), lines, lines, Path("plan.yaml"), "0" * 64, ())
+    plan = Plan(own, arm, planned(q, lines), lines, Path("plan.yaml"), "0" * 64, ())
     shots = [
         shot.model_copy(
             update={"joints_deg": tuple(np.where(still, centre, shot.joints_deg).tolist()), "shot": i // 2}

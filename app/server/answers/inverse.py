@@ -8,11 +8,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator
 
-from ....analysis.inverse import nearest_posture
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef
 from ....model.files.robot_file import load_robot
 from ....model.instruments.rotations import rotation_of_quaternion
+from ....model.kinematics.inverse import nearest_posture
 from ....model.kinematics.pendant import beyond_limits
 from ....model.parsing.validation import Vector, as_tuple
 from ..folder import Folder

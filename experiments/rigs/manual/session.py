@@ -18,7 +18,7 @@ from ....interruption import obey
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.journal import RunJournal
-from ....model.files.plan import Plan
+from ....model.files.plan import Means, Plan
 from ....model.files.shot import Shot, shot_model
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
@@ -412,10 +412,10 @@ class Manual:
 
     def _names(self, number: int) -> tuple[str | None, str | None]:
         """Instrument and reflector of a measurement, where the plan has several."""
-        item = self.plan.measurements[number % len(self.plan.postures)]
+        posture = number % len(self.plan.postures)
         several = len(self.plan.header.labels) > 1
-        means = self.plan.means[number % len(self.plan.postures)] if self.plan.means else None
-        return item.instrument if several else None, None if means is None else means.reflector
+        instrument = self.plan.measurements[posture].instrument if several else None
+        return instrument, self.plan.shots[posture].reflector
 
     def _ask(self, number: int) -> None:
         posture = number % len(self.plan.postures)
@@ -454,7 +454,7 @@ class Manual:
             "joints_deg": tuple(round(float(value), 9) for value in joints),
             "time_s": round(time.monotonic() - self._since, 3),
             "comment": comment,
-            **(self.plan.means[posture]._asdict() if self.plan.means else {}),
+            **Means.of(self.plan.shots[posture])._asdict(),
             **readings,
         }
         return shot_model(self.plan.header).model_validate(content)

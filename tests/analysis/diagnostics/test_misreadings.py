@@ -17,7 +17,7 @@ from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
 from zerobeam.analysis.diagnostics.misreadings import Misreading, meant
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_shots
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
@@ -121,8 +121,8 @@ def test_a_joint_without_effect_is_not_named() -> None:
         }
     )
     robot, count = load_robot("ur5e", Path(".")), 14
-    joints, nowhere = np.radians(postures(count, range(1, 7), 3)), (None,) * count
-    plan = Plan(own, robot, joints, nowhere, nowhere, Path("p"), "0" * 64, ())
+    joints, nowhere = postures(count, range(1, 7), 3), (None,) * count
+    plan = Plan(own, robot, planned(joints, nowhere), nowhere, Path("p"), "0" * 64, ())
     truth = Truth.with_values(plan, {"trk.x": 1500.0, "trk.y": 500.0, "trk.z": 600.0})
     run = run_of(own, simulated_shots(truth, np.random.default_rng(3)), robot)
     shots = list(run.shots)

@@ -22,7 +22,7 @@ from zerobeam.analysis.ladder import solve_run
 from zerobeam.analysis.solution import Solution
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import StatedGeometry, StatedNoise
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.findings import notes, predicted_run_message
@@ -164,8 +164,8 @@ def test_a_wrong_link_in_the_other_run_is_noticed(fitted: tuple[Run, Solution]) 
 def test_what_the_data_do_not_determine_has_no_number() -> None:
     """In the fitted run joint 4 never moves, nor does any behind it; in the other run all do."""
     plan = good_plan(12)
-    postures = plan.postures[:2][[0, 1] * 6]
-    run, solution = solved(replace(plan, postures=postures))
+    postures = np.degrees(plan.postures[:2])[[0, 1] * 6]
+    run, solution = solved(replace(plan, shots=planned(postures, plan.targets)))
     assert run.joints.shape == (12, 6)
     held_out = predict_run(solution, other_run(another({"psd": 6}), TABLE_2, 0))
     assert held_out.unknown
@@ -180,7 +180,7 @@ def test_what_the_data_do_not_determine_has_no_number() -> None:
 def test_a_target_takes_up_what_places_it(fitted: tuple[Run, Solution]) -> None:
     """One measurement of a new target by a beam: two numbers and three coordinates."""
     plan = another({"psd": 6, "new": 2})
-    one = replace(plan, postures=plan.postures[:7], targets=plan.targets[:7], lines=plan.lines[:7])
+    one = replace(plan, shots=plan.shots[:7], lines=plan.lines[:7])
     held_out = predict_run(fitted[1], other_run(one, TABLE_2, 0))
     assert held_out.taken_up == (6,)
     assert held_out.measurements[6].error_mm is None

@@ -12,7 +12,7 @@ from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.likelihood.problem import Problem
 
 COUNT = 20
@@ -36,9 +36,9 @@ def plan_with(guess_mm: float, sigma_mm: float) -> Plan:
         }
     )
     shifts = np.random.default_rng(0).uniform(-50, 50, (COUNT, 6))
-    joints = np.radians(np.add([20, 10, -10, 30, 50, 20], shifts))
+    joints = np.add([20, 10, -10, 30, 50, 20], shifts)
     nowhere = (None,) * COUNT
-    return Plan(own, irb1600(), joints, nowhere, nowhere, Path("plan.yaml"), "0" * 64, ())
+    return Plan(own, irb1600(), planned(joints, nowhere), nowhere, Path("plan.yaml"), "0" * 64, ())
 
 
 @pytest.mark.parametrize(("off_mm", "cause"), [(16.0, ToolRotation), (0.1, OnAxis)])

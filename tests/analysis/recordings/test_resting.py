@@ -11,7 +11,7 @@ from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.likelihood.problem import Problem
 
 JOINT_DEG, COUNT, FIRST = 0.02, 60, 18
@@ -34,7 +34,7 @@ def solution_of(rest_deg: float = 0.0, slip_mm: float = 0.0, *, resting: bool = 
     if resting:
         degrees[:FIRST, 1] = 10.0
     nowhere = (None,) * COUNT
-    plan = Plan(own, irb1600(), np.radians(degrees), nowhere, nowhere, Path("plan.yaml"), "0" * 64, ())
+    plan = Plan(own, irb1600(), planned(degrees, nowhere), nowhere, Path("plan.yaml"), "0" * 64, ())
     truth = Truth.with_values(plan, {"trk.x": 2500.0, "trk.y": 500.0, "trk.z": 600.0, "delta3": 0.4})
     shots = []
     for i, shot in enumerate(simulated_shots(truth, rng)):

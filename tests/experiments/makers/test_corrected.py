@@ -266,8 +266,8 @@ def test_gravity_and_harmonics_are_in_no_robot_but_in_the_json(tmp_path: Path) -
 def test_nominal_geometry_says_nothing_of_links(tmp_path: Path) -> None:
     run = geometry_run(tmp_path, values={})
     nominal = Run(
-        run.header.model_copy(update={"geometry": "exact"}), run.robot, run.shots, run.lines, run.header_line,
-        run.path, run.sha256, run.warnings,
+        run.header.model_copy(update={"geometry": "exact"}), run.robot, run.shots, run.lines,
+        run.path, run.sha256, run.warnings, run.header_line,
     )  # fmt: skip
     answer = told(nominal)
     assert answer.geometry == answer.left_out == ()

@@ -297,7 +297,7 @@ def test_the_arm_goes_through_the_intermediate_postures_that_the_plan_states(
 ) -> None:
     between = np.radians([[5.0, 0, 0, 0, 20, 0], [10.0, 5, 0, 0, 20, 0]])
     nowhere = np.zeros((0, 6))
-    stated = replace(plan, postures=plan.postures[:2], targets=plan.targets[:2], via=(nowhere, between))
+    stated = replace(plan, shots=plan.shots[:2], via=(nowhere, between))
     rig = WatchedRig(stated, CellFile.model_validate({"camera": None}), 3)
     carried(stated, tmp_path / "run.jsonl", rig=rig)
     at = [i for i, move in enumerate(rig.moves) if np.array_equal(move, between[0])]

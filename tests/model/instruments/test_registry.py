@@ -11,7 +11,7 @@ from zerobeam.model.instruments.kind import Instrument
 from zerobeam.model.instruments.registry import KINDS, TOOLS, kind_of, names_of
 
 HOUSE = Path(zerobeam.__file__).parent
-ROOMS = ("model", "analysis", "experiments", "reports", "words", "commands", "face", "app", "controller")
+ROOMS = ("model", "analysis", "experiments", "reports", "words", "commands", "face", "app")
 # Kinds whose names are words of robots, drawings and controllers as well.
 WORDS = {"pose", "plane", "sphere", "dial"}
 

@@ -29,8 +29,9 @@ from ruamel.yaml import YAML
 
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
 from zerobeam.analysis.observability.check import Check, check
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.plan import Plan, planned
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.plan.plan_page import (
     NOT_DETERMINED,
@@ -118,13 +119,17 @@ def test_a_direction_lost_in_the_noise_gives_its_parameters_no_number_either() -
     assert Page(text).row("J2 (δ2)")[1:] == ["unidentifiable", NOT_DETERMINED]
 
 
+def moved(plan: Plan, postures_deg: Matrix) -> Plan:
+    return dataclasses.replace(plan, shots=planned(postures_deg, plan.targets))
+
+
 def test_the_joints_to_copy_are_the_aimed_postures() -> None:
     plan = good_plan()
-    rough = dataclasses.replace(plan, postures=plan.postures + np.radians([0, 0, 0, 1, -1, 0]))
+    rough = moved(plan, np.degrees(plan.postures) + np.array([0, 0, 0, 1, -1, 0]))
     text, answer = made(rough)
     page = Page(text)
     copied = YAML(typ="safe").load(StringIO(page.copied))["postures_deg"]
-    again = check_json(check(dataclasses.replace(plan, postures=np.radians(copied))))
+    again = check_json(check(moved(plan, copied)))
     assert min(posture["off_mm"] for posture in answer["postures"]) > 1
     assert max(posture["off_mm"] for posture in again["postures"]) < 1e-3
     assert "they miss it by up to" in page.words

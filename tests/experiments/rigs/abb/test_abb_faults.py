@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from abb_controller.egm_server import PacketFaults
+from abb_controller.sensor_server import CellSensors
+from abb_controller.service import SimulatedController
 from cells import good_plan
 from controllers import UNLIMITED, Watched, quick, unhurried
 from run_events import as_json
 
-from zerobeam.controller.egm_server import PacketFaults
-from zerobeam.controller.sensor_server import CellSensors
-from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws

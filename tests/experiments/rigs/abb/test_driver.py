@@ -19,14 +19,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from abb_controller import irc5
+from abb_controller import rws_server as resources
+from abb_controller.irc5 import RapidData
+from abb_controller.sensor_server import CellSensors
+from abb_controller.service import SimulatedController
 from cells import good_plan
 from controllers import unhurried
 
-from zerobeam.controller import irc5
-from zerobeam.controller import rws_server as resources
-from zerobeam.controller.irc5 import RapidData
-from zerobeam.controller.sensor_server import CellSensors
-from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.abb.access import (

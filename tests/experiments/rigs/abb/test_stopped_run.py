@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from abb_controller.sensor_server import CellSensors
+from abb_controller.service import SimulatedController
 from asked_to_end import lost, without_reminders
 from cells import good_plan
 from child import ZEROBEAM, child
 from command_line import plan_file
 from controllers import UNLIMITED, Client, Watched, quick, unhurried
 
-from zerobeam.controller.sensor_server import CellSensors
-from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure.events import RunEvent, SpotSeen
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure

@@ -18,15 +18,15 @@ from urllib.parse import quote, quote_plus
 import numpy as np
 import pypdf
 import pytest
+from abb_controller.sensor_server import CellSensors
+from abb_controller.service import SimulatedController
 from cells import good_plan
-from child import ZEROBEAM, child
+from child import ABB_CONTROLLER, ZEROBEAM, child
 from command_line import plan_file, zerobeam
 from controllers import UNLIMITED, Watched, quick, unhurried
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.controller.sensor_server import CellSensors
-from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb.access import PASSWORD, USER, Caution, find_access
 from zerobeam.experiments.rigs.abb.driver import AbbRig
@@ -247,14 +247,13 @@ def heard(file: Path) -> dict[str, set[str]]:
 
 @pytest.mark.long
 def test_two_processes_talk_on_loopback_alone(folder: Path, tmp_path: Path) -> None:
-    """`zerobeam controller` and `zerobeam run` as they are, at the controller's own pace."""
+    """The controller and `zerobeam run` as they are, at the controller's own pace."""
     (tmp_path / "sitecustomize.py").write_text(LISTENER)
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONUNBUFFERED": "1", PASSWORD: "robotics"}
     plan, file = folder / "plan1.yaml", tmp_path / "run.jsonl"
-    asked = ["controller", str(plan), "--cell", str(folder / "cell.yaml"), "--seed", "7"]
-    ports = [part for name in ("--port", "--egm-port", "--sensor-port") for part in (name, "0")]
+    asked = [str(plan), "--cell", str(folder / "cell.yaml"), "--seed", "7"]
     there_too = {**environment, "HEARD": str(tmp_path / "controller")}
-    with child([*ZEROBEAM, *asked, *ports], stderr=subprocess.PIPE, env=there_too) as there:
+    with child([*ABB_CONTROLLER, *asked], stderr=subprocess.PIPE, env=there_too) as there:
         try:
             assert there.stdout is not None
             lines = list(itertools.takewhile(lambda line: "Ctrl-C" not in line, there.stdout))

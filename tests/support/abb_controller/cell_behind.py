@@ -6,12 +6,12 @@ import copy
 
 import numpy as np
 
-from ..experiments.rigs.abb.access import require_six_axes
-from ..experiments.rigs.simulated.cell_file import CellFile
-from ..experiments.rigs.simulated.simulator import SimulatedRig
-from ..model.arrays import Matrix
-from ..model.errors import BadInput
-from ..model.files.plan import Plan
+from zerobeam.experiments.rigs.abb.access import require_six_axes
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.plan import Plan
 
 
 class CellBehind(SimulatedRig):

@@ -19,9 +19,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..model.arrays import Matrix
-from .cell_behind import CellBehind
-from .egm_server import Egm
+from abb_controller.cell_behind import CellBehind
+from abb_controller.egm_server import Egm
+from zerobeam.model.arrays import Matrix
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..experiments.rigs.abb.egm_client import egm_messages
-from ..model.arrays import Matrix
-from ..model.errors import BadInput
+from zerobeam.experiments.rigs.abb.egm_client import egm_messages
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import BadInput
 
 _LARGEST = 65536
 Mci = Literal["MCI_STOPPED", "MCI_RUNNING", "MCI_ERROR"]

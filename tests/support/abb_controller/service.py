@@ -13,18 +13,18 @@ from typing import Self
 
 import numpy as np
 
-from ..experiments.plans.patterns import pattern
-from ..experiments.rigs.simulated.cell_file import CellFile
-from ..model.errors import BadInput
-from ..model.files.arguments import Laser
-from ..model.files.header import Header
-from ..model.files.plan import Plan
-from ..model.files.robot_file import load_robot
-from .cell_behind import CellBehind
-from .egm_server import Egm, PacketFaults
-from .irc5 import CYCLE, Irc5
-from .rws_server import REQUESTS_A_SECOND, RwsServer
-from .sensor_server import SensorServer
+from abb_controller.cell_behind import CellBehind
+from abb_controller.egm_server import Egm, PacketFaults
+from abb_controller.irc5 import CYCLE, Irc5
+from abb_controller.rws_server import REQUESTS_A_SECOND, RwsServer
+from abb_controller.sensor_server import SensorServer
+from zerobeam.experiments.plans.patterns import pattern
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.arguments import Laser
+from zerobeam.model.files.header import Header
+from zerobeam.model.files.plan import Plan, planned
+from zerobeam.model.files.robot_file import load_robot
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_USERS = {"Default User": "robotics"}  # as every IRC5 leaves the factory
@@ -160,4 +160,5 @@ def own_plan() -> Plan:
     count = len(postures)
     digest = hashlib.sha256(header.model_dump_json().encode()).hexdigest()
     lines = tuple(range(1, count + 1))
-    return Plan(header, robot, postures, ("psd",) * count, lines, Path("own plan"), digest, ())
+    shots = planned(postures * robot.display, ("psd",) * count)
+    return Plan(header, robot, shots, lines, Path("own plan"), digest, ())

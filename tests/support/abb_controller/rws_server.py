@@ -27,7 +27,7 @@ from urllib.parse import parse_qsl, urlsplit
 from urllib.request import parse_http_list, parse_keqv_list
 from xml.sax.saxutils import escape, quoteattr
 
-from .irc5 import (
+from abb_controller.irc5 import (
     DOMAINS,
     INVALID_ARGUMENT,
     MODULE,

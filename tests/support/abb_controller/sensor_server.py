@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from ..experiments.rigs.simulated.simulator import SimulatedRig
-from ..experiments.sensors.camera import Image
-from ..experiments.sensors.psd import Psd
-from ..model.arrays import Matrix
-from ..model.errors import ZerobeamError
-from .irc5 import Irc5
-from .rws_server import QuietServer
+from abb_controller.irc5 import Irc5
+from abb_controller.rws_server import QuietServer
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.experiments.sensors.camera import Image
+from zerobeam.experiments.sensors.psd import Psd
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.errors import ZerobeamError
 
 _LONGEST_LINE = 1000
 _MOST_SAMPLES = 10_000
